@@ -1,0 +1,41 @@
+"""Any object is a light probe: HDR surrounding light from one photo.
+
+>>> import anyprobe
+>>> light = anyprobe.estimate("photo.png")   # doctest: +SKIP
+>>> light.save("light.exr")                  # doctest: +SKIP
+
+Frame, everywhere: right-handed, +X right, +Y up, the camera looks along -Z.
+"""
+
+from anyprobe.errors import (
+    AnyprobeError,
+    InputError,
+    InvalidEnvironment,
+    InvalidMask,
+    InvalidMesh,
+    InvalidPhoto,
+    MissingExtra,
+    ModelError,
+    OutputError,
+)
+from anyprobe.infer.estimate import Estimator, estimate
+from anyprobe.infer.result import Light
+from anyprobe.light.main_light import MainLight
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AnyprobeError",
+    "Estimator",
+    "InputError",
+    "InvalidEnvironment",
+    "InvalidMask",
+    "InvalidMesh",
+    "InvalidPhoto",
+    "Light",
+    "MainLight",
+    "MissingExtra",
+    "ModelError",
+    "OutputError",
+    "estimate",
+]

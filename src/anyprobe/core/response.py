@@ -1,0 +1,36 @@
+"""The camera: scene radiance to display value, and back.
+
+Eilertsen et al. 2017 (hdrcnn), the homogeneous sigmoid of the paper's Sect. 3.4:
+f(x) = (1 + sigma) x^n / (x^n + sigma), so that f(0) = 0 and f(1) = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from array_api_compat import array_namespace
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CameraCurve:
+    """The curve's two numbers; the defaults are the means of the fitted family."""
+
+    exponent: float = 0.9
+    sigma: float = 0.6
+
+
+MEAN_CURVE = CameraCurve()
+
+
+def response(radiance, curve: CameraCurve = MEAN_CURVE):
+    """Radiance in the photo's exposure units, >= 0, to display values in [0, 1]; 1 and more clips."""
+    xp = array_namespace(radiance)
+    x = xp.clip(radiance, 0.0, 1.0) ** curve.exponent
+    return (1.0 + curve.sigma) * x / (x + curve.sigma)
+
+
+def inverse_response(display, curve: CameraCurve = MEAN_CURVE):
+    """Display values to radiance in [0, 1]: x = (sigma y / (1 + sigma - y))^(1/n)."""
+    xp = array_namespace(display)
+    y = xp.clip(display, 0.0, 1.0)
+    return (curve.sigma * y / (1.0 + curve.sigma - y)) ** (1.0 / curve.exponent)

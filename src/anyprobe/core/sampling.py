@@ -1,0 +1,74 @@
+"""Samplers: pure functions of the numbers u in [0, 1)^2 handed to them.
+
+Each has its density per steradian and its inverse beside it; the local frame has n = +Z.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from array_api_compat import array_namespace
+
+
+def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """Low-discrepancy points u [count, 2] in [0, 1)^2, moved by shift with wrap-around."""
+    index = np.arange(count, dtype=np.uint32)
+    bits = (index << 16) | (index >> 16)
+    bits = ((bits & 0x00FF00FF) << 8) | ((bits & 0xFF00FF00) >> 8)
+    bits = ((bits & 0x0F0F0F0F) << 4) | ((bits & 0xF0F0F0F0) >> 4)
+    bits = ((bits & 0x33333333) << 2) | ((bits & 0xCCCCCCCC) >> 2)
+    bits = ((bits & 0x55555555) << 1) | ((bits & 0xAAAAAAAA) >> 1)
+    u = np.stack([(index + 0.5) / count, bits / 2.0**32], axis=-1)
+    u = ((u + np.asarray(shift)) % 1.0).astype(np.float32)
+    return np.minimum(u, np.float32(1.0 - 2.0**-24))  # float32 rounds 0.99999999 up to 1
+
+
+def _polar(cos_theta, sin_theta, phi):
+    xp = array_namespace(cos_theta)
+    return xp.stack([sin_theta * xp.cos(phi), sin_theta * xp.sin(phi), cos_theta], axis=-1)
+
+
+def square_to_cosine_hemisphere(u):
+    """Directions with density cos(theta) / pi: [..., 2] -> [..., 3]."""
+    xp = array_namespace(u)
+    return _polar(xp.sqrt(1.0 - u[..., 1]), xp.sqrt(u[..., 1]), 2.0 * np.pi * u[..., 0])
+
+
+def cosine_hemisphere_to_square(d):
+    """Inverse of square_to_cosine_hemisphere."""
+    xp = array_namespace(d)
+    phi = xp.atan2(d[..., 1], d[..., 0]) / (2.0 * np.pi)
+    return xp.stack([phi - xp.floor(phi), 1.0 - d[..., 2] ** 2], axis=-1)
+
+
+def cosine_hemisphere_pdf(d):
+    """Density [1/sr] of square_to_cosine_hemisphere."""
+    xp = array_namespace(d)
+    return xp.clip(d[..., 2], 0.0, None) / np.pi
+
+
+def square_to_ggx_normal(u, alpha):
+    """Microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width.
+
+    cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
+    """
+    xp = array_namespace(u)
+    cos2 = (1.0 - u[..., 1]) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * u[..., 1])
+    sin2 = xp.clip(1.0 - cos2, 0.0, None)
+    return _polar(xp.sqrt(cos2), xp.sqrt(sin2), 2.0 * np.pi * u[..., 0])
+
+
+def ggx_normal_to_square(h, alpha):
+    """Inverse of square_to_ggx_normal."""
+    xp = array_namespace(h)
+    phi = xp.atan2(h[..., 1], h[..., 0]) / (2.0 * np.pi)
+    cos2 = h[..., 2] ** 2
+    v = (1.0 - cos2) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * cos2)
+    return xp.stack([phi - xp.floor(phi), v], axis=-1)
+
+
+def ggx_normal_pdf(h, alpha):
+    """Density [1/sr] of square_to_ggx_normal: D(h) cos(theta)."""
+    xp = array_namespace(h)
+    cosine = xp.clip(h[..., 2], 0.0, None)
+    d = cosine**2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
+    return alpha**2 * cosine / (np.pi * d * d)

@@ -1,0 +1,157 @@
+"""Training pairs on the fly: a lit material on a surface, through a camera.
+
+Batch number k is a function of (seed, k) alone, so a run that was killed goes on
+with exactly the pairs it would have seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
+from anyprobe.dataset.lighting import Illuminator, LitMaterial
+from anyprobe.dataset.material import draw_material
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
+from anyprobe.render.reflectance import normal_to_reflectance_xy, straight_on_normal
+from anyprobe.render.surface import pixel_rays
+
+LN_RANGE = (-7.0, 9.0)
+"""Bounds of ln radiance in targets: 0.001 to 8000 of the photo's white."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PairConfig:
+    """batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept."""
+
+    batch: int = 32
+    seed: int = 0
+    reuse: int = 12
+    group: int = 16
+    pool: int = 24
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Batch:
+    """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
+    ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]."""
+
+    photo: torch.Tensor
+    irradiance: torch.Tensor
+    ldr: torch.Tensor
+    ln_radiance: torch.Tensor
+    alpha: torch.Tensor
+
+
+class PairSource:
+    """Endless fresh batches; `batch(k)` for consecutive k is fast."""
+
+    def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
+        self.config, self.illuminator, self.surfaces = config, illuminator, surfaces
+        self.device = illuminator.device
+        self._groups: dict[int, list[LitMaterial]] = {}
+        self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
+        self._steps_per_group = max(1, config.group * config.reuse // config.batch)
+
+    def _pool(self, step: int) -> list[LitMaterial]:
+        newest = self.config.pool - 1 + step // self._steps_per_group
+        wanted = range(newest - self.config.pool + 1, newest + 1)
+        for index in [i for i in self._groups if i not in wanted]:
+            del self._groups[index]
+        for index in wanted:
+            if index not in self._groups:
+                rng = np.random.default_rng((self.config.seed, 1, index))
+                self._groups[index] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
+        return [lit for index in wanted for lit in self._groups[index]]
+
+    @torch.no_grad()
+    def batch(self, step: int) -> Batch:
+        """The pairs of step number `step`."""
+        pool = self._pool(step)
+        rng = np.random.default_rng((self.config.seed, 2, step))
+        chosen = [pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)]
+        index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
+        normals = torch.from_numpy(self.surfaces.normals[index]).to(self.device).float()
+        tan_half = self.surfaces.tan_half[index]
+        return self.compose(chosen, normals, tan_half, rng)
+
+    def compose(
+        self, chosen: list[LitMaterial], normals: torch.Tensor, tan_half: np.ndarray, rng: np.random.Generator
+    ) -> Batch:
+        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos."""
+        count, size = len(chosen), normals.shape[-1]
+        materials = [draw_material(rng, lit.alpha) for lit in chosen]
+
+        def column(values) -> torch.Tensor:
+            return torch.from_numpy(np.asarray(values, np.float32).reshape(count, -1, 1, 1)).to(self.device)
+
+        mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
+        wo = torch.from_numpy(np.stack([pixel_rays(float(t), size) for t in tan_half])).to(self.device)
+        n = normals.permute(0, 2, 3, 1)
+        terms = torch.stack([lit.terms for lit in chosen])
+        specular_xy = normal_to_reflectance_xy(straight_on_normal(n, wo))
+        specular = F.grid_sample(terms[:, :9], specular_xy, mode="bilinear", align_corners=False)
+        diffuse = F.grid_sample(terms[:, 9:], normal_to_reflectance_xy(n), mode="bilinear", align_corners=False)
+        f0, albedo = column([m.f0 for m in materials]), column([m.albedo for m in materials])
+        radiance = f0 * specular[:, 3:6] + (1 - f0) * specular[:, 6:9] + albedo * (1 - f0) * diffuse
+
+        white_balance = np.exp(rng.normal(0.0, 0.08, size=(count, 3)))
+        light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
+        gain = self._exposure(radiance, mask, light, rng) * column(white_balance)
+        curves = CameraCurve(
+            exponent=column(np.clip(rng.normal(0.9, 0.1, count), 0.4, 1.6)),
+            sigma=column(np.clip(rng.normal(0.6, 0.1, count), 0.2, 1.2)),
+        )
+        display = response(radiance * gain, curves)
+        generator = torch.Generator(device=self.device).manual_seed(int(rng.integers(2**62)))
+        noise = torch.randn(display.shape, generator=generator, device=self.device)
+        display = display + noise * column(rng.uniform(0.0, 0.012, count))
+        display = torch.round(display.clip(0, 1) * 255) / 255
+        photo_mask = _disturb_mask(mask, rng)
+        # where the mask is too wide, something of the background shows
+        background = column(rng.uniform(0, 1, (count, 3)) * rng.uniform(0, 1, (count, 1)))
+        display = display * mask + background * (1 - mask)
+        light = light * gain
+        return Batch(
+            photo=torch.cat([display * photo_mask, photo_mask], dim=1),
+            irradiance=response(specular[:, :3] * gain, MEAN_CURVE) * mask,
+            ldr=response(light, MEAN_CURVE),
+            ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
+            alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
+        )
+
+    def _exposure(self, radiance, mask, light, rng: np.random.Generator) -> torch.Tensor:
+        """Gain [B, 1, 1, 1] of a camera that meters something between the object and the whole scene."""
+        count = len(radiance)
+        weights = radiance.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1)
+        seen = (radiance * weights).sum(1, keepdim=True)
+        on_object = (seen * mask).sum((2, 3), keepdim=True) / mask.sum((2, 3), keepdim=True)
+        scene = torch.exp(torch.log((light * weights).sum(1, keepdim=True).clip(min=1e-4)).mean((2, 3), keepdim=True))
+        share = rng.uniform(0, 0.7, count)
+        by_object = np.exp(rng.uniform(np.log(0.1), np.log(0.6), count))
+        by_scene = 0.25 * np.exp(rng.uniform(np.log(0.5), np.log(2.0), count))
+
+        def column(values):
+            return torch.from_numpy(values.astype(np.float32).reshape(-1, 1, 1, 1)).to(self.device)
+
+        ln_gain = column(share) * torch.log(column(by_object) / on_object.clip(min=1e-6)) + column(
+            1 - share
+        ) * torch.log(column(by_scene) / scene)
+        mean = on_object * torch.exp(ln_gain)  # no camera leaves its subject black or burnt out
+        return torch.exp(ln_gain) * (mean.clip(0.03, 0.9) / mean.clip(min=1e-9))
+
+
+def _disturb_mask(mask: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
+    """A third of the masks a pixel or two too wide, a third too narrow."""
+    result = []
+    for single, kind, pixels in zip(mask, rng.integers(3, size=len(mask)), rng.integers(1, 3, len(mask)), strict=True):
+        size = 2 * int(pixels) + 1
+        if kind == 1:
+            single = F.max_pool2d(single[None], size, 1, int(pixels))[0]
+        elif kind == 2:
+            single = -F.max_pool2d(-single[None], size, 1, int(pixels))[0]
+        result.append(single)
+    return torch.stack(result)

@@ -1,0 +1,79 @@
+"""Many shapes seen from many sides, rasterised once: the geometry of the training pairs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.frames import world_from_camera
+from anyprobe.dataset.catalog import ShapeAsset
+from anyprobe.files.atomic import atomic_path
+from anyprobe.render.shapes import draw_shape
+from anyprobe.render.surface import frame_object, see
+
+NUM_ELEVATIONS = 8
+ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
+"""Borders of the elevation classes; uniform in the sine is uniform on the sphere."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SurfaceConfig:
+    """views: per shape and elevation class; procedural: how many shapes of our own are added."""
+
+    views: int = 3
+    procedural: int = 60
+    size: int = 128
+    seed: int = 1
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SurfaceSet:
+    """normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
+    tan_half [N]; elevation [N] class index."""
+
+    normals: np.ndarray
+    tan_half: np.ndarray
+    elevation: np.ndarray
+
+
+def draw_elevation(rng: np.random.Generator, which: int) -> float:
+    """An elevation [radians] inside a class."""
+    return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))
+
+
+def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path | None = None) -> SurfaceSet:
+    """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given."""
+    names = ",".join(shape.name for shape in shapes)
+    key = hashlib.sha256(f"1|{config}|{names}".encode()).hexdigest()[:16]
+    path = None if cache is None else Path(cache) / f"surfaces-{key}.npz"
+    if path is not None and path.is_file():
+        with np.load(path) as stored:
+            return SurfaceSet(**{name: stored[name] for name in ("normals", "tan_half", "elevation")})
+    rng = np.random.default_rng(config.seed)
+    meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
+    normals, tan_half, elevation = [], [], []
+    for mesh in meshes:
+        for which in range(NUM_ELEVATIONS):
+            for _ in range(config.views):
+                rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which))
+                fov = np.exp(rng.uniform(np.log(6.0), np.log(50.0)))
+                margin = rng.uniform(1.04, 1.2)
+                surface = see(mesh, frame_object(mesh, rotation, fov, margin, config.size))
+                if surface.mask.mean() < 0.04:
+                    continue
+                picture = np.zeros((config.size, config.size, 3), np.float16)
+                picture[surface.mask] = surface.normals
+                normals.append(picture.transpose(2, 0, 1))
+                tan_half.append(surface.tan_half)
+                elevation.append(which)
+    result = SurfaceSet(
+        normals=np.stack(normals), tan_half=np.array(tan_half, np.float32), elevation=np.array(elevation)
+    )
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+            np.savez(stream, normals=result.normals, tan_half=result.tan_half, elevation=result.elevation)
+    return result

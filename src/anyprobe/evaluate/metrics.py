@@ -1,0 +1,134 @@
+"""Numbers for how far a picture or map p is from the true one g.
+
+Pure NumPy; every function computes in float64 and returns a Python float.
+Pictures are [H, W] or [H, W, C].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.light.environment import integral
+
+SSIM_SIGMA = 1.5
+SSIM_RADIUS = 5
+"""The 11 x 11 window of Wang et al. 2004."""
+
+
+def rmse(a: np.ndarray, b: np.ndarray, weights: np.ndarray | None = None) -> float:
+    """sqrt( sum w (a - b)^2 / sum w ); without weights the plain mean over all numbers.
+
+    weights broadcast against a: for a map [H, 2H, 3] that is
+    pixel_solid_angles(H)[..., None], [H, 1, 1].
+    """
+    squared = np.square(np.asarray(a, np.float64) - np.asarray(b, np.float64))
+    if weights is None:
+        return float(np.sqrt(squared.mean()))
+    weights = np.broadcast_to(np.asarray(weights, np.float64), squared.shape)
+    return float(np.sqrt((weights * squared).sum() / weights.sum()))
+
+
+def psnr(a: np.ndarray, b: np.ndarray, peak: float = 1.0) -> float:
+    """20 log10( peak / rmse(a, b) ) [dB]; infinite for equal pictures."""
+    error = rmse(a, b)
+    return 20.0 * math.log10(peak / error) if error > 0 else math.inf
+
+
+def _window_mean(image: np.ndarray) -> np.ndarray:
+    """Gaussian mean of every whole 11 x 11 window: [H, W, C] -> [H - 10, W - 10, C]."""
+    x = np.arange(-SSIM_RADIUS, SSIM_RADIUS + 1)
+    kernel = np.exp(-(x**2) / (2 * SSIM_SIGMA**2))
+    kernel /= kernel.sum()
+    rows, columns = image.shape[0] - 2 * SSIM_RADIUS, image.shape[1] - 2 * SSIM_RADIUS
+    down = sum(k * image[i : i + rows] for i, k in enumerate(kernel))
+    return sum(k * down[:, i : i + columns] for i, k in enumerate(kernel))
+
+
+def ssim(a: np.ndarray, b: np.ndarray, data_range: float = 1.0, wrap_longitude: bool = False) -> float:
+    """Structural similarity, Wang et al. 2004 Eq. 13, mean over windows and channels.
+
+        (2 m_a m_b + C1) (2 c_ab + C2) / ((m_a^2 + m_b^2 + C1) (v_a + v_b + C2))
+        C1 = (0.01 data_range)^2, C2 = (0.03 data_range)^2
+
+    with means m, variances v and covariance c under an 11 x 11 Gaussian of
+    sigma 1.5, the weights summing to 1 (no sample correction). Only windows that
+    lie in the picture count. wrap_longitude is for maps: the columns are continued
+    around and the rows by their edge, so that every pixel has a window.
+    """
+    a, b = (np.asarray(image, np.float64) for image in (a, b))
+    if a.shape != b.shape:
+        raise ValueError(f"expected two pictures of one shape, got {a.shape} and {b.shape}")
+    if a.ndim == 2:
+        a, b = a[..., None], b[..., None]
+    if wrap_longitude:
+        around, edge = ((0, 0), (SSIM_RADIUS,) * 2, (0, 0)), ((SSIM_RADIUS,) * 2, (0, 0), (0, 0))
+        a, b = (np.pad(np.pad(image, around, mode="wrap"), edge, mode="edge") for image in (a, b))
+    if min(a.shape[:2]) <= 2 * SSIM_RADIUS:
+        raise ValueError(f"expected at least 11 x 11 pixels, got {a.shape[0]} x {a.shape[1]}")
+    mean_a, mean_b = _window_mean(a), _window_mean(b)
+    variance_a = _window_mean(a * a) - mean_a**2
+    variance_b = _window_mean(b * b) - mean_b**2
+    covariance = _window_mean(a * b) - mean_a * mean_b
+    c1, c2 = (0.01 * data_range) ** 2, (0.03 * data_range) ** 2
+    similarity = ((2 * mean_a * mean_b + c1) * (2 * covariance + c2)) / (
+        (mean_a**2 + mean_b**2 + c1) * (variance_a + variance_b + c2)
+    )
+    return float(similarity.mean())
+
+
+def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
+    """What is left after the best single exposure: s = sum p g / sum p p, then
+
+        sqrt( mean over masked pixels and channels of (s p - g)^2 )
+
+    A black p has s = 0. (Some published code divides by pixels only: sqrt(3) larger.)
+
+    Args:
+        p, g: [..., 3] linear radiance.
+        mask: [...] bool.
+    """
+    p, g = np.asarray(p, np.float64)[mask], np.asarray(g, np.float64)[mask]
+    power = (p * p).sum()
+    scale = (p * g).sum() / power if power > 0 else 0.0
+    return rmse(scale * p, g)
+
+
+def color_angle_deg(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
+    """Mean over masked pixels of arccos( p.g / (|p| |g|) ) [degrees], of RGB vectors.
+
+    A pixel that is black in one picture alone counts 90, in both 0.
+
+    Args:
+        p, g: [..., 3].
+        mask: [...] bool.
+    """
+    p, g = np.asarray(p, np.float64)[mask], np.asarray(g, np.float64)[mask]
+    length_p, length_g = np.linalg.norm(p, axis=-1), np.linalg.norm(g, axis=-1)
+    both = (length_p > 0) & (length_g > 0)
+    lengths = np.where(both, length_p * length_g, 1.0)
+    angle = np.degrees(np.arccos(np.clip((p * g).sum(axis=-1) / lengths, -1.0, 1.0)))
+    angle = np.where(both, angle, np.where((length_p > 0) | (length_g > 0), 90.0, 0.0))
+    return float(angle.mean())
+
+
+def direction_error_deg(a: np.ndarray, b: np.ndarray) -> float:
+    """Angle between two directions [3]: atan2(|a x b|, a.b) [degrees], exact at 0 and 180."""
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
+
+
+def flux_ratio_stops(p: np.ndarray, g: np.ndarray) -> float:
+    """log2( integral of luminance(p) dw / integral of luminance(g) dw ), +1 is twice too bright.
+
+    Maps [H, 2H, 3], each weighted by its own solid angles, so their sizes may
+    differ. A black p gives -inf, a black g +inf, two black maps 0.
+    """
+    flux_p, flux_g = (float(luminance(integral(np.asarray(m, np.float64)))) for m in (p, g))
+    if flux_p == flux_g:
+        return 0.0
+    if flux_p <= 0 or flux_g <= 0:
+        return -math.inf if flux_p <= 0 else math.inf
+    return math.log2(flux_p / flux_g)

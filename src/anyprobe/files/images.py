@@ -1,0 +1,271 @@
+"""Photos on disk or in memory to display values, and previews back to PNG.
+
+Whatever comes (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, float EXR)
+leaves as upright sRGB in [0, 1]; what cannot be a photo is refused in one line.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import ExifTags, Image, ImageCms, ImageOps
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.response import response
+from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.radiance import read_exr
+
+MAX_PIXELS = 100_000_000
+"""Largest photo that is decoded; the header is looked at first."""
+
+MIN_SIDE_PX = 32
+"""Smallest height and width of a photo."""
+
+PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
+"""Formats that may be opened; Pillow knows others that start programs or are no pictures."""
+
+_EXR_MAGIC = b"\x76\x2f\x31\x01"
+_HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
+
+ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pixels:
+    """A picture as it is displayed.
+
+    Attributes:
+        rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1].
+        alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
+        long_fov_deg: field of view of the longer side from EXIF, or None.
+        name: what messages call the picture.
+    """
+
+    rgb: np.ndarray
+    alpha: np.ndarray | None
+    long_fov_deg: float | None
+    name: str
+
+
+def read_image(source: ImageSource, name: str | None = None) -> Pixels:
+    """Read a photo from a path, bytes, a Pillow image or an array.
+
+    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float
+    display values in [0, 1]. An .exr holds linear radiance and goes through the
+    camera's response. Of an animation the first frame counts.
+
+    Raises:
+        InvalidPhoto: not an image, damaged, too small, too large, NaN.
+        MissingExtra: a HEIC photo without its reader installed.
+    """
+    if isinstance(source, np.ndarray):
+        return _from_array(source, name or "array")
+    if isinstance(source, Image.Image):
+        return _from_pillow(source, name or Path(getattr(source, "filename", "") or "image").name)
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        data = bytes(source)
+        return _from_stream(io.BytesIO(data), len(data), name or "bytes")
+    if not isinstance(source, (str, os.PathLike)):
+        raise InvalidPhoto(
+            f"{name or 'photo'}: expected a path, bytes, a Pillow image or an array, "
+            f"got {type(source).__name__}; convert it"
+        )
+    path = Path(source)
+    name = name or path.name or str(path)
+    try:
+        if path.is_dir():
+            raise InvalidPhoto(f"{path}: expected one image file, got a folder; name a file in it")
+        if not path.exists():
+            raise InvalidPhoto(f"{path}: expected an image file, got no such file; check the path")
+        with path.open("rb") as stream:
+            return _from_stream(stream, path.stat().st_size, name)
+    except OSError as error:
+        raise InvalidPhoto(
+            f"{path}: cannot be read ({error.strerror or error}); check the permissions"
+        ) from error
+
+
+def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
+    """Write [H, W], [H, W, 3] or [H, W, 4] as PNG: uint8, or float display values in [0, 1]."""
+    image = np.asarray(rgb)
+    if image.dtype != np.uint8:
+        image = to_bytes(image)
+    with atomic_path(path) as temporary:
+        Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG")
+
+
+def _check_size(width: int, height: int, name: str) -> None:
+    if width * height > MAX_PIXELS:
+        raise InvalidPhoto(
+            f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {width} x {height}; shrink it first"
+        )
+    if min(width, height) < MIN_SIDE_PX:
+        raise InvalidPhoto(
+            f"{name}: expected at least {MIN_SIDE_PX} pixels on either side, "
+            f"got {width} x {height}; use the original photo"
+        )
+
+
+def _from_stream(stream: io.BufferedIOBase, num_bytes: int, name: str) -> Pixels:
+    """Decode an open file or buffer, by what its first bytes say."""
+    head = stream.read(16)
+    stream.seek(0)
+    if not head:
+        raise InvalidPhoto(f"{name}: expected an image, got an empty file; copy or save it again")
+    if head.startswith(_EXR_MAGIC):
+        return _from_exr(stream.read(), name)
+    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
+        _register_heic(name)
+    Image.init()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # damaged metadata, and a size that _check_size judges
+        try:
+            image = Image.open(stream, formats=[f for f in PHOTO_FORMATS if f in Image.OPEN])
+        except Image.DecompressionBombError as error:
+            raise InvalidPhoto(
+                f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+                "got far more; shrink it first"
+            ) from error
+        except Exception as error:  # decoders raise whatever the bad bytes lead them to
+            raise InvalidPhoto(
+                f"{name}: expected an image (JPEG, PNG, WebP, TIFF, EXR, ...), "
+                f"got {num_bytes} bytes of something else; convert it to PNG or JPEG"
+            ) from error
+    with image:
+        return _from_pillow(image, name)
+
+
+def _register_heic(name: str) -> None:
+    try:
+        import pillow_heif
+    except ImportError as error:
+        raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo") from error
+    pillow_heif.register_heif_opener()
+
+
+def _from_pillow(image: Image.Image, name: str) -> Pixels:
+    """Turn upright, take the transparency off, bring the colour to sRGB."""
+    _check_size(*image.size, name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            image.load()
+            long_fov_deg = _exif_fov_deg(image)
+            image = ImageOps.exif_transpose(image)
+            alpha = None
+            if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
+                image = image.convert("RGBA")
+                alpha = np.asarray(image.getchannel("A"))
+                image = image.convert("RGB")
+            values = _color_values(image)
+        except Exception as error:  # decoders raise whatever the bad bytes lead them to
+            raise InvalidPhoto(
+                f"{name}: expected a whole image, got a damaged or unusual one ({_one_line(error)}); "
+                "save it again as PNG or JPEG"
+            ) from error
+    if alpha is not None:
+        values = np.concatenate([values, alpha[..., None]], axis=-1)
+    pixels = _from_array(values, name)
+    return Pixels(rgb=pixels.rgb, alpha=pixels.alpha, long_fov_deg=long_fov_deg, name=name)
+
+
+def _color_values(image: Image.Image) -> np.ndarray:
+    """An opaque Pillow image to an array that _from_array takes."""
+    if image.mode.startswith("I;16") or image.mode == "I":  # older readers give 16 bits as I
+        values = np.asarray(image)
+        if values.min() < 0 or values.max() > 65535:
+            raise ValueError("whole numbers outside 0 to 65535")
+        return values.astype(np.uint16)
+    if image.mode == "F":
+        return np.asarray(image)
+    if image.mode not in ("L", "RGB", "CMYK"):
+        image = image.convert("RGB")
+    return np.asarray(_to_srgb(image))
+
+
+def _to_srgb(image: Image.Image) -> Image.Image:
+    """Apply the embedded colour profile; a damaged or unfitting one is ignored."""
+    icc_profile = image.info.get("icc_profile")
+    if icc_profile:
+        try:
+            embedded = ImageCms.ImageCmsProfile(io.BytesIO(icc_profile))
+            if "srgb" not in ImageCms.getProfileDescription(embedded).lower():
+                image = ImageCms.profileToProfile(
+                    image,
+                    embedded,
+                    ImageCms.createProfile("sRGB"),
+                    renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
+                    outputMode="RGB",
+                )
+        except (ImageCms.PyCMSError, OSError, ValueError):
+            pass  # the colours are then read as sRGB, as most viewers do
+    return image.convert("RGB")
+
+
+def _exif_fov_deg(image: Image.Image) -> float | None:
+    """Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent f [mm]."""
+    exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
+    try:
+        focal_mm = float(exif.get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    if not 2.0 <= focal_mm <= 2000.0:  # 0 means unknown
+        return None
+    return float(np.degrees(2.0 * np.arctan(18.0 / focal_mm)))
+
+
+def _from_exr(data: bytes, name: str) -> Pixels:
+    """Linear radiance, premultiplied by A, to display values."""
+    with tempfile.TemporaryDirectory() as folder:  # the package reads streams only in newer releases
+        path = Path(folder) / "photo.exr"
+        path.write_bytes(data)
+        pixels = read_exr(path, name, InvalidPhoto, MAX_PIXELS)
+    if not np.isfinite(pixels).all():
+        raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
+    radiance = np.maximum(pixels[..., :3], 0.0)
+    if pixels.shape[2] == 4:
+        alpha = np.clip(pixels[..., 3:], 0.0, 1.0)
+        straight = radiance / np.where(alpha > 0.0, np.maximum(alpha, 1e-4), 1.0)  # 1e-4: no overflow
+        return _from_array(np.concatenate([response(straight), alpha], axis=-1), name)
+    return _from_array(response(radiance), name)
+
+
+def _from_array(values: np.ndarray, name: str) -> Pixels:
+    """Check and scale an array to float32 in [0, 1]."""
+    if values.ndim == 2:
+        values = values[..., None]
+    if values.ndim != 3 or values.shape[2] not in (1, 3, 4):
+        raise InvalidPhoto(
+            f"{name}: expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; "
+            "put the channels last"
+        )
+    _check_size(values.shape[1], values.shape[0], name)
+    if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
+        display = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
+    elif np.issubdtype(values.dtype, np.floating):
+        low, high = float(values.min()), float(values.max())
+        if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize; NaN fails too
+            raise InvalidPhoto(
+                f"{name}: expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
+                "scale them, or save linear radiance as .exr"
+            )
+        display = np.clip(values.astype(np.float32), 0.0, 1.0)
+    else:
+        raise InvalidPhoto(f"{name}: expected uint8, uint16 or float values, got {values.dtype}; convert it")
+    rgb = np.repeat(display, 3, axis=2) if display.shape[2] == 1 else display[..., :3].copy()
+    alpha = None
+    if display.shape[2] == 4 and (display[..., 3] < 1.0).any():
+        alpha = np.ascontiguousarray(display[..., 3])
+    return Pixels(rgb=rgb, alpha=alpha, long_fov_deg=None, name=name)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__

@@ -1,0 +1,172 @@
+"""The photo with its object, and the square crop around the object that the networks see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.frames import turn_towards
+from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.files.images import ImageSource, read_image
+from anyprobe.infer.mask import MaskSource, mask_from_alpha, mask_from_box, mask_from_file, object_box
+
+DEFAULT_LONG_FOV_DEG = 65.0
+"""Field of view of the longer side of a phone's main camera."""
+
+CROP_MARGIN = 1.1
+"""Side of the crop over the longer side of the object's bounding box."""
+
+CLIPPED_SHARE = 0.98
+"""An object with this share of black or of white pixels gets a warning."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Photo:
+    """A photo, upright, with the object marked.
+
+    Attributes:
+        rgb: [H, W, 3] float32 display values in [0, 1].
+        mask: [H, W] float32 in [0, 1], 1 on the object.
+        long_fov_deg: field of view of the longer side.
+        fov_source: "given", "exif" or "default".
+        name: what messages call it.
+        warnings: one line each, for the user.
+    """
+
+    rgb: np.ndarray
+    mask: np.ndarray
+    long_fov_deg: float
+    fov_source: str
+    name: str
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Crop:
+    """A square window on the object.
+
+    Attributes:
+        image: [S, S, 4] float32: rgb times mask, and mask, all in [0, 1].
+        camera_from_crop: [3, 3] float64, rotation from the frame that looks at the
+            window's centre along -Z to the photo's camera.
+        side_px: side of the window in pixels of the photo.
+        center_px: x, y of its centre; pixel i covers [i, i + 1).
+    """
+
+    image: np.ndarray
+    camera_from_crop: np.ndarray
+    side_px: float
+    center_px: tuple[float, float]
+
+
+def load_photo(
+    source: ImageSource,
+    *,
+    mask: MaskSource | None = None,
+    box: Sequence[float] | None = None,
+    fov_deg: float | None = None,
+) -> Photo:
+    """Read a photo and find its object: by mask, else by box, else by alpha.
+
+    Args:
+        source: path, bytes, Pillow image or array, see read_image.
+        mask: picture of the same size, white on the object.
+        box: X0, Y0, X1, Y1 in pixels of the upright photo.
+        fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
+    """
+    if fov_deg is not None and not 1.0 < fov_deg < 170.0:
+        raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
+    pixels = read_image(source)
+    if mask is not None:
+        object_mask = mask_from_file(mask, pixels.rgb.shape[:2])
+    elif box is not None:
+        object_mask = mask_from_box(pixels.rgb, box)
+    elif pixels.alpha is not None:
+        object_mask = mask_from_alpha(pixels.alpha)
+    else:
+        raise InvalidMask(
+            f"{pixels.name}: expected to be told where the object is, got a photo without alpha channel; "
+            "pass --mask FILE, or --box X0,Y0,X1,Y1, or a photo with an alpha channel"
+        )
+    if fov_deg is not None:
+        long_fov_deg, fov_source = float(fov_deg), "given"
+    elif pixels.long_fov_deg is not None:
+        long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
+    else:
+        long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
+    return Photo(
+        rgb=pixels.rgb,
+        mask=object_mask,
+        long_fov_deg=long_fov_deg,
+        fov_source=fov_source,
+        name=pixels.name,
+        warnings=_exposure_warnings(pixels.rgb[object_mask > 0.5], pixels.name),
+    )
+
+
+def crop_object(photo: Photo, size: int = 128) -> Crop:
+    """Cut a square around the object and bring it to size x size.
+
+    Averaged over areas when shrinking, bilinear when enlarging, with colour
+    premultiplied by the mask so that no background bleeds in. What lies over the
+    border of the photo is empty.
+    """
+    x0, y0, x1, y1 = object_box(photo.mask)
+    center = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)
+    side = CROP_MARGIN * max(x1 - x0, y1 - y0)
+    height, width = photo.mask.shape
+    columns, column_weights = _resampling(center[0] - side / 2.0, side, size, width)
+    rows, row_weights = _resampling(center[1] - side / 2.0, side, size, height)
+
+    mask = photo.mask[rows, columns]
+    image = np.empty((size, size, 4), dtype=np.float32)
+    for channel in range(3):
+        image[..., channel] = row_weights @ (photo.rgb[rows, columns, channel] * mask) @ column_weights.T
+    image[..., 3] = row_weights @ mask @ column_weights.T
+    return Crop(
+        image=np.clip(image, 0.0, 1.0),
+        camera_from_crop=turn_towards(_pixel_direction(center, width, height, photo.long_fov_deg)),
+        side_px=side,
+        center_px=center,
+    )
+
+
+def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
+    """Unit direction, camera frame, through the point x, y of a pinhole photo."""
+    focal_px = max(width, height) / 2.0 / np.tan(np.radians(long_fov_deg) / 2.0)
+    direction = np.array([(point[0] - width / 2.0) / focal_px, -(point[1] - height / 2.0) / focal_px, -1.0])
+    return direction / np.linalg.norm(direction)
+
+
+def _resampling(start: float, side: float, size: int, length: int) -> tuple[slice, np.ndarray]:
+    """Weights that bring the window [start, start + side) of an axis to size samples.
+
+    Returns:
+        The pixels in use and their weights [size, N]; the rows sum to 1 but where
+        the window runs over the border, whose outside counts as zero.
+    """
+    first = max(0, int(np.floor(start)) - 1)
+    last = min(length, int(np.ceil(start + side)) + 1)
+    pixel = np.arange(first, last)
+    step = side / size
+    low = start + step * np.arange(size)[:, None]
+    if step >= 1.0:
+        weights = np.clip(np.minimum(low + step, pixel + 1) - np.maximum(low, pixel), 0.0, None) / step
+    else:
+        weights = np.clip(1.0 - np.abs(low + step / 2.0 - (pixel + 0.5)), 0.0, None)
+    return slice(first, last), weights.astype(np.float32)
+
+
+def _exposure_warnings(colors: np.ndarray, name: str) -> tuple[str, ...]:
+    """Object pixels [N, 3] that are nearly all black or all white carry no shading."""
+    if np.mean((colors <= 0.01).all(axis=1)) >= CLIPPED_SHARE:
+        return (
+            f"{name}: the object is black almost everywhere; the light can hardly be told, expose longer",
+        )
+    if np.mean((colors >= 0.99).all(axis=1)) >= CLIPPED_SHARE:
+        return (
+            f"{name}: the object is white almost everywhere; the light can hardly be told, expose shorter",
+        )
+    return ()

@@ -1,0 +1,45 @@
+"""The picture beside every result: photo and mask, the map at three exposures, three balls."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.response import response
+from anyprobe.infer.photo import Photo
+from anyprobe.infer.result import Light
+from anyprobe.render.balls import ball_images
+
+EXPOSURES_EV = (-4.0, -2.0, 0.0)
+ROW = 256
+GAP = 8
+
+
+def draw_preview(photo: Photo, light: Light) -> np.ndarray:
+    """Display picture [H, W, 3] in [0, 1]: two rows, photo | mask | balls over three maps."""
+    picture = _fit(photo.rgb, ROW)
+    dimmed = photo.rgb * (0.15 + 0.85 * photo.mask[..., None])
+    balls = [ball for ball in ball_images(light.radiance).values()]
+    first = [picture, _fit(dimmed, ROW)] + [_fit(response(ball), ROW) for ball in balls]
+    maps = [_fit(response(light.radiance * 2.0**ev), ROW) for ev in EXPOSURES_EV]
+    rows = [_join(first), _join(maps)]
+    width = max(row.shape[1] for row in rows)
+    canvas = np.full((2 * ROW + 3 * GAP, width + 2 * GAP, 3), 0.08, dtype=np.float32)
+    for index, row in enumerate(rows):
+        top = GAP + index * (ROW + GAP)
+        canvas[top : top + ROW, GAP : GAP + row.shape[1]] = row
+    return canvas
+
+
+def _fit(picture: np.ndarray, height: int) -> np.ndarray:
+    """Scale a display picture to a height, its shape kept."""
+    width = max(1, round(picture.shape[1] * height / picture.shape[0]))
+    image = Image.fromarray(np.round(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+    resized = image.resize((min(width, 4 * height), height), Image.Resampling.BICUBIC)
+    return np.asarray(resized, dtype=np.float32) / 255
+
+
+def _join(pictures: list[np.ndarray]) -> np.ndarray:
+    gap = np.full((ROW, GAP, 3), 0.08, dtype=np.float32)
+    parts = [part for picture in pictures for part in (gap, picture)][1:]
+    return np.concatenate(parts, axis=1)

@@ -1,0 +1,118 @@
+"""Light (noun): what an estimate returns. Frozen; every operation gives a new one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.errors import OutputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.images import write_png
+from anyprobe.files.radiance import write_exr, write_hdr
+from anyprobe.light.environment import check_radiance, rotate
+from anyprobe.light.harmonics import project
+from anyprobe.light.main_light import MainLight, find_main_light
+
+FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
+SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """The light around an object, in the frame of the photo's camera.
+
+    Attributes:
+        radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
+            photo's exposure units: an object rendered with it fits the photo as it is.
+        confidence: share of the object that told anything, in [0, 1]: neither black nor burnt out.
+        warnings: one line each.
+        stages: what the networks saw and said, in the crop's frame: photo [128, 128, 4],
+            irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
+        camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
+        info: name of the photo, model, field of view, seconds a step.
+    """
+
+    radiance: np.ndarray
+    confidence: float = 1.0
+    warnings: tuple[str, ...] = ()
+    stages: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radiance", check_radiance(self.radiance, "light"))
+
+    def sh9(self) -> np.ndarray:
+        """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
+        return project(self.radiance)
+
+    def main_light(self) -> MainLight:
+        """The lobe that a directional light stands for: direction, irradiance, colour."""
+        return find_main_light(self.radiance)
+
+    def rotate(self, rotation: np.ndarray) -> Light:
+        """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
+
+        With world_from_camera it becomes a map in the world's frame.
+        """
+        return replace(self, radiance=rotate(self.radiance, rotation))
+
+    def sidecar(self) -> dict[str, Any]:
+        """Everything but the pixels, ready for JSON; lists of plain numbers."""
+        main = self.main_light()
+        return {
+            **self.info,
+            "frame": FRAME,
+            "scale": SCALE,
+            "exposure_ev": 0.0,
+            "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
+            "size": [self.radiance.shape[1], self.radiance.shape[0]],
+            "confidence": round(float(self.confidence), 4),
+            "sh9": _numbers(self.sh9()),
+            "main_light": {
+                "direction": _numbers(main.direction),
+                "irradiance": _numbers(main.irradiance),
+                "color": _numbers(main.color),
+                "solid_angle_sr": round(main.solid_angle, 5),
+                "confidence": round(main.confidence, 4),
+            },
+            "camera_from_crop": _numbers(self.camera_from_crop),
+            "warnings": list(self.warnings),
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png."""
+        path = Path(path)
+        kind = path.suffix.lower()
+        if kind == ".exr":
+            attributes = {"model": str(self.info.get("model", "")), "frame": FRAME, "scale": SCALE}
+            write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
+        elif kind == ".hdr":
+            write_hdr(path, self.radiance)
+        elif kind == ".json":
+            with atomic_path(path) as temporary:
+                temporary.write_text(json.dumps(self.sidecar(), indent=1) + "\n", encoding="utf-8")
+        elif kind == ".png":
+            write_png(path, response(self.radiance))
+        else:
+            raise OutputError(f"{path}: expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}")
+        return path
+
+
+def _numbers(array: np.ndarray) -> list:
+    return np.round(np.asarray(array, dtype=np.float64), 6).tolist()
+
+
+def told_share(image: np.ndarray) -> float:
+    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor burnt out."""
+    inside = image[..., 3] > 0.5
+    if not inside.any():
+        return 0.0
+    display = luminance(image[inside][:, :3] / image[inside][:, 3:])
+    return float(((display > 0.02) & (display < 0.98)).mean())

@@ -1,0 +1,68 @@
+"""Operations on a whole radiance map [H, 2H, 3]: checks, sizes, rotations, integrals."""
+
+from __future__ import annotations
+
+import numpy as np
+from array_api_compat import array_namespace
+
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.errors import InvalidEnvironment
+
+MAP_HEIGHT = 64
+"""Rows of every estimated map; the paper leaves the size open."""
+
+
+def check_radiance(radiance: np.ndarray, name: str = "map") -> np.ndarray:
+    """Return the map as float32 [H, 2H, 3], or raise InvalidEnvironment."""
+    radiance = np.asarray(radiance)
+    if radiance.ndim != 3 or radiance.shape[2] != 3 or radiance.shape[1] != 2 * radiance.shape[0]:
+        raise InvalidEnvironment(
+            f"{name}: expected width = 2 x height and 3 channels, got shape {radiance.shape}; "
+            "convert a cube map or mirror ball to latitude-longitude first"
+        )
+    if not np.isfinite(radiance).all():
+        raise InvalidEnvironment(f"{name}: expected finite radiance, got NaN or infinity; repair the map first")
+    if (radiance < 0).any():
+        raise InvalidEnvironment(f"{name}: expected radiance >= 0, got {radiance.min():.3g}; repair the map first")
+    return np.asarray(radiance, dtype=np.float32)
+
+
+def shrink(radiance, height: int):
+    """Average blocks of pixels down to a smaller height that divides the old one.
+
+    Weighted by solid angle, so that the integral over the sphere is kept.
+    """
+    xp = array_namespace(radiance)
+    old = radiance.shape[0]
+    if height == old:
+        return radiance
+    if old % height:
+        raise ValueError(f"height {height} does not divide {old}")
+    k = old // height
+    weights = xp.asarray(pixel_solid_angles(old), dtype=radiance.dtype, device=radiance.device)[:, :, None]
+    blocks = xp.reshape(radiance * weights, (height, k, 2 * height, k, radiance.shape[2]))
+    total = xp.sum(xp.sum(blocks, axis=3), axis=1)
+    return total / (xp.sum(xp.reshape(weights, (height, k, 1, 1)), axis=1) * k)
+
+
+def rotate(radiance, rotation):
+    """The map seen after the world is turned: new(d) = old(rotation^T d).
+
+    Args:
+        radiance: [H, 2H, 3].
+        rotation: [3, 3] active rotation; with world-to-camera it gives the camera's view.
+    """
+    xp = array_namespace(radiance)
+    height = radiance.shape[0]
+    directions = pixel_directions(height) @ np.asarray(rotation, dtype=np.float32)  # R^T d
+    uv = direction_to_uv(directions).astype(np.float32)
+    return bilinear(radiance, xp.asarray(uv, device=radiance.device))
+
+
+def integral(radiance):
+    """Sum of L dOmega over the sphere, [3]."""
+    xp = array_namespace(radiance)
+    weights = xp.asarray(
+        pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=radiance.device
+    )
+    return xp.sum(xp.sum(radiance * weights[:, :, None], axis=1), axis=0)

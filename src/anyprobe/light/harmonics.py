@@ -1,0 +1,98 @@
+"""Real spherical harmonics to order 2, without the Condon-Shortley sign; nine numbers a channel.
+
+Order and constants are those of WebXR and three.js, in the camera frame (x, y, z):
+
+    i       0    1    2    3    4    5    6         7    8
+    (l,m)   0,0  1,-1 1,0  1,1  2,-2 2,-1 2,0       2,1  2,2
+    Y_i/K   1    y    z    x    xy   yz   3z^2 - 1  xz   x^2 - y^2
+
+Coefficients are of radiance, L_i = integral of L Y_i dw; the cosine lobe is applied
+by irradiance() alone (Ramamoorthi and Hanrahan 2001). Order 2 may turn negative
+opposite a strong light: nothing here clamps that.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+K = np.array(
+    [
+        np.sqrt(1 / (4 * np.pi)),
+        *[np.sqrt(3 / (4 * np.pi))] * 3,
+        *[np.sqrt(15 / (4 * np.pi))] * 2,
+        np.sqrt(5 / (16 * np.pi)),
+        np.sqrt(15 / (4 * np.pi)),
+        np.sqrt(15 / (16 * np.pi)),
+    ]
+)
+"""Normalisation of each polynomial, so that the integral of Y_i Y_j dw is 1 for i = j, else 0."""
+
+COSINE_LOBE = np.array([np.pi, *[2 * np.pi / 3] * 3, *[np.pi / 4] * 5])
+"""A_l of max(0, cos): pi, 2 pi / 3, pi / 4."""
+
+
+def sh_basis(d: np.ndarray) -> np.ndarray:
+    """Y_i at unit directions: [..., 3] -> [..., 9]."""
+    x, y, z = d[..., 0], d[..., 1], d[..., 2]
+    polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
+    return np.stack(polynomials, axis=-1) * K.astype(d.dtype)
+
+
+@lru_cache(maxsize=4)
+def _pixel_integrals(height: int) -> np.ndarray:
+    """Integral of Y_i over every pixel, [H, 2H, 9], in closed form.
+
+    With d = (sin t sin p, cos t, -sin t cos p) and dw = sin t dt dp each Y_i is a
+    product of a function of t and one of p. Reading Y_i at the pixel's centre
+    instead would give a uniform map a false order 2 of 1e-3.
+    """
+    t = np.linspace(0, np.pi, height + 1)
+    p = np.linspace(-np.pi, np.pi, 2 * height + 1)
+    s, c = np.sin(t), np.cos(t)
+    # antiderivatives over t of sin t times the named function
+    t_one, t_y, t_s, t_sy, t_ss, t_yy = np.diff(
+        [-c, s**2 / 2, t / 2 - np.sin(2 * t) / 4, s**3 / 3, c**3 / 3 - c, -(c**3) / 3], axis=1
+    )
+    p_one, p_sin, p_cos, p_sin2, p_cos2, p_sincos = np.diff(
+        [p, -np.cos(p), np.sin(p), p / 2 - np.sin(2 * p) / 4, p / 2 + np.sin(2 * p) / 4, np.sin(p) ** 2 / 2],
+        axis=1,
+    )
+    parts = [
+        np.outer(t_one, p_one),
+        np.outer(t_y, p_one),
+        -np.outer(t_s, p_cos),
+        np.outer(t_s, p_sin),
+        np.outer(t_sy, p_sin),
+        -np.outer(t_sy, p_cos),
+        3 * np.outer(t_ss, p_cos2) - np.outer(t_one, p_one),
+        -np.outer(t_ss, p_sincos),
+        np.outer(t_ss, p_sin2) - np.outer(t_yy, p_one),
+    ]
+    return np.stack(parts, axis=-1) * K
+
+
+def project(radiance: np.ndarray) -> np.ndarray:
+    """Radiance coefficients L_i = sum over pixels of L times the pixel's integral of Y_i.
+
+    Exact for a map that is constant over each pixel: uniform radiance 1 gives
+    L_0 = 2 sqrt(pi) = 3.5449077 and nothing else.
+
+    Args:
+        radiance: [H, 2H, 3].
+    Returns:
+        [9, 3]
+    """
+    integrals = _pixel_integrals(radiance.shape[0])
+    return np.tensordot(integrals, radiance.astype(np.float64), axes=([0, 1], [0, 1])).astype(np.float32)
+
+
+def evaluate(coefficients: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Radiance of order 2, sum of L_i Y_i(d): [9, 3] and [..., 3] -> [..., 3]."""
+    return sh_basis(d) @ coefficients
+
+
+def irradiance(coefficients: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
+    return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])

@@ -1,0 +1,125 @@
+"""The main light: the one lobe that a directional light stands for (sun, lamp, window).
+
+Lobe = the connected pixels around the brightest one whose luminance, averaged over
+a cap 10 degrees across, is at least half the peak. Half the peak falls a little
+inside the edge of a source 10 to 30 degrees across, so the sums run over the lobe
+and the pixels that touch it; without those a lamp 14 degrees across loses a quarter
+of its flux. The light is what they have more than their surroundings, L - L_ring
+with L_ring the mean radiance just outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.filtering import blur_cap
+
+BLUR_RADIUS = np.radians(5.0)
+"""Radius of the cap [radians]; a source narrower than that is one lobe, not several."""
+
+LOBE_LEVEL = 0.5
+RING_PX = 3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MainLight:
+    """A directional light in the map's frame.
+
+    direction: [3] unit vector towards the light.
+    irradiance: [3] E of the light on a plane that faces it, linear Rec. 709; a white Lambert plane sends E / pi.
+    color: [3] irradiance / its largest channel; ones where there is no light.
+    solid_angle: of the lobe [sr]; never much below that of the blur.
+    confidence: |sum L d dw| / sum L dw of luminance, 0 (even light) to 1 (one direction).
+    """
+
+    direction: np.ndarray
+    irradiance: np.ndarray
+    color: np.ndarray
+    solid_angle: float
+    confidence: float
+
+
+def dilate(mask: np.ndarray) -> np.ndarray:
+    """Grow a mask [H, 2H] by one pixel up, down, left and right on the sphere.
+
+    The columns wrap around, and a pole row that is touched is taken whole: all
+    of its pixels meet at the pole.
+    """
+    grown = mask.copy()
+    grown[:, 1:] |= mask[:, :-1]
+    grown[:, :-1] |= mask[:, 1:]
+    grown[:, 0] |= mask[:, -1]
+    grown[:, -1] |= mask[:, 0]
+    grown[1:] |= mask[:-1]
+    grown[:-1] |= mask[1:]
+    grown[0] |= mask[0].any()
+    grown[-1] |= mask[-1].any()
+    return grown
+
+
+def connected(mask: np.ndarray, row: int, column: int) -> np.ndarray:
+    """The part of a mask [H, 2H] that is connected to one of its pixels on the sphere."""
+    region = np.zeros_like(mask)
+    region[row, column] = True
+    count = 1
+    while True:
+        region = dilate(region) & mask
+        last, count = count, np.count_nonzero(region)
+        if count == last:
+            return region
+
+
+def find_main_light(radiance: np.ndarray) -> MainLight:
+    """The brightest lobe of a map [H, 2H, 3] as a directional light.
+
+        E = sum over the lobe of (L - L_ring) cos(delta) dw, delta from the light's direction
+        direction = energy-weighted mean of d over the lobe, energy = luminance(L - L_ring)+ dw
+
+    A map with no lobe (black, or the same everywhere) gives irradiance 0; its
+    direction is +Y, the fallback that WebXR asks for.
+    """
+    height = radiance.shape[0]
+    d = pixel_directions(height)
+    solid_angles = np.broadcast_to(pixel_solid_angles(height), d.shape[:2])
+    bright = luminance(radiance)
+    power = bright * solid_angles
+    total = float(power.sum())
+    confidence = float(np.linalg.norm(np.einsum("hw,hwc->c", power, d))) / total if total > 0 else 0.0
+
+    blurred = blur_cap(bright[..., None], BLUR_RADIUS)[..., 0]
+    row, column = np.unravel_index(np.argmax(blurred), blurred.shape)
+    lobe = connected(blurred >= LOBE_LEVEL * blurred[row, column], row, column)
+    source = dilate(lobe)
+    ring = source
+    for _ in range(RING_PX):
+        ring = dilate(ring)
+    ring = ring & ~source
+    around = ring if ring.any() else source  # the lobe is the whole sphere: no light stands out
+    surrounding = np.average(radiance[around], axis=0, weights=solid_angles[around])
+
+    excess = radiance[source] - surrounding  # [K, 3]
+    energy = np.maximum(luminance(excess), 0.0) * solid_angles[source]
+    mean = energy @ d[source]
+    length = float(np.linalg.norm(mean))
+    if length <= 1e-6 * total:  # rounding alone, or light from all around: no direction
+        return MainLight(
+            direction=np.array([0.0, 1.0, 0.0], np.float32),
+            irradiance=np.zeros(3, np.float32),
+            color=np.ones(3, np.float32),
+            solid_angle=0.0,
+            confidence=confidence,
+        )
+    direction = mean / length
+    cosine = np.maximum(d[source] @ direction, 0.0)
+    perpendicular = np.maximum((cosine * solid_angles[source]) @ excess, 0.0)
+    return MainLight(
+        direction=direction.astype(np.float32),
+        irradiance=perpendicular.astype(np.float32),
+        color=(perpendicular / perpendicular.max()).astype(np.float32),
+        solid_angle=float(solid_angles[lobe].sum()),
+        confidence=confidence,
+    )

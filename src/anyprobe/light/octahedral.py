@@ -1,0 +1,128 @@
+"""The octahedral pyramid: a map that samplers read at any direction and blur in one gather.
+
+The sphere is unfolded onto a square (Cigolle et al., JCGT 2014); each level halves
+the side. A border of one pixel, filled by the folding rule, makes every bilinear
+read local, and all levels lie in one flat array so that the level may vary freely.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace
+
+from anyprobe.core.latlong import bilinear, direction_to_uv
+
+
+def _sign(x):
+    """1 where x >= 0, else -1, of the same kind and precision as x."""
+    xp = array_namespace(x)
+    return xp.where(x >= 0, xp.ones_like(x), -xp.ones_like(x))
+
+
+def direction_to_octahedral(d):
+    """Unit directions [..., 3] to the unit square [..., 2]; +Y is the centre."""
+    xp = array_namespace(d)
+    norm = xp.abs(d[..., 0]) + xp.abs(d[..., 1]) + xp.abs(d[..., 2])
+    a, b = d[..., 0] / norm, d[..., 2] / norm
+    fold_a = (1.0 - xp.abs(b)) * _sign(a)
+    fold_b = (1.0 - xp.abs(a)) * _sign(b)
+    below = d[..., 1] < 0
+    return xp.stack([xp.where(below, fold_a, a), xp.where(below, fold_b, b)], axis=-1) * 0.5 + 0.5
+
+
+def octahedral_to_direction(st):
+    """Inverse of direction_to_octahedral."""
+    xp = array_namespace(st)
+    a, b = st[..., 0] * 2.0 - 1.0, st[..., 1] * 2.0 - 1.0
+    y = 1.0 - xp.abs(a) - xp.abs(b)
+    below = xp.clip(-y, 0.0, None)
+    x = a - _sign(a) * below
+    z = b - _sign(b) * below
+    v = xp.stack([x, y, z], axis=-1)
+    return v / xp.sqrt(xp.sum(v * v, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pyramid:
+    """Levels of a map: texels [T, 3], the side of level 0, and how many levels there are."""
+
+    texels: Any
+    side: int
+    num_levels: int
+
+
+@lru_cache(maxsize=8)
+def _resampling(side: int, supersample: int) -> np.ndarray:
+    """Map coordinates of the texels' subsamples, [side, k, side, k, 2]."""
+    centres = (np.arange(side * supersample) + 0.5) / (side * supersample)
+    st = np.stack(np.meshgrid(centres, centres), axis=-1)
+    uv = direction_to_uv(octahedral_to_direction(st)).astype(np.float32)
+    return uv.reshape(side, supersample, side, supersample, 2)
+
+
+@lru_cache(maxsize=16)
+def _border_index(side: int) -> np.ndarray:
+    """Indices [side + 2, side + 2] into a level: the border by the octahedron's folding."""
+    row, column = np.mgrid[-1 : side + 1, -1 : side + 1]
+    # over the top or bottom edge the columns turn round, over a side edge the rows do
+    over_row = (row < 0) | (row >= side)
+    column = np.where(over_row, side - 1 - column, column)
+    row = np.clip(row, 0, side - 1)
+    over_column = (column < 0) | (column >= side)
+    row = np.where(over_column, side - 1 - row, row)
+    column = np.clip(column, 0, side - 1)
+    return (row * side + column).reshape(-1)
+
+
+def build_pyramid(radiance, side: int = 256, supersample: int = 2) -> Pyramid:
+    """Unfold a map [H, 2H, 3] and average it down level by level to 4 x 4.
+
+    Args:
+        radiance: NumPy array or torch tensor.
+        side: texels along level 0; 256 holds a 256 x 512 map.
+        supersample: subsamples along a texel of level 0.
+    """
+    xp = array_namespace(radiance)
+    uv = xp.asarray(_resampling(side, supersample), device=radiance.device)
+    level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
+    levels, size = [], side
+    while True:
+        index = xp.asarray(_border_index(size), device=radiance.device)
+        levels.append(xp.take(xp.reshape(level, (size * size, 3)), index, axis=0))
+        if size == 4:
+            break
+        level = xp.mean(xp.mean(xp.reshape(level, (size // 2, 2, size // 2, 2, 3)), axis=3), axis=1)
+        size //= 2
+    return Pyramid(texels=xp.concat(levels, axis=0), side=side, num_levels=len(levels))
+
+
+def lookup(pyramid: Pyramid, d, lod):
+    """Radiance [..., 3] around unit directions d [..., 3] at the nearest level to lod [...].
+
+    lod 0 is the map itself, each further level averages four texels of the last.
+    """
+    xp = array_namespace(d)
+    level = xp.clip(xp.round(lod), 0, pyramid.num_levels - 1)
+    size = pyramid.side / xp.exp2(level) if hasattr(xp, "exp2") else pyramid.side / 2.0**level
+    st = direction_to_octahedral(d)
+    x, y = st[..., 0] * size + 0.5, st[..., 1] * size + 0.5  # +0.5: the border's width less half a texel
+    x0, y0 = xp.floor(x), xp.floor(y)
+    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
+    # texels before a level: the sum of (s + 2)^2 over the larger sides s, a geometric series
+    s0 = float(pyramid.side)
+    before = (s0 * s0 - size * size) * (4.0 / 3.0) + (s0 - size) * 8.0 + 4.0 * level
+    stride = size + 2.0
+    base = xp.astype(before + y0 * stride + x0, xp.int64)
+    step = xp.astype(stride, xp.int64)
+
+    def read(index):
+        flat = xp.take(pyramid.texels, xp.reshape(index, (-1,)), axis=0)
+        return xp.reshape(flat, (*index.shape, 3))
+
+    upper = read(base) * (1 - fx) + read(base + 1) * fx
+    lower = read(base + step) * (1 - fx) + read(base + step + 1) * fx
+    return upper * (1 - fy) + lower * fy

@@ -1,0 +1,31 @@
+"""From the LDR map and the log map to HDR radiance: paper Eq. 7 and 8."""
+
+from __future__ import annotations
+
+from array_api_compat import array_namespace
+
+from anyprobe.core.response import MEAN_CURVE, CameraCurve, inverse_response
+
+THRESHOLD = 0.8
+"""tau of Eq. 8."""
+
+
+def blend_weight(ldr, threshold: float = THRESHOLD):
+    """gamma = max(0, max_c U - tau) / (1 - tau), paper Eq. 8: [..., 3] -> [..., 1]."""
+    xp = array_namespace(ldr)
+    brightest = xp.max(xp.clip(ldr, 0.0, 1.0), axis=-1, keepdims=True)
+    return xp.clip(brightest - threshold, 0.0, None) / (1.0 - threshold)
+
+
+def reconstruct(ldr, ln_radiance, curve: CameraCurve = MEAN_CURVE, threshold: float = THRESHOLD):
+    """R = (1 - gamma) f^-1(U) + gamma exp(H), paper Eq. 7, with the natural logarithm.
+
+    Args:
+        ldr: [..., 3] display values; clipped to [0, 1].
+        ln_radiance: [..., 3].
+    Returns:
+        [..., 3] linear radiance in the photo's exposure units.
+    """
+    xp = array_namespace(ldr, ln_radiance)
+    gamma = blend_weight(ldr, threshold)
+    return (1.0 - gamma) * inverse_response(ldr, curve) + gamma * xp.exp(ln_radiance)

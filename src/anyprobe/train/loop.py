@@ -1,0 +1,150 @@
+"""The training loop: one network, one visible loop, one checkpoint that resumes exactly."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from anyprobe.dataset.catalog import load_maps, load_shapes
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.pairs import PairSource
+from anyprobe.dataset.procedural_light import draw_map
+from anyprobe.dataset.surfaces import build_surfaces
+from anyprobe.files.atomic import atomic_path
+from anyprobe.train.config import RunConfig
+from anyprobe.train.stages import Stage
+
+CHECKPOINT_SECONDS = 120.0
+LOG_STEPS = 25
+
+
+def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
+    """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own."""
+    maps, shapes = [], []
+    if data is not None:
+        folders = [data / "hdri" / "train", data / "hdri" / "train_extra"]
+        for folder in folders:
+            if folder.is_dir() or folder is folders[0]:
+                maps += load_maps(folder, commercial_only=config.light.commercial_only)
+        shapes = load_shapes(data / "meshes" / "train", commercial_only=config.light.commercial_only)
+    rng = np.random.default_rng(config.light.seed)
+    radiance = [asset.radiance for asset in maps] + [draw_map(rng)[0] for _ in range(config.light.procedural)]
+    surfaces = build_surfaces(shapes, config.surfaces, cache)
+    return PairSource(Illuminator(radiance, device, compiled), surfaces, config.pairs)
+
+
+def learning_rate(config: RunConfig, step: int) -> float:
+    """Linear warm-up, constant, linear cool-down to zero."""
+    falling = config.cooldown * config.steps
+    return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
+
+
+def save_checkpoint(path: Path, stage: Stage, optimizer: torch.optim.Optimizer, step: int) -> None:
+    """Everything that the next step depends on; pairs depend on the step's number alone."""
+    with atomic_path(path) as temporary:
+        torch.save(
+            {
+                "net": stage.net.state_dict(),
+                "optimizer": optimizer.state_dict(),
+                "step": step,
+                "config": json.dumps(dataclasses.asdict(stage.config)),
+            },
+            temporary,
+        )
+
+
+def train(
+    config: RunConfig,
+    *,
+    data: Path | None,
+    runs: Path,
+    device: str = "cpu",
+    compiled: bool = True,
+    stop_after: int | None = None,
+    pairs: PairSource | None = None,
+) -> Path:
+    """Train one network to config.steps, going on from its checkpoint when there is one.
+
+    Args:
+        data: folder with hdri/train and meshes/train; None trains on procedural assets.
+        runs: the checkpoint, log.csv and TensorBoard events go to runs/<stage>.
+        stop_after: stop (with a checkpoint) once this many steps are done in all.
+        pairs: the batches, when they are at hand already.
+    Returns:
+        The checkpoint's path.
+    """
+    from torch.utils.tensorboard import SummaryWriter
+
+    warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
+    torch.manual_seed(config.seed)
+    folder = runs / config.stage
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "checkpoint.pt"
+    stage = Stage(config, runs, device)
+    optimizer = torch.optim.AdamW(
+        stage.net.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
+    )
+    first = 0
+    if path.is_file():
+        stored = torch.load(path, map_location=device, weights_only=True)
+        stage.net.load_state_dict(stored["net"])
+        optimizer.load_state_dict(stored["optimizer"])
+        first = stored["step"]
+    last = config.steps if stop_after is None else min(stop_after, config.steps)
+    if first >= last:
+        return path
+    source = pairs or make_pairs(config, data, runs / "cache", device, compiled)
+    log_path = folder / "log.csv"
+    _forget_after(log_path, first)
+    writer = SummaryWriter(str(folder / "tensorboard"), purge_step=first)
+    columns = (TextColumn(config.stage), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    saved = time.monotonic()
+    losses: list[torch.Tensor] = []
+    with Progress(*columns) as progress, log_path.open("a", newline="", encoding="utf-8") as log:
+        rows = csv.writer(log)
+        if first == 0:
+            rows.writerow(["step", "pairs", "loss", "learning_rate", "pairs_per_second"])
+        task = progress.add_task("", total=config.steps, completed=first)
+        since = time.monotonic()
+        for step in range(first, last):
+            for group in optimizer.param_groups:
+                group["lr"] = learning_rate(config, step)
+            loss = stage.loss(source.batch(step), step / config.steps)
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(stage.net.parameters(), 1.0)
+            optimizer.step()
+            losses.append(loss.detach())
+            progress.advance(task)
+            if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
+                mean = torch.stack(losses).mean().item()
+                rate = len(losses) * config.pairs.batch / (time.monotonic() - since)
+                rows.writerow(
+                    [step + 1, (step + 1) * config.pairs.batch, f"{mean:.6f}", f"{learning_rate(config, step):.2e}", f"{rate:.1f}"]
+                )
+                log.flush()
+                writer.add_scalar("loss", mean, step + 1)
+                progress.update(task, description=f"loss {mean:.5f}  {rate:.0f} pairs/s")
+                losses, since = [], time.monotonic()
+            if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
+                save_checkpoint(path, stage, optimizer, step + 1)
+                saved = time.monotonic()
+    writer.close()
+    return path
+
+
+def _forget_after(log: Path, step: int) -> None:
+    """Drop logged rows that a kill left after the last checkpoint."""
+    if not log.is_file():
+        return
+    lines = log.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if not line[:1].isdigit() or int(line.split(",")[0]) <= step]
+    log.write_text("".join(line + "\n" for line in (kept if step else [])), encoding="utf-8")

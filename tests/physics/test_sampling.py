@@ -1,0 +1,147 @@
+"""Samplers against their densities and inverses."""
+
+import numpy as np
+import pytest
+
+from anyprobe.core.frames import dot, normalize, orthonormal_basis, reflect, world_from_local
+from anyprobe.core.sampling import (
+    cosine_hemisphere_pdf,
+    cosine_hemisphere_to_square,
+    ggx_normal_pdf,
+    ggx_normal_to_square,
+    hammersley,
+    square_to_cosine_hemisphere,
+    square_to_ggx_normal,
+)
+from support.chi2 import assert_follows_pdf, chi2_p_value, p_value
+
+ALPHAS = (0.05, 0.3, 1.0)
+VIEWS_DEG = (0, 45, 75)
+NUM_TESTS = 2 + len(ALPHAS) + 2 * len(VIEWS_DEG)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+def test_hammersley_repeats_or_clumps():
+    """64 points put exactly one in every 1/64 of both axes and one in every 8 x 8 cell."""
+    u = hammersley(64)
+    for axis in range(2):
+        assert sorted((u[:, axis] * 64).astype(int)) == list(range(64))
+    cells = (u * 8).astype(int)
+    assert len(np.unique(cells[:, 0] * 8 + cells[:, 1])) == 64
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.37, 0.91), (0.5 - 1e-12, 1.0 - 1e-12), (-0.2, 3.4)])
+def test_hammersley_leaves_the_unit_square(shift):
+    """1 itself is the horizon, where densities are 0; float32 rounding must not reach it."""
+    for count in (1, 100):
+        u = hammersley(count, shift)
+        assert u.shape == (count, 2)
+        assert u.min() >= 0
+        assert u.max() < 1
+
+
+def test_shift_changes_the_pattern():
+    """Shifted points are the old ones moved with wrap-around, not clamped."""
+    moved = (hammersley(64).astype(np.float64) + (0.3, 0.8)) % 1
+    np.testing.assert_allclose(hammersley(64, (0.3, 0.8)), moved, atol=1e-6)
+
+
+def test_cosine_sampler_against_its_density(rng):
+    assert_follows_pdf(square_to_cosine_hemisphere, cosine_hemisphere_pdf, rng, NUM_TESTS)
+
+
+@pytest.mark.parametrize("alpha", ALPHAS)
+def test_ggx_sampler_against_its_density(alpha, rng):
+    assert_follows_pdf(
+        lambda u: square_to_ggx_normal(u, alpha), lambda h: ggx_normal_pdf(h, alpha), rng, NUM_TESTS
+    )
+
+
+@pytest.mark.parametrize("alpha", [0.3, 1.0])
+@pytest.mark.parametrize("view_deg", VIEWS_DEG)
+def test_reflected_directions_miss_the_jacobian(view_deg, alpha, rng):
+    """wi = reflect(wo, h) has density D (n.h) / (4 wo.h), below the horizon too.
+
+    The cells' pole is wo: around -wo the density grows like 1 / (wo.h), which only
+    the pole's own sine takes back.
+    """
+    wo = np.array([0.0, 0.0, 1.0])
+    n = np.array([[np.sin(np.radians(view_deg)), 0.0, np.cos(np.radians(view_deg))]])
+    tangent, bitangent = orthonormal_basis(n)
+
+    def sample(u):
+        h = world_from_local(square_to_ggx_normal(u, alpha), n)
+        return reflect(wo[None], h)[h[:, 2] > 0]
+
+    def pdf(wi):
+        h = normalize(wo + wi)
+        local = np.concatenate([dot(h, tangent), dot(h, bitangent), dot(h, n)], axis=-1)
+        return ggx_normal_pdf(local, alpha) / (4 * h[..., 2])
+
+    assert_follows_pdf(sample, pdf, rng, NUM_TESTS)
+
+
+def test_tilted_frame_loses_the_density(rng):
+    """Carried to a normal below the horizon, the cosine density turns with it."""
+    n = normalize(np.array([0.5, -0.3, -0.8]))
+    assert_follows_pdf(
+        lambda u: world_from_local(square_to_cosine_hemisphere(u), n),
+        lambda d: np.maximum(d @ n, 0) / np.pi,
+        rng,
+        NUM_TESTS,
+    )
+
+
+def test_chi_square_passes_anything(rng):
+    """The test of the test: near misses of shape, of density and of a missing half must be refused."""
+    uniform = lambda d: np.where(d[..., 2] > 0, 1 / (2 * np.pi), 0.0)  # noqa: E731
+    assert chi2_p_value(square_to_cosine_hemisphere, uniform, rng) < 1e-6
+    assert chi2_p_value(lambda u: square_to_ggx_normal(u, 0.3), lambda h: ggx_normal_pdf(h, 0.33), rng) < 1e-4
+    half = lambda u: square_to_cosine_hemisphere(u)[::2]  # noqa: E731
+    assert chi2_p_value(half, cosine_hemisphere_pdf, rng) < 1e-6
+
+
+def test_wilson_hilferty_quantiles():
+    """5 % points of the printed chi-square table: 31.410 (20), 67.505 (50), 124.342 (100)."""
+    for freedom, quantile in ((20, 31.410), (50, 67.505), (100, 124.342)):
+        np.testing.assert_allclose(p_value(quantile, freedom), 0.05, rtol=0.01)
+
+
+def test_cosine_inverse(rng):
+    u = rng.random((2000, 2))
+    np.testing.assert_allclose(cosine_hemisphere_to_square(square_to_cosine_hemisphere(u)), u, atol=1e-9)
+
+
+@pytest.mark.parametrize("alpha", [0.01, *ALPHAS])
+def test_ggx_inverse(alpha, rng):
+    u = rng.random((2000, 2))
+    np.testing.assert_allclose(ggx_normal_to_square(square_to_ggx_normal(u, alpha), alpha), u, atol=1e-7)
+
+
+def test_samples_have_unit_length_and_face_up():
+    u = hammersley(256)
+    for d in (square_to_cosine_hemisphere(u), *(square_to_ggx_normal(u, a) for a in (0.01, 0.3, 1.0))):
+        np.testing.assert_allclose(np.linalg.norm(d, axis=-1), 1, atol=1e-6)
+        assert (d[:, 2] > 0).all()
+
+
+def test_alpha_per_point_is_mixed_up():
+    """alpha [P, 1] against u [1, S] gives [P, S, 3], row p with its own alpha."""
+    u = hammersley(16)
+    d = square_to_ggx_normal(u[None], np.array([[0.1], [0.7]], np.float32))
+    np.testing.assert_allclose(d[0], square_to_ggx_normal(u, 0.1), atol=1e-6)
+    np.testing.assert_allclose(d[1], square_to_ggx_normal(u, 0.7), atol=1e-6)
+
+
+def test_torch_samples_differ():
+    torch = pytest.importorskip("torch", reason="torch is an extra")
+    u = hammersley(64).astype(np.float64)
+    for alpha in ALPHAS:
+        got = square_to_ggx_normal(torch.asarray(u), alpha).numpy()
+        np.testing.assert_allclose(got, square_to_ggx_normal(u, alpha), atol=1e-12)
+    got = square_to_cosine_hemisphere(torch.asarray(u)).numpy()
+    np.testing.assert_allclose(got, square_to_cosine_hemisphere(u), atol=1e-12)

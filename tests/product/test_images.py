@@ -1,0 +1,535 @@
+"""Every odd or broken picture that a user may hand in."""
+
+from __future__ import annotations
+
+import io
+import struct
+import sys
+import zlib
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image, ImageCms
+
+from anyprobe.core.response import response
+from anyprobe.errors import InvalidPhoto, MissingExtra, OutputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.images import MAX_PIXELS, read_image, write_png
+
+HEIGHT, WIDTH = 40, 60
+
+
+@pytest.fixture
+def rgb() -> np.ndarray:
+    """[H, W, 3] uint8, no two corners alike."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    return np.stack([4 * x, 6 * y, 250 - 2 * x - 3 * y], axis=-1).astype(np.uint8)
+
+
+def saved(image: Image.Image, format: str = "PNG", **options) -> bytes:
+    buffer = io.BytesIO()
+    image.save(buffer, format=format, **options)
+    return buffer.getvalue()
+
+
+def png_with_size(width: int, height: int) -> bytes:
+    """A PNG whose header tells a size that its pixels do not have."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    pixels = chunk(b"IDAT", zlib.compress(b"\0" * 64))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + pixels + chunk(b"IEND", b"")
+
+
+def assert_one_line(caught, *words: str) -> None:
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
+
+
+def write_exr_channels(path, **channels) -> None:
+    OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION},
+        {key: np.ascontiguousarray(value, dtype=np.float32) for key, value in channels.items()},
+    ).write(str(path))
+
+
+# The same picture by every way in
+
+
+def test_path_bytes_pillow_and_array_agree(tmp_path, rgb):
+    path = tmp_path / "photo.png"
+    Image.fromarray(rgb).save(path)
+    expected = rgb / np.float32(255.0)
+    for source in (path, str(path), path.read_bytes(), Image.fromarray(rgb), rgb):
+        pixels = read_image(source)
+        assert pixels.rgb.dtype == np.float32
+        assert pixels.alpha is None
+        assert pixels.long_fov_deg is None
+        np.testing.assert_array_equal(pixels.rgb, expected)
+    assert read_image(path).name == "photo.png"
+    assert read_image(rgb, name="mine").name == "mine"
+
+
+@pytest.mark.parametrize("format", ["JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM"])
+def test_every_common_format_is_read(rgb, format):
+    pixels = read_image(saved(Image.fromarray(rgb), format))
+    assert pixels.rgb.shape == (HEIGHT, WIDTH, 3)
+    assert np.abs(pixels.rgb - rgb / 255.0).mean() < 0.05
+
+
+# Not a picture
+
+
+def test_missing_file(tmp_path):
+    for source in (tmp_path / "none.jpg", str(tmp_path / "no\0ne.jpg")):
+        with pytest.raises(InvalidPhoto) as caught:
+            read_image(source)
+        assert_one_line(caught, "ne.jpg", "no such file")
+
+
+def test_folder(tmp_path):
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(tmp_path)
+    assert_one_line(caught, "folder")
+
+
+def test_empty_file(tmp_path):
+    (tmp_path / "empty.jpg").write_bytes(b"")
+    for source in (tmp_path / "empty.jpg", b""):
+        with pytest.raises(InvalidPhoto) as caught:
+            read_image(source)
+        assert_one_line(caught, "empty file")
+
+
+def test_text_named_jpg(tmp_path):
+    (tmp_path / "note.jpg").write_text("not a picture\n" * 50)
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(tmp_path / "note.jpg")
+    assert_one_line(caught, "note.jpg", "700 bytes")
+
+
+def test_postscript_starts_no_interpreter():
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 64 64\n%%EndComments\nshowpage\n")
+    assert_one_line(caught, "something else")
+
+
+def test_unknown_type():
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(42)
+    assert_one_line(caught, "int")
+
+
+@pytest.mark.parametrize("format", ["JPEG", "PNG", "WEBP"])
+def test_truncated_file_is_not_half_a_photo(rgb, format):
+    noise = np.random.default_rng(0).integers(0, 256, rgb.shape, dtype=np.uint8)
+    data = saved(Image.fromarray(noise), format)
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(data[: len(data) // 2])
+    assert_one_line(caught, "save it again" if format != "WEBP" else "expected")
+
+
+def test_damaged_pillow_image(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (80, 80, 3), dtype=np.uint8)
+    data = saved(Image.fromarray(noise), "JPEG")
+    path = tmp_path / "cut.jpg"
+    path.write_bytes(data[: len(data) // 2])
+    with Image.open(path) as image, pytest.raises(InvalidPhoto) as caught:
+        read_image(image)
+    assert_one_line(caught, "cut.jpg", "damaged")
+
+
+def test_heic_without_reader_names_the_extra(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    (tmp_path / "phone.heic").write_bytes(b"\0\0\0\x18ftypheic" + b"\0" * 100)
+    with pytest.raises(MissingExtra) as caught:
+        read_image(tmp_path / "phone.heic")
+    assert_one_line(caught, "phone.heic", "pillow-heif", "anyprobe[heic]")
+
+
+# Sizes
+
+
+@pytest.mark.parametrize("size", [(1, 1), (31, 200), (200, 31)])
+def test_tiny_photo(size):
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(saved(Image.new("RGB", size)))
+    assert_one_line(caught, f"{size[0]} x {size[1]}", "32")
+
+
+def test_smallest_photo_is_accepted():
+    assert read_image(saved(Image.new("RGB", (32, 32)))).rgb.shape == (32, 32, 3)
+
+
+@pytest.mark.parametrize("size", [(30000, 30000), (13000, 13000), (10001, 10000)])
+def test_huge_photo_is_refused_before_decoding(size):
+    assert size[0] * size[1] > MAX_PIXELS
+    with pytest.raises(InvalidPhoto) as caught:  # decoding it would complain of missing data
+        read_image(png_with_size(*size))
+    assert_one_line(caught, "100 million pixels", "shrink")
+
+
+def test_large_photo_below_the_limit_gives_no_bomb_warning():
+    with pytest.raises(InvalidPhoto) as caught:  # past the size check, into the missing pixels
+        read_image(png_with_size(9999, 9999))
+    assert_one_line(caught, "damaged")
+
+
+def test_huge_array():
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(np.broadcast_to(np.uint8(0), (10001, 10000, 3)))
+    assert_one_line(caught, "100 million")
+
+
+# Modes
+
+
+def test_grey(rgb):
+    pixels = read_image(saved(Image.fromarray(rgb[..., 0])))
+    assert pixels.alpha is None
+    for channel in range(3):
+        np.testing.assert_allclose(pixels.rgb[..., channel], rgb[..., 0] / 255.0, atol=1e-6)
+
+
+def test_grey_with_alpha(rgb):
+    image = Image.merge("LA", [Image.fromarray(rgb[..., 0]), Image.fromarray(rgb[..., 1])])
+    pixels = read_image(saved(image))
+    np.testing.assert_allclose(pixels.rgb[..., 2], rgb[..., 0] / 255.0, atol=1e-6)
+    np.testing.assert_allclose(pixels.alpha, rgb[..., 1] / 255.0, atol=1e-6)
+
+
+def test_color_with_alpha_is_not_premultiplied(rgb):
+    alpha = np.full((HEIGHT, WIDTH), 100, dtype=np.uint8)
+    pixels = read_image(saved(Image.fromarray(np.dstack([rgb, alpha]))))
+    np.testing.assert_allclose(pixels.rgb, rgb / 255.0, atol=1e-6)
+    np.testing.assert_allclose(pixels.alpha, 100 / 255.0, atol=1e-6)
+
+
+def test_opaque_alpha_counts_as_none(rgb):
+    opaque = np.full((HEIGHT, WIDTH), 255, dtype=np.uint8)
+    assert read_image(saved(Image.fromarray(np.dstack([rgb, opaque])))).alpha is None
+    assert read_image(np.dstack([rgb, opaque])).alpha is None
+
+
+def test_one_bit(rgb):
+    black_and_white = Image.fromarray(rgb[..., 0] > 128)
+    assert black_and_white.mode == "1"
+    pixels = read_image(saved(black_and_white))
+    np.testing.assert_array_equal(pixels.rgb[..., 1], (rgb[..., 0] > 128).astype(np.float32))
+
+
+def test_sixteen_bit_grey_is_not_clipped():
+    ramp = np.linspace(0, 65535, HEIGHT * WIDTH).reshape(HEIGHT, WIDTH).astype(np.uint16)
+    for format in ("PNG", "TIFF"):
+        pixels = read_image(saved(Image.fromarray(ramp), format))
+        np.testing.assert_allclose(pixels.rgb[..., 0], ramp / 65535.0, atol=1e-5)
+
+
+def test_whole_numbers_beyond_sixteen_bits():
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(Image.fromarray(np.full((40, 40), 70000, dtype=np.int32)))
+    assert_one_line(caught, "65535")
+
+
+def test_float_pillow_image():
+    ramp = np.linspace(0.0, 1.0, 40 * 40, dtype=np.float32).reshape(40, 40)
+    np.testing.assert_allclose(read_image(Image.fromarray(ramp)).rgb[..., 0], ramp)
+    with pytest.raises(InvalidPhoto):
+        read_image(Image.fromarray(ramp * 255.0))
+
+
+def test_palette_with_transparency(rgb):
+    image = Image.fromarray(rgb).quantize(8)
+    index = np.asarray(image)
+    pixels = read_image(saved(image, transparency=bytes([0] + [255] * 7)))
+    np.testing.assert_array_equal(pixels.alpha, (index != 0).astype(np.float32))
+    palette = np.asarray(image.getpalette()[:24]).reshape(-1, 3)
+    np.testing.assert_allclose(pixels.rgb, palette[index] / 255.0, atol=1e-6)
+
+
+def test_palette_without_transparency(rgb):
+    pixels = read_image(saved(Image.fromarray(rgb).quantize(64)))
+    assert pixels.alpha is None
+    assert np.abs(pixels.rgb - rgb / 255.0).mean() < 0.05
+
+
+def test_cmyk_jpeg_is_not_inverted(rgb):
+    pixels = read_image(saved(Image.fromarray(rgb).convert("CMYK"), "JPEG", quality=95))
+    assert np.abs(pixels.rgb - rgb / 255.0).mean() < 0.02
+
+
+def test_animation_gives_its_first_frame():
+    frames = [Image.new("RGB", (40, 40), color) for color in ("red", "lime", "blue")]
+    for format in ("GIF", "PNG", "WEBP"):
+        data = saved(frames[0], format, save_all=True, append_images=frames[1:])
+        np.testing.assert_allclose(read_image(data).rgb.mean((0, 1)), [1.0, 0.0, 0.0], atol=0.02)
+
+
+# Metadata
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_exif_rotation_is_undone(rgb, orientation):
+    upright = Image.fromarray(rgb)
+    undo = {
+        1: None,
+        2: Image.Transpose.FLIP_LEFT_RIGHT,
+        3: Image.Transpose.ROTATE_180,
+        4: Image.Transpose.FLIP_TOP_BOTTOM,
+        5: Image.Transpose.TRANSPOSE,
+        6: Image.Transpose.ROTATE_90,  # stored a quarter turn to the left of upright
+        7: Image.Transpose.TRANSVERSE,
+        8: Image.Transpose.ROTATE_270,
+    }[orientation]
+    stored = upright if undo is None else upright.transpose(undo)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    pixels = read_image(saved(stored, exif=exif))
+    np.testing.assert_allclose(pixels.rgb, rgb / 255.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_exif_focal_length_gives_the_longer_side(rgb, turned):
+    exif = Image.Exif()
+    exif[0x0112] = 6 if turned else 1
+    exif.get_ifd(0x8769)[0xA405] = 26
+    pixels = read_image(saved(Image.fromarray(rgb), "JPEG", exif=exif))
+    assert pixels.long_fov_deg == pytest.approx(69.39, abs=0.01)
+
+
+@pytest.mark.parametrize("focal_mm", [0, 1, 60000])
+def test_senseless_focal_length_is_unknown(rgb, focal_mm):
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = focal_mm
+    assert read_image(saved(Image.fromarray(rgb), "JPEG", exif=exif)).long_fov_deg is None
+
+
+def test_damaged_exif_is_ignored(rgb):
+    data = saved(Image.fromarray(rgb), "JPEG", exif=b"Exif\0\0II*\0\x08\0\0\0\xff\xff" + b"\xee" * 40)
+    assert read_image(data).rgb.shape == (HEIGHT, WIDTH, 3)
+
+
+def profile_with_red_and_blue_swapped() -> bytes:
+    """sRGB under another name, the tags of two primaries exchanged."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    profile = profile.replace("sRGB".encode("utf-16-be"), "swap".encode("utf-16-be"))
+    return profile.replace(b"rXYZ", b"?XYZ").replace(b"bXYZ", b"rXYZ").replace(b"?XYZ", b"bXYZ")
+
+
+def test_srgb_profile_changes_nothing(rgb):
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    pixels = read_image(saved(Image.fromarray(rgb), icc_profile=profile))
+    np.testing.assert_array_equal(pixels.rgb, rgb / np.float32(255.0))
+
+
+@pytest.mark.parametrize("kind", ["plain", "alpha", "palette"])
+def test_other_profile_is_converted(rgb, kind):
+    image = Image.fromarray(rgb)
+    if kind == "alpha":
+        image.putalpha(77)
+    if kind == "palette":
+        image = image.quantize(256)
+    pixels = read_image(saved(image, icc_profile=profile_with_red_and_blue_swapped()))
+    np.testing.assert_allclose(pixels.rgb, rgb[..., ::-1] / 255.0, atol=0.1 if kind == "palette" else 0.02)
+    assert (pixels.alpha is not None) == (kind == "alpha")
+
+
+def test_damaged_or_unfitting_profile_is_ignored(rgb):
+    pixels = read_image(saved(Image.fromarray(rgb), icc_profile=b"\0" * 200))
+    np.testing.assert_array_equal(pixels.rgb, rgb / np.float32(255.0))
+    grey = read_image(saved(Image.fromarray(rgb[..., 0]), icc_profile=profile_with_red_and_blue_swapped()))
+    np.testing.assert_allclose(grey.rgb[..., 0], rgb[..., 0] / 255.0, atol=1e-6)
+
+
+# Arrays
+
+
+@pytest.mark.parametrize("shape", [(40, 50), (40, 50, 1), (40, 50, 3), (40, 50, 4)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, ">u2", np.float16, np.float32, np.float64])
+def test_array_shapes_and_types(shape, dtype):
+    top = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1.0
+    values = (np.random.default_rng(0).random(shape) * top).astype(dtype)
+    pixels = read_image(values)
+    assert pixels.rgb.shape == (40, 50, 3)
+    assert pixels.rgb.dtype == np.float32
+    assert (pixels.alpha is not None) == (shape[2:] == (4,))
+    first = values if values.ndim == 2 else values[..., 0]
+    np.testing.assert_allclose(pixels.rgb[..., 0], first.astype(np.float64) / top, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [
+        (np.full((40, 40, 3), 255.0), "255"),
+        (np.full((40, 40, 3), -0.5), "-0.5"),
+        (np.full((40, 40, 3), np.nan), "nan"),
+        (np.full((40, 40, 3), np.inf), "inf"),
+        (np.zeros((40, 40, 3), dtype=np.int64), "int64"),
+        (np.zeros((40, 40, 3), dtype=bool), "bool"),
+        (np.zeros((40, 40, 2)), "(40, 40, 2)"),
+        (np.zeros((3, 40, 40)), "(3, 40, 40)"),
+        (np.zeros(40), "(40,)"),
+        (np.zeros((1, 40, 40, 3)), "(1, 40, 40, 3)"),
+        (np.zeros((0, 0, 3)), "0 x 0"),
+        (np.zeros((16, 40, 3)), "40 x 16"),
+    ],
+)
+def test_unusable_array(values, word):
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(values)
+    assert_one_line(caught, word)
+
+
+def test_reading_does_not_write_to_the_callers_array():
+    values = np.random.default_rng(0).random((40, 40, 3)).astype(np.float32)
+    kept = values.copy()
+    read_image(values).rgb[...] = 0.0
+    np.testing.assert_array_equal(values, kept)
+
+
+# Float EXR photos
+
+
+@pytest.fixture
+def radiance() -> np.ndarray:
+    return (np.random.default_rng(0).random((40, 50, 3)) * 2.0).astype(np.float32)
+
+
+def test_exr_photo_goes_through_the_camera(tmp_path, radiance):
+    path = tmp_path / "photo.exr"
+    write_exr_channels(path, R=radiance[..., 0], G=radiance[..., 1], B=radiance[..., 2])
+    for source in (path, path.read_bytes()):
+        pixels = read_image(source)
+        np.testing.assert_allclose(pixels.rgb, response(radiance), atol=1e-6)
+        assert pixels.alpha is None
+
+
+def test_exr_photo_with_packed_channels(tmp_path, radiance):
+    path = tmp_path / "photo.exr"
+    write_exr_channels(path, RGB=radiance)
+    np.testing.assert_allclose(read_image(path).rgb, response(radiance), atol=1e-6)
+
+
+def test_exr_grey_photo(tmp_path, radiance):
+    write_exr_channels(tmp_path / "grey.exr", Y=radiance[..., 0])
+    rgb = read_image(tmp_path / "grey.exr").rgb
+    np.testing.assert_allclose(rgb, response(np.repeat(radiance[..., :1], 3, axis=-1)), atol=1e-6)
+
+
+def test_exr_alpha_is_divided_out(tmp_path, radiance):
+    alpha = np.full((40, 50), 0.5, dtype=np.float32)
+    alpha[:10] = 0.0
+    write_exr_channels(tmp_path / "cut.exr", RGBA=np.dstack([radiance * alpha[..., None], alpha]))
+    pixels = read_image(tmp_path / "cut.exr")
+    np.testing.assert_allclose(pixels.alpha, alpha)
+    np.testing.assert_allclose(pixels.rgb[10:], response(radiance[10:]), atol=1e-5)
+
+
+def test_exr_color_without_any_alpha_survives(tmp_path, radiance):
+    alpha = np.zeros((40, 50), dtype=np.float32)
+    write_exr_channels(tmp_path / "glow.exr", RGBA=np.dstack([radiance, alpha]))
+    np.testing.assert_allclose(read_image(tmp_path / "glow.exr").rgb, response(radiance), atol=1e-6)
+
+
+def test_exr_negative_is_clipped(tmp_path, radiance):
+    write_exr_channels(tmp_path / "photo.exr", RGB=radiance - 1.0)
+    np.testing.assert_allclose(
+        read_image(tmp_path / "photo.exr").rgb, response(np.maximum(radiance - 1.0, 0.0)), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_exr_nan_is_refused(tmp_path, radiance, bad):
+    radiance[3, 4, 1] = bad
+    write_exr_channels(tmp_path / "photo.exr", RGB=radiance)
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(tmp_path / "photo.exr")
+    assert_one_line(caught, "photo.exr", "NaN or infinity")
+
+
+def test_exr_crop_keeps_its_place_in_the_frame(tmp_path):
+    header = {"dataWindow": ((10, 5), (41, 36)), "displayWindow": ((0, 0), (63, 47))}
+    path = tmp_path / "crop.exr"
+    OpenEXR.File(header, {"Y": np.full((32, 32), 1.0, dtype=np.float32)}).write(str(path))
+    rgb = read_image(path).rgb
+    assert rgb.shape == (48, 64, 3)
+    assert rgb[5:37, 10:42].min() == 1.0
+    assert rgb.sum() == 32 * 32 * 3
+
+
+def test_exr_other_channels(tmp_path, radiance):
+    write_exr_channels(tmp_path / "depth.exr", Z=radiance[..., 0])
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(tmp_path / "depth.exr")
+    assert_one_line(caught, "R, G, B", "Z")
+
+
+@pytest.mark.parametrize("keep", [20, 2000])
+def test_exr_truncated(tmp_path, radiance, capsys, keep):
+    write_exr_channels(tmp_path / "photo.exr", RGB=radiance)
+    data = (tmp_path / "photo.exr").read_bytes()
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(data[:keep])
+    assert_one_line(caught, "damaged")
+    assert capsys.readouterr().out == ""
+
+
+# Writing
+
+
+def test_png_round_trip(tmp_path, rgb):
+    path = tmp_path / "new" / "folder" / "preview.png"
+    write_png(path, rgb)
+    np.testing.assert_array_equal(read_image(path).rgb, rgb / np.float32(255.0))
+    write_png(path, rgb / 255.0)
+    np.testing.assert_array_equal(read_image(path).rgb, rgb / np.float32(255.0))
+    assert [p.name for p in path.parent.iterdir()] == ["preview.png"]
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, OSError])
+def test_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, failure):
+    path = tmp_path / "result.bin"
+    path.write_bytes(b"old")
+
+    def write_half() -> None:
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(b"half")
+            raise failure
+
+    with pytest.raises(OutputError if failure is OSError else failure):
+        write_half()
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_folder_that_cannot_be_made(tmp_path, rgb):
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OutputError) as caught:
+        write_png(tmp_path / "file" / "preview.png", rgb)
+    assert_one_line(caught, "preview.png", "cannot be written")
+
+
+def test_folder_in_place_of_the_file(tmp_path, rgb):
+    with pytest.raises(OutputError) as caught:
+        write_png(tmp_path, rgb)
+    assert_one_line(caught, "folder")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_written_file_has_the_usual_permissions(tmp_path, rgb):
+    (tmp_path / "plain").write_bytes(b"")
+    write_png(tmp_path / "preview.png", rgb)
+    assert (tmp_path / "preview.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_symbolic_link_is_written_through(tmp_path, rgb):
+    (tmp_path / "real.png").write_bytes(b"old")
+    (tmp_path / "link.png").symlink_to(tmp_path / "real.png")
+    write_png(tmp_path / "link.png", rgb)
+    assert (tmp_path / "link.png").is_symlink()
+    assert (tmp_path / "real.png").stat().st_size > 3

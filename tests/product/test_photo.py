@@ -1,0 +1,388 @@
+"""The object's mask, the field of view, and the crop that the networks see."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from anyprobe.core.color import to_bytes
+from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
+from anyprobe.infer.mask import check_mask, mask_from_box, mask_from_file
+from anyprobe.infer.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
+
+
+def disc(height: int, width: int, x: float, y: float, radius: float) -> np.ndarray:
+    """Mask [H, W] float32 of a disc with a soft edge of one pixel."""
+    rows, columns = np.mgrid[0:height, 0:width] + 0.5
+    return np.clip(radius + 0.5 - np.hypot(columns - x, rows - y), 0.0, 1.0).astype(np.float32)
+
+
+def rgba_photo(height=120, width=200, x=70.0, y=50.0, radius=30.0, color=(0.6, 0.3, 0.2)) -> np.ndarray:
+    alpha = disc(height, width, x, y, radius)
+    return np.dstack([np.broadcast_to(np.float32(color), (height, width, 3)), alpha])
+
+
+def make_photo(mask: np.ndarray, rgb=None, long_fov_deg: float = 60.0) -> Photo:
+    rgb = np.full((*mask.shape, 3), 0.5, dtype=np.float32) if rgb is None else rgb.astype(np.float32)
+    mask = mask.astype(np.float32)
+    return Photo(rgb=rgb, mask=mask, long_fov_deg=long_fov_deg, fov_source="given", name="photo", warnings=())
+
+
+def assert_one_line(caught, *words: str) -> None:
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
+
+
+# Which mask
+
+
+def test_no_mask_names_the_three_ways():
+    with pytest.raises(InvalidMask) as caught:
+        load_photo(np.zeros((64, 64, 3), dtype=np.uint8))
+    assert_one_line(caught, "--mask FILE", "--box X0,Y0,X1,Y1", "alpha")
+
+
+def test_mask_goes_before_alpha():
+    mask = disc(120, 200, 150.0, 60.0, 20.0)
+    photo = load_photo(rgba_photo(), mask=mask)
+    np.testing.assert_allclose(photo.mask > 0.5, mask > 0.5)
+    np.testing.assert_allclose(load_photo(rgba_photo()).mask, disc(120, 200, 70.0, 50.0, 30.0), atol=1e-6)
+
+
+def test_box_goes_before_alpha_and_mask_before_box(monkeypatch):
+    asked = []
+
+    def cut(rgb, box):
+        asked.append(box)
+        return disc(120, 200, 150.0, 60.0, 20.0)
+
+    monkeypatch.setattr("anyprobe.infer.photo.mask_from_box", cut)
+    assert load_photo(rgba_photo(), box=(1, 2, 90, 90)).mask[60, 150] == 1.0
+    assert load_photo(rgba_photo(), box=(1, 2, 90, 90), mask=np.ones((120, 200))).mask.min() == 1.0
+    assert asked == [(1, 2, 90, 90)]
+
+
+def test_fully_transparent_photo():
+    photo = rgba_photo()
+    photo[..., 3] = 0.0
+    with pytest.raises(InvalidMask) as caught:
+        load_photo(photo)
+    assert_one_line(caught, "empty mask")
+
+
+# Mask files
+
+
+def test_mask_kinds_agree(tmp_path):
+    soft = disc(120, 200, 70.0, 50.0, 30.0)
+    grey = to_bytes(soft)
+    Image.fromarray(grey).save(tmp_path / "grey.png")
+    Image.fromarray(grey).save(tmp_path / "grey.jpg", quality=95)
+    Image.fromarray(np.dstack([grey] * 3)).save(tmp_path / "color.png")
+    Image.fromarray(np.dstack([np.zeros((120, 200, 3), np.uint8), grey])).save(tmp_path / "alpha.png")
+    opaque = np.full((120, 200), 200, np.uint8)  # a constant alpha says nothing
+    Image.fromarray(np.dstack([grey, grey, grey, opaque])).save(tmp_path / "constant.png")
+    Image.fromarray(soft > 0.5).save(tmp_path / "bit.png")
+    hard = soft > 0.5
+    clear = np.abs(soft - 0.5) > 0.1  # compression may tip the edge itself
+    sources = [
+        *sorted(tmp_path.iterdir()),
+        str(tmp_path / "grey.png"),
+        Image.fromarray(grey),
+        grey,
+        soft,
+        hard,
+    ]
+    sources += [hard.astype(np.uint8), hard.astype(np.int64), hard.astype(np.float64)]
+    for source in sources:
+        mask = mask_from_file(source, (120, 200))
+        assert mask.dtype == np.float32
+        np.testing.assert_array_equal((mask > 0.5)[clear], hard[clear])
+
+
+def test_soft_edge_stays_and_compression_noise_goes():
+    values = np.zeros((64, 64), dtype=np.float32)
+    values[:, 32:] = 0.97
+    values[:, 31] = 0.5
+    values[:, :20] = 0.04
+    mask = mask_from_file(values, (64, 64))
+    assert mask[:, 31] == pytest.approx(0.5, abs=1e-5)
+    assert mask[:, :20].max() == 0.0
+    assert mask[:, 32:].min() == 1.0
+
+
+def test_mask_of_another_size():
+    with pytest.raises(InvalidMask) as caught:
+        load_photo(np.zeros((120, 200, 3), np.uint8), mask=np.ones((200, 120)))
+    assert_one_line(caught, "200 x 120", "120 x 200")
+
+
+def test_mask_must_fit_the_upright_photo(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.new("RGB", (200, 120), "grey").save(tmp_path / "phone.jpg", exif=exif)
+    upright = np.zeros((200, 120), np.uint8)
+    upright[50:100, 20:60] = 255
+    assert load_photo(tmp_path / "phone.jpg", mask=upright).rgb.shape == (200, 120, 3)
+    with pytest.raises(InvalidMask) as caught:
+        load_photo(tmp_path / "phone.jpg", mask=upright.T)
+    assert_one_line(caught, "120 x 200", "200 x 120", "upright")
+
+
+def test_mask_that_is_no_picture(tmp_path):
+    (tmp_path / "mask.png").write_text("nothing")
+    for source in (tmp_path / "mask.png", tmp_path / "none.png"):
+        with pytest.raises(InvalidMask) as caught:
+            mask_from_file(source, (64, 64))
+        assert_one_line(caught, source.name)
+
+
+@pytest.mark.parametrize("level", [0, 100])
+def test_empty_mask(level):
+    with pytest.raises(InvalidMask) as caught:
+        mask_from_file(np.full((64, 64), level, np.uint8), (64, 64))
+    assert_one_line(caught, "empty mask")
+
+
+def test_object_under_24_pixels():
+    for shape, accepted in (((23, 23), False), ((24, 3), True), ((3, 24), True)):
+        mask = np.zeros((64, 64))
+        mask[5 : 5 + shape[0], 7 : 7 + shape[1]] = 1.0
+        if accepted:
+            assert check_mask(mask).dtype == np.float32
+            continue
+        with pytest.raises(InvalidMask) as caught:
+            check_mask(mask)
+        assert_one_line(caught, "24 pixels", "23 x 23")
+
+
+def test_specks_do_not_hide_behind_half_transparency():
+    mask = np.full((64, 64), 0.4)
+    mask[3:6, 3:6] = 1.0
+    with pytest.raises(InvalidMask):
+        check_mask(mask)
+
+
+@pytest.mark.parametrize("bad", [np.full((64, 64), np.nan), np.full((64, 64), 2.0), np.ones((64, 64, 3))])
+def test_senseless_mask(bad):
+    with pytest.raises(InvalidMask):
+        check_mask(bad)
+
+
+# Box
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        (50, 10, 20, 90),  # turned round
+        (-1, 10, 90, 90),
+        (10, 10, 201, 90),  # over the border
+        (10, 10, 90, 121),
+        (10, 10, 30, 30),  # smaller than any object
+        (0, 0, 200, 120),  # no background
+        (1, 2, 3),
+        (1, 2, 3, float("nan")),
+        ("a", 2, 3, 4),
+        None,
+        7,
+    ],
+)
+def test_senseless_box(box):
+    with pytest.raises(InvalidMask) as caught:
+        mask_from_box(np.zeros((120, 200, 3), np.float32), box)
+    assert_one_line(caught, "box")
+
+
+def test_box_without_opencv_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(MissingExtra) as caught:
+        mask_from_box(np.zeros((120, 200, 3), np.float32), (10, 10, 90, 90))
+    assert_one_line(caught, "opencv-python-headless", "anyprobe[box]")
+
+
+@pytest.mark.parametrize("scale", [1, 6])
+def test_box_finds_the_object(scale):
+    pytest.importorskip("cv2")
+    height, width = 120 * scale, 200 * scale
+    truth = disc(height, width, 70.0 * scale, 50.0 * scale, 30.0 * scale)[..., None]
+    noise = np.random.default_rng(0).normal(0.0, 0.02, (height, width, 3))
+    rgb = truth * (0.7, 0.35, 0.2) + (1 - truth) * (0.2, 0.4, 0.5) + noise
+    rgb = np.clip(rgb, 0.0, 1.0).astype(np.float32)
+    box = tuple(scale * v for v in (32, 12, 108, 88))
+    mask = mask_from_box(rgb, box)
+    assert mask.shape == (height, width)
+    found, true = mask > 0.5, truth[..., 0] > 0.5
+    assert (found & true).sum() / (found | true).sum() > 0.95
+    np.testing.assert_array_equal(mask, mask_from_box(rgb, box))  # the same twice
+
+
+@pytest.mark.parametrize("box", [(32, 12, 108, 88), (0, 0, 199.9, 119.9)])
+def test_box_on_a_blank_photo_finds_nothing(box):
+    pytest.importorskip("cv2")
+    with pytest.raises(InvalidMask) as caught:
+        mask_from_box(np.full((120, 200, 3), 0.5, np.float32), box)
+    assert_one_line(caught, "box", "--mask FILE")
+
+
+# Field of view and exposure
+
+
+def test_field_of_view_given_then_exif_then_default(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 1
+    exif.get_ifd(0x8769)[0xA405] = 18
+    Image.fromarray(to_bytes(rgba_photo())).save(tmp_path / "photo.png", exif=exif)
+    given = load_photo(tmp_path / "photo.png", fov_deg=40.0)
+    assert (given.long_fov_deg, given.fov_source) == (40.0, "given")
+    read = load_photo(tmp_path / "photo.png")
+    assert read.fov_source == "exif"
+    assert read.long_fov_deg == pytest.approx(90.0)
+    default = load_photo(rgba_photo())
+    assert (default.long_fov_deg, default.fov_source) == (DEFAULT_LONG_FOV_DEG, "default")
+    assert default.warnings == ()
+
+
+@pytest.mark.parametrize("fov_deg", [0.0, 1.0, 170.0, -30.0, 400.0, float("nan")])
+def test_senseless_field_of_view(fov_deg):
+    with pytest.raises(InvalidPhoto) as caught:
+        load_photo(rgba_photo(), fov_deg=fov_deg)
+    assert_one_line(caught, "field of view")
+
+
+@pytest.mark.parametrize(
+    ("color", "word"), [((0.0, 0.01, 0.0), "black"), ((1.0, 0.99, 1.0), "white"), ((1.0, 0.5, 1.0), None)]
+)
+def test_burnt_or_black_object_warns(color, word):
+    photo = rgba_photo(color=color)
+    photo[:5, :5, :3] = 0.5  # the background does not matter
+    warnings = load_photo(photo).warnings
+    assert len(warnings) == (0 if word is None else 1)
+    assert word is None or word in warnings[0]
+
+
+def test_partly_burnt_object_does_not_warn():
+    photo = rgba_photo(color=(1.0, 1.0, 1.0))
+    photo[45:55, :, :3] = 0.5
+    assert load_photo(photo).warnings == ()
+
+
+# Crop
+
+
+def test_crop_window_and_type():
+    crop = crop_object(make_photo(disc(120, 200, 70.0, 50.0, 30.0)))
+    assert crop.image.shape == (128, 128, 4)
+    assert crop.image.dtype == np.float32
+    assert crop.camera_from_crop.dtype == np.float64
+    assert crop.center_px == (70.0, 50.0)
+    assert crop.side_px == pytest.approx(1.1 * 60)
+
+
+@pytest.mark.parametrize("radius", [20.0, 55.0, 140.0, 400.0])
+def test_crop_keeps_area_and_center(radius):
+    """Enlarged or shrunk, the object covers the same share and sits in the middle."""
+    extent = int(2 * radius + 50)
+    photo = make_photo(disc(extent, extent + 31, extent / 2 + 3.0, extent / 2, radius))
+    crop = crop_object(photo)
+    mask = crop.image[..., 3].astype(np.float64)
+    assert mask.mean() * crop.side_px**2 == pytest.approx(np.pi * radius**2, rel=0.01)
+    pixel = np.arange(128) + 0.5
+    assert (mask.sum(0) @ pixel) / mask.sum() == pytest.approx(64.0, abs=0.05)
+    assert (mask.sum(1) @ pixel) / mask.sum() == pytest.approx(64.0, abs=0.05)
+
+
+@pytest.mark.parametrize("radius", [20.0, 150.0])
+def test_background_does_not_bleed_in(radius):
+    extent = int(2 * radius + 50)
+    mask = disc(extent, extent, extent / 2, extent / 2, radius)
+    rgb = np.where(mask[..., None] > 0.0, np.float32([0.25, 0.5, 0.75]), np.float32(1.0))
+    image = crop_object(make_photo(mask, rgb)).image
+    np.testing.assert_allclose(image[..., :3], image[..., 3:] * [0.25, 0.5, 0.75], atol=1e-5)
+
+
+def test_shrinking_averages_instead_of_skipping():
+    rows, columns = np.mgrid[0:600, 0:600]
+    mask = np.ones((600, 600))
+    board = np.repeat(((rows + columns) % 2)[..., None], 3, axis=-1)
+    image = crop_object(make_photo(mask, board)).image
+    inner = image[10:-10, 10:-10, :3]
+    assert inner.mean() == pytest.approx(0.5, abs=1e-3)
+    assert inner.std() < 0.05
+
+
+def test_enlarging_is_smooth():
+    mask = np.zeros((60, 60))
+    mask[10:50, 10:50] = 1.0
+    ramp = np.repeat(np.linspace(0.0, 1.0, 60)[None, :, None], 60, axis=0).repeat(3, axis=2)
+    image = crop_object(make_photo(mask, ramp)).image
+    steps = np.diff(image[64, 12:-12, 0])
+    np.testing.assert_allclose(steps, 44.0 / 128 / 59, rtol=1e-2)
+
+
+def test_crop_over_the_border_is_empty_there():
+    mask = np.zeros((100, 200))
+    mask[:60, :60] = 1.0
+    crop = crop_object(make_photo(mask))
+    assert crop.center_px == (30.0, 30.0)
+    margin = int(128 * 3.0 / 66.0)
+    assert crop.image[: margin - 1].max() == 0.0
+    assert crop.image[:, : margin - 1].max() == 0.0
+    assert crop.image[64, 64].tolist() == pytest.approx([0.5, 0.5, 0.5, 1.0])
+
+
+def test_crop_larger_than_the_photo():
+    crop = crop_object(make_photo(np.ones((40, 200))))
+    assert crop.side_px == pytest.approx(220.0)
+    share = crop.image[..., 3].mean() * 220.0**2 / (40 * 200)
+    assert share == pytest.approx(1.0, rel=1e-4)
+
+
+def test_crop_top_is_the_photos_top():
+    mask = disc(200, 200, 100.0, 100.0, 80.0)
+    rgb = np.zeros((200, 200, 3))
+    rgb[:100, :, 0] = 1.0  # red above
+    rgb[:, :100, 1] = 1.0  # green on the left
+    image = crop_object(make_photo(mask, rgb)).image
+    assert image[40, 64, 0] > 0.99 > 0.01 > image[90, 64, 0]
+    assert image[64, 40, 1] > 0.99 > 0.01 > image[64, 90, 1]
+
+
+def test_object_in_the_middle_needs_no_turn():
+    crop = crop_object(make_photo(disc(120, 200, 100.0, 60.0, 30.0)))
+    np.testing.assert_allclose(crop.camera_from_crop, np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "expected"),
+    [
+        (200.0, 50.0, (1.0, 0.0, -1.0)),  # right border, 90 degrees: 45 to the right, +X
+        (0.0, 50.0, (-1.0, 0.0, -1.0)),
+        (100.0, 0.0, (0.0, 0.5, -1.0)),  # top border of a 2:1 photo: up, +Y
+        (100.0, 100.0, (0.0, -0.5, -1.0)),
+    ],
+)
+def test_crop_looks_towards_the_object(x, y, expected):
+    columns, rows = np.arange(200) + 0.5, np.arange(100) + 0.5
+    # cut off by the border, so compare with the window's own centre
+    mask = ((np.abs(rows - y) < 20)[:, None] & (np.abs(columns - x) < 20)[None, :]).astype(float)
+    crop = crop_object(make_photo(mask, long_fov_deg=90.0))
+    cx, cy = crop.center_px
+    direction = crop.camera_from_crop @ (0.0, 0.0, -1.0)
+    own = np.array([(cx - 100.0) / 100.0, (50.0 - cy) / 100.0, -1.0])
+    np.testing.assert_allclose(direction, own / np.linalg.norm(own), atol=1e-12)
+    assert np.sign(np.round(direction[:2], 9)).tolist() == np.sign(expected[:2]).tolist()
+
+
+def test_field_of_view_belongs_to_the_longer_side():
+    wide = np.zeros((100, 200))
+    wide[30:70, 130:170] = 1.0
+    tilt_wide = crop_object(make_photo(wide, long_fov_deg=90.0)).camera_from_crop @ (0, 0, -1)
+    tilt_tall = crop_object(make_photo(wide.T, long_fov_deg=90.0)).camera_from_crop @ (0, 0, -1)
+    assert tilt_wide[0] == pytest.approx(0.5 / np.hypot(0.5, 1.0))
+    assert -tilt_tall[1] == pytest.approx(tilt_wide[0])  # further down the picture: -Y

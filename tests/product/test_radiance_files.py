@@ -1,0 +1,286 @@
+"""Radiance maps written and read back, and files that are not what they say."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.errors import InvalidEnvironment, OutputError
+from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+
+
+def draw_map(height: int, seed: int = 0) -> np.ndarray:
+    """Radiance over nine decades, with flat patches that make runs."""
+    rng = np.random.default_rng(seed)
+    radiance = 10.0 ** rng.uniform(-4.0, 5.0, (height, 2 * height, 1)) * rng.random((height, 2 * height, 3))
+    radiance[height // 2 :, : height // 2] = (0.25, 0.5, 1.0)
+    radiance[0] = 0.0
+    return radiance.astype(np.float32)
+
+
+def assert_within_rgbe(read: np.ndarray, written: np.ndarray) -> None:
+    """Half a step of the shared exponent: 1/255 of the pixel's largest channel at most."""
+    step = written.max(axis=-1, keepdims=True) / 255.0
+    assert (np.abs(read - written) <= step).all()
+
+
+def hdr_file(height: int, width: int, pixels: bytes, lines: str = "FORMAT=32-bit_rle_rgbe\n") -> bytes:
+    return f"#?RADIANCE\n{lines}\n-Y {height} +X {width}\n".encode() + pixels
+
+
+def assert_one_line(caught, *words: str) -> None:
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
+
+
+# .hdr
+
+
+@pytest.mark.parametrize("height", [1, 3, 4, 8, 64, 100])  # widths 2 and 6 must be flat
+def test_hdr_round_trip(tmp_path, height):
+    radiance = draw_map(height)
+    write_hdr(tmp_path / "map.hdr", radiance)
+    read = read_radiance(tmp_path / "map.hdr")
+    assert read.dtype == np.float32
+    assert_within_rgbe(read, radiance)
+
+
+def test_hdr_has_no_bias(tmp_path):
+    radiance = np.random.default_rng(1).uniform(0.5, 1.0, (64, 128, 3)).astype(np.float32)
+    write_hdr(tmp_path / "map.hdr", radiance)
+    assert read_radiance(tmp_path / "map.hdr").mean() == pytest.approx(radiance.mean(), rel=2e-4)
+
+
+def test_hdr_extremes(tmp_path):
+    radiance = np.zeros((4, 8, 3), dtype=np.float32)
+    radiance[0, :, :] = [1.0, 0.999, 255.5 / 256]  # on the edge of a ninth bit
+    radiance[1, 0] = 0.99999
+    radiance[1, 1] = 65504.0
+    radiance[1, 2] = 1e30
+    radiance[1, 3] = np.finfo(np.float32).max  # above the format: the largest it holds
+    radiance[1, 4] = 1e-30
+    radiance[1, 5] = 1e-44  # below the format: black
+    radiance[2, 0] = [1e5, 1.0, 0.0]
+    write_hdr(tmp_path / "map.hdr", radiance)
+    read = read_radiance(tmp_path / "map.hdr")
+    assert read[1, 3].min() > 1.6e38
+    assert (read[1, 5] == 0.0).all()
+    radiance[1, 3] = read[1, 3]
+    radiance[1, 5] = 0.0
+    assert_within_rgbe(read, radiance)
+    assert (read[3] == 0.0).all()
+
+
+def test_hdr_header_and_black_pixel_bytes(tmp_path):
+    write_hdr(tmp_path / "map.hdr", np.zeros((8, 16, 3), dtype=np.float32))
+    data = (tmp_path / "map.hdr").read_bytes()
+    assert data.startswith(b"#?RADIANCE\n")
+    assert b"\nFORMAT=32-bit_rle_rgbe\n" in data
+    header, pixels = data.split(b"\n\n-Y 8 +X 16\n")
+    assert pixels == (b"\x02\x02\x00\x10" + b"\x90\x00" * 4) * 8  # a run of 16 zeros per channel
+
+
+def test_hdr_is_read_by_another_program(tmp_path, monkeypatch):
+    cv2 = pytest.importorskip("cv2")
+    radiance = draw_map(64)
+    write_hdr(tmp_path / "map.hdr", radiance)
+    read = cv2.imread(str(tmp_path / "map.hdr"), cv2.IMREAD_UNCHANGED)[..., ::-1]
+    np.testing.assert_allclose(read, read_radiance(tmp_path / "map.hdr"), rtol=1e-6)
+
+
+def test_hdr_of_another_program_is_read(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    radiance = draw_map(64)
+    cv2.imwrite(str(tmp_path / "map.hdr"), np.ascontiguousarray(radiance[..., ::-1]))
+    read = read_radiance(tmp_path / "map.hdr")
+    assert (np.abs(read - radiance) <= radiance.max(axis=-1, keepdims=True) / 120.0).all()  # cut, not rounded
+
+
+def test_hdr_flat_rows(tmp_path):
+    rgbe = np.random.default_rng(0).integers(128, 140, (8, 16, 4), dtype=np.uint8)
+    (tmp_path / "flat.hdr").write_bytes(hdr_file(8, 16, rgbe.tobytes()))
+    expected = rgbe[..., :3] * 2.0 ** (rgbe[..., 3:].astype(float) - 136)
+    np.testing.assert_allclose(read_radiance(tmp_path / "flat.hdr"), expected, rtol=1e-6)
+
+
+def test_hdr_exposure_is_divided_out(tmp_path):
+    pixels = bytes((128, 128, 128, 129)) * 32  # 1.0
+    (tmp_path / "map.hdr").write_bytes(hdr_file(4, 8, pixels, "EXPOSURE=4\nEXPOSURE= 0.5\n"))
+    np.testing.assert_allclose(read_radiance(tmp_path / "map.hdr"), 0.5)
+
+
+def test_large_hdr_is_fast(tmp_path):
+    y, x = np.mgrid[0:1024, 0:2048]
+    radiance = np.stack([np.exp(np.sin(x / 50) + y / 300), x / 2048, y / 1024], axis=-1).astype(np.float32)
+    begin = time.process_time()
+    write_hdr(tmp_path / "map.hdr", radiance)
+    read = read_radiance(tmp_path / "map.hdr")
+    assert time.process_time() - begin < 10.0  # about 1 s on an idle machine
+    assert_within_rgbe(read, radiance)
+    assert (tmp_path / "map.hdr").stat().st_size < 1024 * 2048 * 4
+
+
+@pytest.mark.parametrize("keep", [0, 5, 60, 500, -1])
+def test_hdr_truncated(tmp_path, keep):
+    write_hdr(tmp_path / "map.hdr", draw_map(16))
+    data = (tmp_path / "map.hdr").read_bytes()[:keep]
+    (tmp_path / "map.hdr").write_bytes(data)
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / "map.hdr")
+    assert_one_line(caught, "map.hdr")
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (hdr_file(4, 8, b"\x02\x02\x00\x08" + b"\x00" * 400), "fewer"),  # a literal of length 0
+        (hdr_file(4, 8, b"\x02\x02\x00\x08" + b"\xff\x07" * 100), "fewer"),  # a run over the end of the row
+        (hdr_file(4, 8, bytes((1, 1, 1, 4)) * 32), "old"),
+        (hdr_file(60000, 60000, b"\x00" * 100), "million"),
+        (hdr_file(8000, 16000, b"\x00" * 100), "fewer"),
+        (hdr_file(0, 0, b""), "0 x 0"),
+        (hdr_file(4, 8, b"\x80" * 128, "FORMAT=32-bit_rle_xyze\n"), "xyze"),
+        (hdr_file(4, 8, b"\x80" * 128, "EXPOSURE=0\n"), "EXPOSURE"),
+        (hdr_file(4, 8, b"\x80" * 128, "EXPOSURE=bright\n"), "EXPOSURE"),
+        (b"#?RADIANCE\n\n+X 8 -Y 4\n" + b"\x80" * 128, "+X 8 -Y 4"),
+        (hdr_file(8, 8, b"\x80" * 256), "width = 2 x height"),
+        (b"\x89PNG\r\n\x1a\n" + b"\0" * 100, "Radiance"),
+    ],
+)
+def test_hdr_damaged(tmp_path, data, word):
+    (tmp_path / "map.hdr").write_bytes(data)
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / "map.hdr")
+    assert_one_line(caught, "map.hdr", word)
+
+
+# .exr
+
+
+def test_exr_header(tmp_path):
+    write_exr(tmp_path / "map.exr", draw_map(8), attributes={"model": "v1", "fov_source": "exif"})
+    with OpenEXR.File(str(tmp_path / "map.exr")) as file:
+        header = file.header()
+        assert isinstance(header["envmap"], OpenEXR.Envmap)
+        assert header["envmap"] == OpenEXR.ENVMAP_LATLONG
+        np.testing.assert_allclose(
+            header["chromaticities"], (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), atol=1e-6
+        )
+        assert header["anyprobe:model"] == "v1"
+        assert header["anyprobe:fov_source"] == "exif"
+        assert file.channels()["RGB"].pixels.dtype == np.float16
+
+
+def test_exr_float_is_exact(tmp_path):
+    radiance = draw_map(16) * 100.0
+    assert write_exr(tmp_path / "map.exr", radiance, half=False) == 0.0
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr"), radiance)
+
+
+def test_exr_half_does_not_become_infinite(tmp_path):
+    radiance = np.full((8, 16, 3), 1000.0, dtype=np.float32)
+    radiance[0, 5] = 1e6  # near the pole, where a pixel is small
+    share = write_exr(tmp_path / "map.exr", radiance)
+    read = read_radiance(tmp_path / "map.exr")
+    assert read[0, 5].tolist() == [65504.0] * 3
+    weights = pixel_solid_angles(8).astype(float)[:, :, None]
+    assert share == pytest.approx(weights[0, 0, 0] * 3 * (1e6 - 65504) / (radiance * weights).sum(), rel=1e-4)
+
+
+def test_exr_half_without_a_peak_clips_nothing(tmp_path):
+    radiance = np.random.default_rng(0).random((16, 32, 3)).astype(np.float32)
+    assert write_exr(tmp_path / "map.exr", radiance) == 0.0
+    np.testing.assert_allclose(read_radiance(tmp_path / "map.exr"), radiance, rtol=1e-3, atol=1e-6)
+    assert write_exr(tmp_path / "black.exr", np.zeros((8, 16, 3))) == 0.0
+
+
+@pytest.mark.parametrize("names", ["RGB", "RGBA"])
+@pytest.mark.parametrize("packed", [True, False])
+def test_exr_channel_layouts(tmp_path, names, packed):
+    pixels = np.random.default_rng(0).random((8, 16, len(names))).astype(np.float32)
+    layers = {n: np.ascontiguousarray(pixels[..., i]) for i, n in enumerate(names)}
+    OpenEXR.File({}, {names: pixels} if packed else layers).write(str(tmp_path / "map.exr"))
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr"), pixels[..., :3])
+
+
+def test_exr_damaged(tmp_path):
+    write_exr(tmp_path / "map.exr", draw_map(16))
+    data = (tmp_path / "map.exr").read_bytes()
+    for broken in (b"", b"text" * 100, data[:20], data[: len(data) // 2]):
+        (tmp_path / "map.exr").write_bytes(broken)
+        with pytest.raises(InvalidEnvironment) as caught:
+            read_radiance(tmp_path / "map.exr")
+        assert_one_line(caught, "map.exr", "damaged")
+
+
+@pytest.mark.parametrize(
+    ("pixels", "word"),
+    [
+        (np.full((8, 16, 3), np.nan), "NaN"),
+        (np.full((8, 16, 3), -1.0), ">= 0"),
+        (np.ones((8, 8, 3)), "2 x height"),
+    ],
+)
+def test_exr_with_unusable_values(tmp_path, pixels, word):
+    OpenEXR.File({}, {"RGB": pixels.astype(np.float32)}).write(str(tmp_path / "map.exr"))
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / "map.exr")
+    assert_one_line(caught, "map.exr", word)
+
+
+# Either
+
+
+@pytest.mark.parametrize("name", ["map.png", "map.JPG", "map", "map.hdr.txt"])
+def test_low_dynamic_range_file(tmp_path, name):
+    (tmp_path / name).write_bytes(b"something")
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / name)
+    assert_one_line(caught, name, ".hdr or .exr")
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+def test_missing_file_or_folder(tmp_path, suffix):
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / f"none{suffix}")
+    assert_one_line(caught, "no such file")
+    (tmp_path / f"folder{suffix}").mkdir()
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / f"folder{suffix}")
+    assert_one_line(caught, "folder")
+
+
+@pytest.mark.parametrize("write", [write_hdr, write_exr])
+def test_failed_write_leaves_nothing(tmp_path, write):
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OutputError) as caught:
+        write(tmp_path / "file" / "map.out", draw_map(4))
+    assert_one_line(caught, "map.out")
+    with pytest.raises(InvalidEnvironment):
+        write(tmp_path / "map.out", np.full((4, 8, 3), np.nan))
+    with pytest.raises(InvalidEnvironment):
+        write(tmp_path / "map.out", np.ones((4, 4, 3)))
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_full_disk_is_one_clear_error(tmp_path, monkeypatch):
+    class FullDisk:
+        def __init__(self, *_):
+            pass
+
+        def write(self, filename):
+            with open(filename, "wb") as file:
+                file.write(b"half")
+            raise RuntimeError("Failed to write.\nNo space left on device.")
+
+    monkeypatch.setattr(OpenEXR, "File", FullDisk)
+    with pytest.raises(OutputError) as caught:
+        write_exr(tmp_path / "map.exr", draw_map(4))
+    assert_one_line(caught, "map.exr", "No space left")
+    assert list(tmp_path.iterdir()) == []
