@@ -50,6 +50,4 @@ class MissingExtra(AnyprobeError, ImportError):
     """An optional dependency is absent; the message names the extra."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
-        super().__init__(
-            f"{purpose} needs the package {package}: pip install 'anyprobe[{extra}]'"
-        )
+        super().__init__(f"{purpose} needs the package {package}: pip install 'anyprobe[{extra}]'")

@@ -110,4 +110,6 @@ def test_torch_reads_another_pixel():
     uv = direction_to_uv(d)
     uv_torch = direction_to_uv(torch.asarray(d))
     np.testing.assert_allclose(uv_torch.numpy(), uv, atol=1e-12)
-    np.testing.assert_allclose(bilinear(torch.asarray(image), uv_torch).numpy(), bilinear(image, uv), atol=1e-12)
+    np.testing.assert_allclose(
+        bilinear(torch.asarray(image), uv_torch).numpy(), bilinear(image, uv), atol=1e-12
+    )

@@ -51,7 +51,9 @@ def test_ndf_loses_precision_when_narrow():
     """float32 at alpha 0.01 within 1 % of float64: (alpha - 1)(alpha + 1), not alpha^2 - 1."""
     cosine = np.cos(np.linspace(0, 0.05, 50))
     single = ggx_distribution(cosine.astype(np.float32), 0.01)
-    np.testing.assert_allclose(single, ggx_distribution(cosine.astype(np.float32).astype(np.float64), 0.01), rtol=1e-2)
+    np.testing.assert_allclose(
+        single, ggx_distribution(cosine.astype(np.float32).astype(np.float64), 0.01), rtol=1e-2
+    )
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)
@@ -113,7 +115,7 @@ def test_light_from_below_the_table():
 
 
 def test_brdf_at_the_mirror_direction():
-    """n = wo = wi: D = 1 / (pi alpha^2), V = 1/4, F = f0, so f = (1 - f0) albedo / pi + f0 / (4 pi alpha^2)."""
+    """n = wo = wi: D = 1 / (pi alpha^2), V = 1/4, F = f0: f = (1 - f0) albedo / pi + D f0 / 4."""
     for m in (PLASTIC, GOLD):
         expected = (1 - m.f0) * m.albedo / np.pi + m.f0 / (4 * np.pi * m.alpha**2)
         np.testing.assert_allclose(evaluate(m, N, N, N), expected, rtol=1e-9)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.chi2 import assert_follows_pdf, chi2_p_value, p_value
 
 from anyprobe.core.frames import dot, normalize, orthonormal_basis, reflect, world_from_local
 from anyprobe.core.sampling import (
@@ -13,7 +14,6 @@ from anyprobe.core.sampling import (
     square_to_cosine_hemisphere,
     square_to_ggx_normal,
 )
-from support.chi2 import assert_follows_pdf, chi2_p_value, p_value
 
 ALPHAS = (0.05, 0.3, 1.0)
 VIEWS_DEG = (0, 45, 75)

@@ -45,7 +45,9 @@ def p_value(statistic: float, freedom: int) -> float:
     return 0.5 * math.erfc(z / math.sqrt(2.0))
 
 
-def chi2_p_value(sample, pdf, rng: np.random.Generator, count: int = 60_000, rows: int = 60, columns: int = 24) -> float:
+def chi2_p_value(
+    sample, pdf, rng: np.random.Generator, count: int = 60_000, rows: int = 60, columns: int = 24
+) -> float:
     """Probability of counts at least this far from the density if the sampler were right.
 
     Args:

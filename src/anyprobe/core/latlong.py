@@ -23,9 +23,7 @@ def uv_to_direction(uv):
     phi = 2.0 * np.pi * (uv[..., 0] - 0.5)
     theta = np.pi * uv[..., 1]
     sin_theta = xp.sin(theta)
-    return xp.stack(
-        [sin_theta * xp.sin(phi), xp.cos(theta), -sin_theta * xp.cos(phi)], axis=-1
-    )
+    return xp.stack([sin_theta * xp.sin(phi), xp.cos(theta), -sin_theta * xp.cos(phi)], axis=-1)
 
 
 def pixel_directions(height: int) -> np.ndarray:

@@ -20,8 +20,12 @@ from anyprobe.render.mesh import Mesh
 MAP_ROWS = 256
 """Rows of a map in memory; larger ones are averaged down."""
 
-_OPEN = re.compile(r"^(CC0|public domain|CC BY \d|CC BY$|MIT$|MIT repository$|Apache-2\.0$|BSD|own\b)", re.IGNORECASE)
-_CLOSED = re.compile(r"origin not stated|non-commercial|BY-NC|BY-SA|unknown|not stated|no commercial", re.IGNORECASE)
+_OPEN = re.compile(
+    r"^(CC0|public domain|CC BY \d|CC BY$|MIT$|MIT repository$|Apache-2\.0$|BSD|own\b)", re.IGNORECASE
+)
+_CLOSED = re.compile(
+    r"origin not stated|non-commercial|BY-NC|BY-SA|unknown|not stated|no commercial", re.IGNORECASE
+)
 
 
 def allows_commercial_use(licence: str) -> bool:
@@ -53,7 +57,9 @@ class ShapeAsset:
 def _rows(folder: Path, suffixes: tuple[str, ...]) -> list[dict[str, str]]:
     """Rows of the folder's manifest (its own or its parent's), else one per file."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path")
+        raise InputError(
+            f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path"
+        )
     files = {path.name: path for path in sorted(folder.iterdir()) if path.suffix.lower() in suffixes}
     if not files:
         raise InputError(f"{folder}: expected {'/'.join(suffixes)} files, found none; check the path")
@@ -65,7 +71,9 @@ def _rows(folder: Path, suffixes: tuple[str, ...]) -> list[dict[str, str]]:
                     name = Path(row["file"]).name
                     if name in files and row.get("split", folder.name) in ("", folder.name):
                         rows.setdefault(name, row)
-    return [{"licence": "not stated", **rows.get(name, {}), "path": str(path)} for name, path in files.items()]
+    return [
+        {"licence": "not stated", **rows.get(name, {}), "path": str(path)} for name, path in files.items()
+    ]
 
 
 def load_maps(folder: Path, *, commercial_only: bool = False) -> list[MapAsset]:

@@ -89,7 +89,9 @@ class Illuminator:
         """A random map, view and alpha; half of the maps mirrored."""
         pyramid = self.pyramids[rng.integers(len(self.pyramids))]
         elevation = int(rng.integers(NUM_ELEVATIONS))
-        rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
+        rotation = world_from_camera(
+            rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05)
+        )
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
         return self.light(pyramid, rotation, draw_alpha(rng), elevation)
@@ -99,5 +101,7 @@ def _picture(values: torch.Tensor, size: int) -> torch.Tensor:
     """[size * size, C] to [C, SIZE, SIZE]."""
     picture = values.reshape(1, size, size, -1).permute(0, 3, 1, 2)
     if size != SIZE:
-        picture = torch.nn.functional.interpolate(picture, size=(SIZE, SIZE), mode="bilinear", align_corners=False)
+        picture = torch.nn.functional.interpolate(
+            picture, size=(SIZE, SIZE), mode="bilinear", align_corners=False
+        )
     return picture[0].contiguous()

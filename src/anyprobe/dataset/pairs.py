@@ -12,7 +12,9 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
+from anyprobe.core.color import REC709
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
+from anyprobe.dataset.camera import Shot, draw_shot, exposure
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
@@ -72,7 +74,9 @@ class PairSource:
         """The pairs of step number `step`."""
         pool = self._pool(step)
         rng = np.random.default_rng((self.config.seed, 2, step))
-        chosen = [pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)]
+        chosen = [
+            pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)
+        ]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         normals = torch.from_numpy(self.surfaces.normals[index]).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
@@ -94,21 +98,23 @@ class PairSource:
         terms = torch.stack([lit.terms for lit in chosen])
         specular_xy = normal_to_reflectance_xy(straight_on_normal(n, wo))
         specular = F.grid_sample(terms[:, :9], specular_xy, mode="bilinear", align_corners=False)
-        diffuse = F.grid_sample(terms[:, 9:], normal_to_reflectance_xy(n), mode="bilinear", align_corners=False)
+        diffuse = F.grid_sample(
+            terms[:, 9:], normal_to_reflectance_xy(n), mode="bilinear", align_corners=False
+        )
         f0, albedo = column([m.f0 for m in materials]), column([m.albedo for m in materials])
         radiance = f0 * specular[:, 3:6] + (1 - f0) * specular[:, 6:9] + albedo * (1 - f0) * diffuse
 
-        white_balance = np.exp(rng.normal(0.0, 0.08, size=(count, 3)))
+        shots = [draw_shot(rng) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
-        gain = self._exposure(radiance, mask, light, rng) * column(white_balance)
+        gain = self._gain(shots, radiance, mask, light) * column([shot.white_balance for shot in shots])
         curves = CameraCurve(
-            exponent=column(np.clip(rng.normal(0.9, 0.1, count), 0.4, 1.6)),
-            sigma=column(np.clip(rng.normal(0.6, 0.1, count), 0.2, 1.2)),
+            exponent=column([shot.curve.exponent for shot in shots]),
+            sigma=column([shot.curve.sigma for shot in shots]),
         )
         display = response(radiance * gain, curves)
         generator = torch.Generator(device=self.device).manual_seed(int(rng.integers(2**62)))
         noise = torch.randn(display.shape, generator=generator, device=self.device)
-        display = display + noise * column(rng.uniform(0.0, 0.012, count))
+        display = display + noise * column([shot.noise for shot in shots])
         display = torch.round(display.clip(0, 1) * 255) / 255
         photo_mask = _disturb_mask(mask, rng)
         # where the mask is too wide, something of the background shows
@@ -123,31 +129,22 @@ class PairSource:
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
         )
 
-    def _exposure(self, radiance, mask, light, rng: np.random.Generator) -> torch.Tensor:
-        """Gain [B, 1, 1, 1] of a camera that meters something between the object and the whole scene."""
-        count = len(radiance)
-        weights = radiance.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1)
+    def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
+        """From radiance to each photo's exposure units, [B, 1, 1, 1]."""
+        weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
         seen = (radiance * weights).sum(1, keepdim=True)
-        on_object = (seen * mask).sum((2, 3), keepdim=True) / mask.sum((2, 3), keepdim=True)
-        scene = torch.exp(torch.log((light * weights).sum(1, keepdim=True).clip(min=1e-4)).mean((2, 3), keepdim=True))
-        share = rng.uniform(0, 0.7, count)
-        by_object = np.exp(rng.uniform(np.log(0.1), np.log(0.6), count))
-        by_scene = 0.25 * np.exp(rng.uniform(np.log(0.5), np.log(2.0), count))
-
-        def column(values):
-            return torch.from_numpy(values.astype(np.float32).reshape(-1, 1, 1, 1)).to(self.device)
-
-        ln_gain = column(share) * torch.log(column(by_object) / on_object.clip(min=1e-6)) + column(
-            1 - share
-        ) * torch.log(column(by_scene) / scene)
-        mean = on_object * torch.exp(ln_gain)  # no camera leaves its subject black or burnt out
-        return torch.exp(ln_gain) * (mean.clip(0.03, 0.9) / mean.clip(min=1e-9))
+        on_object = ((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist()
+        scene = torch.exp(torch.log((light * weights).sum(1).clip(min=1e-4)).mean((1, 2))).tolist()
+        gains = [exposure(*each) for each in zip(shots, on_object, scene, strict=True)]
+        return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
 
 def _disturb_mask(mask: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
     """A third of the masks a pixel or two too wide, a third too narrow."""
     result = []
-    for single, kind, pixels in zip(mask, rng.integers(3, size=len(mask)), rng.integers(1, 3, len(mask)), strict=True):
+    for single, kind, pixels in zip(
+        mask, rng.integers(3, size=len(mask)), rng.integers(1, 3, len(mask)), strict=True
+    ):
         size = 2 * int(pixels) + 1
         if kind == 1:
             single = F.max_pool2d(single[None], size, 1, int(pixels))[0]

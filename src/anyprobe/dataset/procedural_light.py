@@ -46,7 +46,9 @@ def sky(rng: np.random.Generator, height: int = 256) -> np.ndarray:
     glow = np.clip(d @ sun, 0, 1)[..., None] ** rng.uniform(8, 60)
     radiance = radiance + power * rng.uniform(0.1, 0.8) * warm * glow
     ground = rng.uniform(0.05, 0.5) * _tint(rng, 0.25) * (0.6 + power * sun[1])
-    texture = 1 + 0.3 * np.sin(6 * d[..., :1] / (np.abs(up) + 0.15)) * np.sin(6 * d[..., 2:] / (np.abs(up) + 0.15))
+    texture = 1 + 0.3 * np.sin(6 * d[..., :1] / (np.abs(up) + 0.15)) * np.sin(
+        6 * d[..., 2:] / (np.abs(up) + 0.15)
+    )
     radiance = np.where(up < rng.uniform(-0.05, 0.15), ground * texture, radiance)
     return normalize_map(np.maximum(radiance, 0.0))
 
@@ -70,7 +72,9 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
     albedo = walls[face]
     for _ in range(rng.integers(4, 14)):  # furniture, pictures, doors
         albedo = np.where(
-            _rectangle(point, face, half, rng, rng.integers(6), 0.7), rng.uniform(0.05, 1.0) * _tint(rng, 0.4), albedo
+            _rectangle(point, face, half, rng, rng.integers(6), 0.7),
+            rng.uniform(0.05, 1.0) * _tint(rng, 0.4),
+            albedo,
         )
     ambient, emission = np.full((*face.shape, 1), rng.uniform(0.05, 0.3)), np.zeros_like(albedo)
     for _ in range(rng.integers(1, 6)):

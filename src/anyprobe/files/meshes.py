@@ -25,7 +25,9 @@ def read_mesh(path: str | Path) -> Mesh:
         scene = trimesh.load_scene(path, process=False)
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # trimesh raises whatever its parsers raise
-        raise InvalidMesh(f"{path.name}: not readable as {path.suffix[1:].upper()} ({error}); export it again") from error
+        raise InvalidMesh(
+            f"{path.name}: not readable as {path.suffix[1:].upper()} ({error}); export it again"
+        ) from error
     if not parts:
         raise InvalidMesh(f"{path.name}: expected triangles, got none; is the file empty?")
     offsets = np.cumsum([0] + [len(part.vertices) for part in parts])

@@ -129,6 +129,12 @@ def write_exr(
     with atomic_path(path) as temporary:
         try:
             OpenEXR.File(header, channels).write(str(temporary))
+            # a disk that fills up at the last few kilobytes is not reported: see whether they are there
+            read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
+        except InvalidEnvironment as error:
+            raise OutputError(
+                f"{path}: cannot be written (the file came out cut); free some space"
+            ) from error
         except RuntimeError as error:  # its only report of a full disk or a closed folder
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
             raise OutputError(f"{path}: cannot be written ({reason})") from error

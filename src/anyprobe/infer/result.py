@@ -11,7 +11,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.errors import OutputError
+from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import write_png
 from anyprobe.files.radiance import write_exr, write_hdr
@@ -60,7 +60,18 @@ class Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.
+
+        Raises:
+            InputError: not a rotation; a mirrored or scaled matrix would bend the light.
         """
+        rotation = np.asarray(rotation, dtype=np.float64)
+        if rotation.shape != (3, 3) or not (
+            np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) and np.linalg.det(rotation) > 0
+        ):
+            raise InputError(
+                f"rotation: expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
+                "build it with anyprobe.core.frames"
+            )
         return replace(self, radiance=rotate(self.radiance, rotation))
 
     def sidecar(self) -> dict[str, Any]:

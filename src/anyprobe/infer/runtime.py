@@ -86,7 +86,9 @@ def _open(path: Path, stage: str, options: onnxruntime.SessionOptions) -> onnxru
     try:
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no common base class for its errors
-        raise ModelError(f"{path.name}: expected a readable ONNX graph, got a damaged file; reinstall anyprobe") from error
+        raise ModelError(
+            f"{path.name}: expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
+        ) from error
     found = session.get_modelmeta().custom_metadata_map
     for key, value in {**CONTRACT, "stage": stage}.items():
         if found.get(key) != value:
@@ -99,7 +101,9 @@ def _open(path: Path, stage: str, options: onnxruntime.SessionOptions) -> onnxru
 def file_hashes(model: str) -> dict[str, str]:
     """First 12 hexadecimal digits of SHA-256 of each graph: the model's identity."""
     folder = weights_folder(model)
-    return {stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in STAGES}
+    return {
+        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in STAGES
+    }
 
 
 def model_id(model: str) -> str:

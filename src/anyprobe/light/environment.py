@@ -21,9 +21,13 @@ def check_radiance(radiance: np.ndarray, name: str = "map") -> np.ndarray:
             "convert a cube map or mirror ball to latitude-longitude first"
         )
     if not np.isfinite(radiance).all():
-        raise InvalidEnvironment(f"{name}: expected finite radiance, got NaN or infinity; repair the map first")
+        raise InvalidEnvironment(
+            f"{name}: expected finite radiance, got NaN or infinity; repair the map first"
+        )
     if (radiance < 0).any():
-        raise InvalidEnvironment(f"{name}: expected radiance >= 0, got {radiance.min():.3g}; repair the map first")
+        raise InvalidEnvironment(
+            f"{name}: expected radiance >= 0, got {radiance.min():.3g}; repair the map first"
+        )
     return np.asarray(radiance, dtype=np.float32)
 
 
@@ -62,7 +66,5 @@ def rotate(radiance, rotation):
 def integral(radiance):
     """Sum of L dOmega over the sphere, [3]."""
     xp = array_namespace(radiance)
-    weights = xp.asarray(
-        pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=radiance.device
-    )
+    weights = xp.asarray(pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=radiance.device)
     return xp.sum(xp.sum(radiance * weights[:, :, None], axis=1), axis=0)

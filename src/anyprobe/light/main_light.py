@@ -30,7 +30,7 @@ class MainLight:
     """A directional light in the map's frame.
 
     direction: [3] unit vector towards the light.
-    irradiance: [3] E of the light on a plane that faces it, linear Rec. 709; a white Lambert plane sends E / pi.
+    irradiance: [3] E on a plane that faces it, linear Rec. 709; white Lambert there sends E / pi.
     color: [3] irradiance / its largest channel; ones where there is no light.
     solid_angle: of the lobe [sr]; never much below that of the blur.
     confidence: |sum L d dw| / sum L dw of luminance, 0 (even light) to 1 (one direction).

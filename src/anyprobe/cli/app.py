@@ -1,0 +1,52 @@
+"""The command line: thin, one file a command, everything heavy imported inside it."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from anyprobe import __version__
+from anyprobe.cli.doctor import doctor
+from anyprobe.cli.estimate import estimate
+from anyprobe.cli.evaluate import evaluate
+from anyprobe.cli.train import train, weights
+from anyprobe.errors import AnyprobeError
+
+app = typer.Typer(
+    help="Any object is a light probe: HDR surrounding light from one photo.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+for command in (estimate, evaluate, doctor, train, weights):
+    app.command()(command)
+
+
+def _version(value: bool) -> None:
+    if value:
+        typer.echo(f"anyprobe {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: bool = typer.Option(
+        False, "--version", callback=_version, is_eager=True, help="Print the version."
+    ),
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
+    try:
+        app()
+    except AnyprobeError as error:
+        print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        sys.exit(2)
+    except SystemExit as end:  # what typer makes of Ctrl-C
+        if end.code == 130:
+            print("anyprobe: interrupted", file=sys.stderr)
+        raise

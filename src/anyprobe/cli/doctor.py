@@ -1,0 +1,81 @@
+"""anyprobe doctor: is this installation whole?"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import time
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from anyprobe.errors import ModelError
+from anyprobe.infer.runtime import DEFAULT_MODEL
+
+PACKAGES = (
+    "anyprobe",
+    "numpy",
+    "onnxruntime",
+    "Pillow",
+    "OpenEXR",
+    "array-api-compat",
+    "opencv-python-headless",
+    "pillow-heif",
+    "torch",
+)
+
+
+def doctor(model: Annotated[str, typer.Option(help="Bundled model.")] = DEFAULT_MODEL) -> None:
+    """Print versions, providers and model hashes, and estimate the light of a drawn ball."""
+    import onnxruntime
+
+    from anyprobe.infer.runtime import file_hashes
+
+    talk = Console(highlight=False)
+    talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
+    for package in PACKAGES:
+        try:
+            talk.print(f"{package} {importlib.metadata.version(package)}")
+        except importlib.metadata.PackageNotFoundError:
+            talk.print(f"{package} not installed (optional)")
+    talk.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
+    for stage, digest in file_hashes(model).items():
+        talk.print(f"model {model}/{stage} sha256 {digest}")
+    seconds, error = self_test(model)
+    talk.print(f"self-test: main light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
+    if error > SELF_TEST_DEG:
+        raise ModelError(
+            f"self-test: expected the main light within {SELF_TEST_DEG} degrees, got {error:.0f}; reinstall anyprobe"
+        )
+
+
+SELF_TEST_DEG = 45
+
+
+def self_test(model: str) -> tuple[float, float]:
+    """Seconds for one photo of a white ball lit from the upper left, and the main light's error in degrees."""
+    from anyprobe.infer.estimate import Estimator
+    from anyprobe.render.balls import ball_normals, diffuse
+
+    toward = np.array([-0.6, 0.6, 0.53])
+    radiance = _lamp(toward / np.linalg.norm(toward))
+    mask = ball_normals(128)[1]
+    photo = np.concatenate([np.clip(diffuse(radiance, 128), 0, 1), mask[..., None]], axis=-1).astype(
+        np.float32
+    )
+    estimator = Estimator(model)
+    estimator(photo)
+    start = time.perf_counter()
+    light = estimator(photo)
+    seconds = time.perf_counter() - start
+    cosine = float(light.main_light().direction @ toward / np.linalg.norm(toward))
+    return seconds, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def _lamp(direction: np.ndarray) -> np.ndarray:
+    from anyprobe.core.latlong import pixel_directions
+
+    cosine = pixel_directions(64) @ direction
+    return (0.12 + 9.0 * (cosine > np.cos(np.radians(15.0))))[..., None].repeat(3, axis=-1).astype(np.float32)

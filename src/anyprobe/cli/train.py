@@ -1,0 +1,78 @@
+"""anyprobe train and anyprobe weights: from assets to networks, from networks to the package."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.errors import MissingExtra
+
+RUNS = Path("runs")
+
+
+class StageName(StrEnum):
+    """The networks in the order in which they must be trained."""
+
+    irradiance = "irradiance"
+    illumination = "illumination"
+    hdr = "hdr"
+
+
+def _need_torch() -> None:
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra("torch", "train", "training") from error
+
+
+def train(
+    stage: Annotated[StageName, typer.Argument(help="Network to train; each needs the ones before it.")],
+    data: Annotated[
+        Path | None,
+        typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes."),
+    ] = None,
+    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")
+    ] = None,
+    dry_run: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
+) -> None:
+    """Train one network on fresh pairs; goes on where it stopped, exactly, after any interruption."""
+    _need_torch()
+    from anyprobe.train import config, loop
+
+    chosen = config.RUNS[stage.value]()
+    if steps is not None:
+        chosen = replace(chosen, steps=steps)
+    if dry_run is not None:
+        chosen = config.smoke(chosen, dry_run)
+    path = loop.train(chosen, data=data, runs=runs, device=device, compiled=compiled)
+    typer.echo(path)
+
+
+def weights(
+    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the three .onnx graphs.")],
+    runs: Annotated[Path, typer.Option(help="Folder of the three trained runs.")] = RUNS,
+    mean_map: Annotated[Path | None, typer.Option(help="Also write the mean training map to this .exr.")] = None,
+    data: Annotated[Path | None, typer.Option(help="Data the runs were trained on, for the mean map.")] = None,
+) -> None:
+    """Export a trained chain as ONNX and check it against torch."""
+    _need_torch()
+    from anyprobe.train.config import RUNS as NAMED
+    from anyprobe.train.export_onnx import export
+    from anyprobe.train.loop import make_pairs
+    from anyprobe.train.mean_map import write_mean_map
+
+    for stage, difference in export(runs, to).items():
+        typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
+    if mean_map is not None:
+        write_mean_map(make_pairs(NAMED["illumination"](), data, runs / "cache", "cpu"), mean_map)
+        typer.echo(mean_map)

@@ -1,0 +1,116 @@
+"""Score methods on the test set: per case, then means over all and over each half."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from anyprobe.core.response import response
+from anyprobe.evaluate.cases import Case
+from anyprobe.evaluate.metrics import (
+    color_angle_deg,
+    direction_error_deg,
+    flux_ratio_stops,
+    psnr,
+    rmse,
+    si_rmse,
+    ssim,
+)
+from anyprobe.light.main_light import find_main_light
+from anyprobe.render.balls import ball_images, ball_normals
+
+LN_FLOOR = 1e-3
+"""Radiance below this counts as this in the log-HDR error: 0.001 of the photo's white."""
+
+METRICS = {
+    "ldr_psnr": "higher",
+    "ldr_rmse": "lower",
+    "ldr_ssim": "higher",
+    "ln_hdr_rmse": "lower",
+    "angle_diffuse_deg": "lower",
+    "angle_silver_deg": "lower",
+    "angle_mirror_deg": "lower",
+    "si_rmse_diffuse": "lower",
+    "si_rmse_silver": "lower",
+    "si_rmse_mirror": "lower",
+    "main_light_deg": "lower",
+    "main_light_median_deg": "lower",
+    "flux_stops": "lower",
+}
+"""What is reported, and which way is better. All are means over cases but the one named median."""
+
+GROUPS: dict[str, Callable[[Case], bool]] = {
+    "all": lambda case: True,
+    "specular": lambda case: case.specular,
+    "diffuse": lambda case: not case.specular,
+    "indoor": lambda case: case.indoor,
+    "outdoor": lambda case: not case.indoor,
+}
+
+Method = Callable[[Case], np.ndarray]
+"""From a case (of which it may look at the photo only) to radiance [64, 128, 3]."""
+
+
+def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+    """All metrics of one estimated map against the true one, both [H, 2H, 3] in exposure units.
+
+    LDR figures are of response(L), every pixel counted alike, as in the paper. Balls are
+    rendered linear, without tone mapping.
+    """
+    ldr, true_ldr = response(estimate), response(truth)
+    scores = {
+        "ldr_psnr": psnr(ldr, true_ldr),
+        "ldr_rmse": rmse(ldr, true_ldr),
+        "ldr_ssim": ssim(ldr, true_ldr),
+        "ln_hdr_rmse": rmse(np.log(np.maximum(estimate, LN_FLOOR)), np.log(np.maximum(truth, LN_FLOOR))),
+        "main_light_deg": direction_error_deg(
+            find_main_light(estimate).direction, find_main_light(truth).direction
+        ),
+        "flux_stops": abs(flux_ratio_stops(estimate, truth)),
+    }
+    balls, true_balls = ball_images(estimate), ball_images(truth)
+    for name, ball in true_balls.items():
+        mask = ball_normals()[1]
+        scores[f"angle_{name}_deg"] = color_angle_deg(balls[name], ball, mask)
+        # in units of the true ball's mean, or a bright scene would outweigh the rest
+        scores[f"si_rmse_{name}"] = si_rmse(balls[name], ball, mask) / max(float(ball[mask].mean()), 1e-8)
+    return {name: float(value) for name, value in scores.items()}
+
+
+@dataclass(kw_only=True)
+class Scores:
+    """Scores of every method on every case, and which groups the case belongs to."""
+
+    rows: dict[str, list[dict[str, float]]] = field(default_factory=dict)
+    groups: list[set[str]] = field(default_factory=list)
+
+    def table(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Means: method -> group -> metric; groups without a case are left out."""
+        result: dict[str, dict[str, dict[str, float]]] = {}
+        for method, rows in self.rows.items():
+            result[method] = {}
+            for group in GROUPS:
+                chosen = [row for row, member in zip(rows, self.groups, strict=True) if group in member]
+                if not chosen:
+                    continue
+                means = {name: float(np.mean([row[name] for row in chosen])) for name in chosen[0]}
+                means["main_light_median_deg"] = float(np.median([row["main_light_deg"] for row in chosen]))
+                result[method][group] = {name: round(means[name], 5) for name in METRICS}
+        return result
+
+
+def run(
+    cases: Iterable[Case], methods: dict[str, Method], watch: Callable[[int, Case, dict], None] | None = None
+) -> Scores:
+    """Score every method on every case; watch sees each case with its maps as it is done."""
+    scores = Scores(rows={name: [] for name in methods})
+    for index, case in enumerate(cases):
+        maps = {name: method(case) for name, method in methods.items()}
+        for name, radiance in maps.items():
+            scores.rows[name].append(score(radiance, case.radiance))
+        scores.groups.append({group for group, belongs in GROUPS.items() if belongs(case)})
+        if watch is not None:
+            watch(index, case, maps)
+    return scores

@@ -1,0 +1,120 @@
+"""What all tests share: --slow, random numbers, drawn photos, the command line in this process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import ball_photo
+
+from anyprobe.cli.app import main
+from anyprobe.infer import estimate as estimate_module
+from anyprobe.infer.estimate import Estimator
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="also run the tests that take minutes")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--slow"):
+        return
+    for item in items:
+        if "slow" in item.keywords:
+            item.add_marker(pytest.mark.skip(reason="takes minutes: run with --slow"))
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(2020)
+
+
+@pytest.fixture
+def photo_rgba() -> np.ndarray:
+    """[96, 128, 4] uint8, a shaded ball with alpha."""
+    return ball_photo()
+
+
+@pytest.fixture
+def photo_mask(photo_rgba) -> np.ndarray:
+    """[96, 128] uint8, 255 on the ball."""
+    return np.ascontiguousarray(photo_rgba[..., 3])
+
+
+@pytest.fixture
+def photo_path(tmp_path, photo_rgba) -> Path:
+    """ball.png with alpha, in a folder of its own."""
+    path = tmp_path / "photos" / "ball.png"
+    path.parent.mkdir()
+    Image.fromarray(photo_rgba).save(path)
+    return path
+
+
+@pytest.fixture
+def mask_path(tmp_path, photo_mask) -> Path:
+    path = tmp_path / "mask.png"
+    Image.fromarray(photo_mask).save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def estimator() -> Estimator:
+    return Estimator()
+
+
+_kept = lru_cache(Estimator)
+
+
+@pytest.fixture
+def networks_opened_once(monkeypatch) -> None:
+    """The same Estimator kept between commands, each of which would take half a second to open it."""
+    monkeypatch.setattr(estimate_module, "Estimator", _kept)
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch) -> Path:
+    """An empty folder to stand in."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a command ended."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def complaint(self) -> str:
+        """The one line on stderr of a command that refused its input with status 2."""
+        assert self.status == 2, (self.status, self.err)
+        assert self.out == ""
+        lines = self.err.splitlines()
+        assert len(lines) == 1, self.err
+        assert lines[0].startswith("anyprobe: ")
+        assert "Traceback" not in lines[0]
+        return lines[0]
+
+
+@pytest.fixture
+def command(capfd, monkeypatch) -> Callable[..., Outcome]:
+    """The installed command's own entry point, called in this process."""
+
+    def run(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["anyprobe", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "300")
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main()
+        captured = capfd.readouterr()
+        return Outcome(status=end.value.code or 0, out=captured.out, err=captured.err)
+
+    return run

@@ -1,0 +1,401 @@
+"""anyprobe estimate and what it leaves: files, table, JSON, exit status, and nothing half-written."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+from support.scenes import ball_photo
+
+import anyprobe
+from anyprobe.files.radiance import read_radiance
+from anyprobe.infer import outputs
+
+SUFFIXES = {".exr", ".hdr", ".json", ".png"}
+pytestmark = pytest.mark.usefixtures("networks_opened_once")
+
+
+def save_ball(path: str | Path, center=(64, 48), alpha: bool = True) -> Path:
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rgba = Image.fromarray(ball_photo(center))
+    (rgba if alpha else rgba.convert("RGB")).save(path)
+    return path
+
+
+def save_mask(path: str | Path, center=(64, 48)) -> Path:
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.ascontiguousarray(ball_photo(center)[..., 3])).save(path)
+    return path
+
+
+def names(folder: str | Path) -> set[str]:
+    folder = Path(folder)
+    return {str(p.relative_to(folder)) for p in folder.rglob("*")} if folder.exists() else set()
+
+
+def results(*stems: str) -> set[str]:
+    return {stem + suffix for stem in stems for suffix in SUFFIXES}
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def shell(*arguments: object, code: str = "", **options) -> subprocess.CompletedProcess:
+    """The command in a process of its own; code runs before it there."""
+    program = f"{code}\nfrom anyprobe.cli.app import main; main()"
+    call = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.run(call, capture_output=True, text=True, timeout=120, **options)
+
+
+# What one photo leaves
+
+
+def test_four_files_that_agree(work, command):
+    save_ball("vase.png")
+    outcome = command("estimate", "vase.png", "-o", "out")
+    assert outcome.status == 0, outcome.err
+    assert outcome.out == ""
+    assert names("out") == results("vase")
+    light = anyprobe.estimate("vase.png")
+    np.testing.assert_allclose(read_radiance("out/vase.exr"), light.radiance, rtol=2**-11, atol=1e-6)
+    hdr = read_radiance("out/vase.hdr")
+    assert (np.abs(hdr - light.radiance) <= light.radiance.max(axis=-1, keepdims=True) / 255).all()
+    sidecar = json.loads((work / "out" / "vase.json").read_text())
+    np.testing.assert_allclose(sidecar["sh9"], light.sh9(), atol=1e-6)
+    np.testing.assert_allclose(sidecar["main_light"]["direction"], light.main_light().direction, atol=1e-6)
+    assert sidecar["photo"] == "vase.png"
+    with OpenEXR.File("out/vase.exr", header_only=True) as file:
+        header = file.header()
+        assert header["envmap"] == OpenEXR.ENVMAP_LATLONG
+        assert header["anyprobe:model"] == sidecar["model"]
+    with Image.open("out/vase.png") as preview:
+        pixels = np.asarray(preview)
+    assert pixels.ndim == 3
+    assert pixels.shape[0] > 500  # two rows of pictures
+    assert pixels.shape[1] > 1500  # three exposures of a 2:1 map beside one another
+    assert pixels.std() > 10
+
+
+def test_results_go_to_the_folder_light_by_default(work, command):
+    save_ball("vase.png")
+    assert command("estimate", "vase.png").status == 0
+    assert names("light") == results("vase")
+
+
+def test_older_results_are_replaced(work, command):
+    save_ball("vase.png", center=(40, 40))
+    assert command("estimate", "vase.png").status == 0
+    first = snapshot(work / "light")
+    save_ball("vase.png", center=(80, 56))
+    assert command("estimate", "vase.png").status == 0
+    second = snapshot(work / "light")
+    assert set(first) == set(second) == results("vase")
+    assert all(first[name] != second[name] for name in first)
+
+
+def test_json_lines_and_nothing_else(work, command):
+    save_ball("a.png")
+    save_ball("b.png", alpha=False)
+    save_ball("c.png", center=(40, 50))
+    outcome = command("estimate", "a.png", "b.png", "c.png", "-o", "out", "--json")
+    assert outcome.status == 2
+    a, b, c = (json.loads(line, parse_constant=pytest.fail) for line in outcome.out.splitlines())
+    assert [one["photo"] for one in (a, b, c)] == ["a.png", "b.png", "c.png"]
+    assert "--mask FILE" in b["error"]
+    assert "sh9" not in b
+    for one in (a, c):
+        sidecar = json.loads(Path(one["files"]["json"]).read_text())
+        assert one["sh9"] == sidecar["sh9"]
+        assert {Path(file).suffix for file in one["files"].values()} == SUFFIXES
+        assert all(Path(file).is_file() for file in one["files"].values())
+
+
+def test_quiet_says_nothing_but_errors(work, command):
+    save_ball("a.png")
+    outcome = command("estimate", "a.png", "-q")
+    assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
+    save_ball("b.png", alpha=False)
+    outcome = command("estimate", "a.png", "b.png", "-q")
+    assert outcome.complaint.startswith("anyprobe: b.png: ")
+
+
+# Several photos
+
+
+def test_one_bad_photo_does_not_stop_the_others(work, command):
+    save_ball("first.png")
+    (work / "second.png").write_text("no photo")
+    save_ball("third.png")
+    outcome = command("estimate", "first.png", "second.png", "third.png", "-o", "out")
+    assert outcome.status == 2
+    assert names("out") == results("first", "third")
+    table = outcome.err.splitlines()
+    assert "main light" in table[0]
+    assert [row.split()[0] for row in table[1:4]] == ["first.png", "second.png", "third.png"]
+    assert "failed" in table[2]
+    assert "out/third" in table[3]
+    assert [line for line in table if line.startswith("anyprobe: ")] == table[4:]
+    assert len(table) == 5
+    assert "second.png" in table[4]
+
+
+def test_folders_and_files_together(work, command):
+    save_ball("many/a.png")
+    save_ball("many/b.webp", center=(40, 48))
+    (work / "many" / "notes.txt").write_text("not a photo")
+    save_ball("single.tif")
+    assert command("estimate", "many", "single.tif", "many/a.png", "-o", "out").status == 0
+    assert names("out") == results("a", "b", "single")
+
+
+def test_masks_from_a_folder_by_stem(work, command):
+    centers = {"left": (40, 48), "right": (90, 50)}
+    for stem, center in centers.items():
+        save_ball(f"photos/{stem}.png", center, alpha=False)
+    save_mask("masks/left.png", centers["left"])
+    save_mask("masks/right_mask.webp", centers["right"])
+    save_mask("masks/leftover.png", centers["right"])
+    outcome = command("estimate", "photos", "--mask", "masks", "-o", "out", "--json")
+    assert outcome.status == 0, outcome.err
+    for line in outcome.out.splitlines():
+        one = json.loads(line)
+        assert one["crop"]["center_px"] == pytest.approx(centers[Path(one["photo"]).stem], abs=1)
+
+
+def test_mask_missing_from_the_folder_fails_that_photo_alone(work, command):
+    save_ball("photos/a.png")
+    save_ball("photos/b[1].png", alpha=False)
+    save_mask("masks/b[1].png")
+    outcome = command("estimate", "photos", "--mask", "masks", "-o", "out")
+    assert outcome.status == 2
+    assert names("out") == results("b[1]")
+    assert "expected a.png or a_mask.png in masks, found neither" in outcome.err
+
+
+def test_masks_beside_the_photos_are_no_photos(work, command):
+    save_ball("photos/a.jpg", alpha=False)
+    save_mask("photos/a_mask.png")
+    assert command("estimate", "photos", "--mask", "photos", "-o", "out").status == 0
+    assert names("out") == results("a")
+
+
+def test_one_mask_serves_every_photo(work, command):
+    for stem in "ab":
+        save_ball(f"{stem}.png", alpha=False)
+    save_mask("mask.png")
+    assert command("estimate", "a.png", "b.png", "--mask", "mask.png", "-o", "out").status == 0
+    assert names("out") == results("a", "b")
+
+
+def test_two_photos_of_one_name(work, command):
+    save_ball("one/vase.png", center=(40, 48))
+    save_ball("two/vase.jpg", alpha=False)
+    outcome = command("estimate", "one/vase.png", "two/vase.jpg", "-o", "out", "--json")
+    assert outcome.status == 2
+    first, second = map(json.loads, outcome.out.splitlines())
+    assert first["crop"]["center_px"] == pytest.approx([40, 48], abs=1)
+    assert "one/vase.png" in second["error"]
+    assert names("out") == results("vase")
+
+
+def test_odd_names_reach_table_and_files(work, command):
+    stems = ["[bold]vase[red]", ":smile:", "-o", "ünï", "two words", "line\nbreak"]
+    for stem in stems:
+        save_ball(f"photos/{stem}.png")
+    (work / "photos" / "also\nbroken.png").write_text("no photo")
+    outcome = command("estimate", "photos", "-o", "out")
+    assert outcome.status == 2
+    assert names("out") == results(*stems)
+    for stem in stems[:-1]:
+        assert f"photos/{stem}.png" in outcome.err
+    assert sum(line.startswith("anyprobe: ") for line in outcome.err.splitlines()) == 1
+    assert "also broken.png" in outcome.err.splitlines()[-1]
+
+
+# What must not be replaced
+
+
+def test_result_never_replaces_an_input(work, command):
+    save_ball("vase.png")
+    before = snapshot(work)
+    for folder in (".", work, "../" + work.name):
+        assert "would replace vase.png" in command("estimate", "vase.png", "-o", folder).complaint
+    assert snapshot(work) == before
+
+
+def test_result_never_replaces_another_photo_or_a_mask(work, command):
+    save_ball("vase.jpg", alpha=False)
+    save_ball("vase.png")
+    save_mask("pot.png")
+    save_ball("pot.jpg", alpha=False)
+    before = snapshot(work)
+    outcome = command("estimate", "vase.jpg", "vase.png", "-o", ".", "--mask", "pot.png")
+    assert outcome.status == 2
+    assert "would replace vase.png" in outcome.err
+    assert "would replace pot.png" in command("estimate", "pot.jpg", "--mask", "pot.png", "-o", ".").complaint
+    assert "would replace pot.png" in command("estimate", "pot.jpg", "--mask", ".", "-o", ".").complaint
+    assert snapshot(work) == before
+
+
+# What cannot be written
+
+
+@pytest.mark.parametrize("folder", ["file", "file/deeper", "/proc/nowhere"])
+def test_output_folder_that_cannot_be_written(work, command, folder):
+    save_ball("vase.png")
+    (work / "file").write_text("a file")
+    before = snapshot(work)
+    assert folder in command("estimate", "vase.png", "-o", folder).complaint
+    assert snapshot(work) == before
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+def test_read_only_output_folder(work, command):
+    save_ball("vase.png")
+    (work / "out").mkdir(mode=0o500)
+    assert "Permission denied" in command("estimate", "vase.png", "-o", "out").complaint
+    assert names("out") == set()
+
+
+@pytest.mark.parametrize("suffix", sorted(SUFFIXES))
+def test_folder_in_the_place_of_a_result(work, command, suffix):
+    save_ball("vase.png")
+    (work / "out" / f"vase{suffix}").mkdir(parents=True)
+    for other in SUFFIXES - {suffix}:
+        (work / "out" / f"vase{other}").write_text("older")
+    before = snapshot(work)
+    assert f"vase{suffix}" in command("estimate", "vase.png", "-o", "out").complaint
+    assert snapshot(work) == before
+    assert names("out") == results("vase")
+
+
+def no_space(*args, **kwargs):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("where", ["mkdir", "scratch", "hdr", "json", "png", 0, 4, 7])
+def test_disk_full_leaves_what_was_there(work, command, monkeypatch, where):
+    save_ball("vase.png")
+    if where != "mkdir":
+        (work / "out").mkdir()
+        (work / "out" / "other.exr").write_text("older")
+    before = snapshot(work)
+    broken = {
+        "mkdir": (Path, "mkdir"),
+        "scratch": (outputs.tempfile, "TemporaryDirectory"),
+        "hdr": (Path, "write_bytes"),
+        "json": (Path, "write_text"),
+        "png": (Image.Image, "save"),
+    }
+    if where in broken:
+        monkeypatch.setattr(*broken[where], no_space)
+    else:  # at the n-th rename, four into the hidden folder and four out of it
+        rename, calls = os.replace, []
+
+        def replace(source, target):
+            calls.append(target)
+            return no_space() if len(calls) == where + 1 else rename(source, target)
+
+        monkeypatch.setattr(os, "replace", replace)
+    outcome = command("estimate", "vase.png", "-o", "out")
+    monkeypatch.undo()
+    assert "No space left on device" in outcome.complaint
+    assert "out" in outcome.complaint
+    assert ".anyprobe-" not in outcome.complaint
+    assert snapshot(work) == before
+    assert names("out") <= {"other.exr"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of file size")
+@pytest.mark.parametrize("limit", [0, 9_000, 60_000])
+def test_real_write_that_stops_halfway(work, limit):
+    """The system itself refuses bytes: at once, within the map, within the preview."""
+    save_ball("vase.png")
+    code = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, -1))"
+    ended = shell("estimate", "vase.png", "-o", "out", code=code)
+    assert ended.returncode == 2, ended.stderr
+    assert "File too large" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert names("out") == set()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of file size")
+@pytest.mark.parametrize("missing", [1, 300, 900])
+def test_small_map_cut_by_the_last_flush_is_noticed(work, missing):
+    """A map of one colour fits into the writer's buffer, whose loss it does not report."""
+    even = anyprobe.Light(radiance=np.ones((64, 128, 3)))
+    size = even.save("whole.exr").stat().st_size
+    code = f"""
+import numpy, resource, anyprobe
+resource.setrlimit(resource.RLIMIT_FSIZE, ({size - missing}, -1))
+try:
+    anyprobe.Light(radiance=numpy.ones((64, 128, 3))).save("cut.exr")
+except anyprobe.OutputError:
+    raise SystemExit(7)
+"""
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60).returncode == 7
+    assert names(work) == {"whole.exr"}
+
+
+# Interrupted
+
+
+@pytest.mark.parametrize("moment", ["outputs.draw_preview", "os.replace"])
+def test_interrupt_leaves_no_temporary_files(work, moment):
+    save_ball("a.png")
+    save_ball("b.png")
+    code = f"""
+import os, signal
+from anyprobe.infer import outputs
+whole = {moment}
+def interrupted(*args):
+    if interrupted.count == 0:
+        signal.raise_signal(signal.SIGINT)
+    interrupted.count -= 1
+    return whole(*args)
+interrupted.count = {1 if moment == "outputs.draw_preview" else 9}
+{moment} = interrupted
+"""
+    ended = shell("estimate", "a.png", "b.png", "-o", "out", code=code)
+    assert ended.returncode == 128 + signal.SIGINT
+    assert ended.stderr == "anyprobe: interrupted\n"
+    assert names("out") == results("a")
+
+
+# The command itself, in a process of its own
+
+
+def test_exit_status_for_real(work):
+    save_ball("vase.png")
+    good = shell("estimate", "vase.png", "-o", "out", "--json")
+    assert good.returncode == 0, good.stderr
+    assert json.loads(good.stdout)["photo"] == "vase.png"
+    assert names("out") == results("vase")
+    (work / "bad.jpg").write_text("no photo")
+    bad = shell("estimate", "bad.jpg", "-o", "out")
+    assert (bad.returncode, bad.stdout) == (2, "")
+    assert bad.stderr.startswith("anyprobe: bad.jpg: expected an image")
+    assert bad.stderr.count("\n") == 1
+    assert names("out") == results("vase")
+
+
+def test_help_and_version(command):
+    assert command("--version").out == f"anyprobe {anyprobe.__version__}\n"
+    shown = command("estimate", "--help")
+    assert shown.status == 0
+    for word in ("PHOTO...", "--mask", "--box", "X0,Y0,X1,Y1", "--fov", "--model", "--json", "-o"):
+        assert word in shown.out
+    assert command("estimate").status == 2
+    assert command("estimate", "--nonsense").status == 2

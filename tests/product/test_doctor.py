@@ -1,0 +1,84 @@
+"""anyprobe doctor: what it prints, and that its self-test can fail."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+
+import numpy as np
+import onnxruntime
+import pytest
+
+import anyprobe
+from anyprobe.cli import doctor
+from anyprobe.errors import ModelError
+from anyprobe.infer.runtime import file_hashes
+
+
+def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
+    monkeypatch.setattr(doctor, "self_test", lambda model: (0.123, 4.0))
+    outcome = command("doctor")
+    assert (outcome.status, outcome.err) == (0, "")
+    lines = outcome.out.splitlines()
+    assert lines[0].startswith("python 3.")
+    assert f"anyprobe {anyprobe.__version__}" in lines
+    for package in ("numpy", "onnxruntime", "Pillow", "OpenEXR"):
+        assert f"{package} {importlib.metadata.version(package)}" in lines
+    (providers,) = (line for line in lines if line.startswith("providers "))
+    for provider in onnxruntime.get_available_providers():
+        assert provider in providers
+    for stage, digest in file_hashes("paper").items():
+        assert f"model paper/{stage} sha256 {digest}" in lines
+    assert lines[-1] == "self-test: main light 4 degrees off, 123 ms a photo"
+
+
+def test_doctor_says_which_extras_are_absent(command, monkeypatch):
+    version = importlib.metadata.version
+
+    def without_torch(package: str) -> str:
+        if package == "torch":
+            raise importlib.metadata.PackageNotFoundError
+        return version(package)
+
+    monkeypatch.setattr(importlib.metadata, "version", without_torch)
+    monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))
+    assert "torch not installed (optional)" in command("doctor").out.splitlines()
+
+
+def test_failed_self_test_is_one_line_and_status_2(command, monkeypatch):
+    monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 90.0))
+    outcome = command("doctor")
+    assert outcome.status == 2
+    assert outcome.err.startswith("anyprobe: self-test: expected the main light within")
+    assert outcome.err.count("\n") == 1
+    assert "sha256" in outcome.out
+
+
+def test_unknown_model(command):
+    outcome = command("doctor", "--model", "nobody")
+    assert outcome.status == 2
+    assert outcome.err.startswith("anyprobe: model 'nobody'")
+    with pytest.raises(ModelError):
+        doctor.self_test("nobody")
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"), [((-0.6, 0.6, 0.53), 0), ((0.6, 0.6, 0.53), 73.8), ((0.6, -0.6, -0.53), 180)]
+)
+def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
+    """A model that always sees one lamp is as wrong as that lamp is far from the drawn one."""
+    inside = doctor._lamp(np.asarray(found) / np.linalg.norm(found))
+    light = anyprobe.Light(radiance=inside)
+    monkeypatch.setattr("anyprobe.infer.estimate.Estimator", lambda model: lambda photo: light)
+    assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
+
+
+def test_self_test_passes_with_the_bundled_model(command):
+    """The one test here that needs trained weights: a lamp at the upper left, found within 45 degrees."""
+    outcome = command("doctor")
+    last = outcome.out.splitlines()[-1]
+    match = re.fullmatch(r"self-test: main light (\d+) degrees off, (\d+) ms a photo", last)
+    assert match, last
+    assert int(match[1]) <= 45
+    assert int(match[2]) < 5000
+    assert (outcome.status, outcome.err) == (0, "")

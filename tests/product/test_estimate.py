@@ -1,0 +1,359 @@
+"""The front door: anyprobe.estimate, Estimator and Light."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+from support.scenes import ball_photo
+
+import anyprobe
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.files.radiance import read_radiance
+from anyprobe.infer.runtime import StageOutputs
+from anyprobe.light.environment import rotate
+
+FOV_DEG = 70.0
+HEIGHT, WIDTH, DIAMETER = 192, 256, 80
+FOCAL_PX = WIDTH / 2 / np.tan(np.radians(FOV_DEG / 2))
+
+
+def photo_at(x: int, y: int) -> np.ndarray:
+    return ball_photo((x, y), DIAMETER, HEIGHT, WIDTH)
+
+
+def lamp_map(direction, level: float = 50.0) -> np.ndarray:
+    """[64, 128, 3]: a lamp 12 degrees across in a dim room."""
+    direction = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
+    inside = pixel_directions(64) @ direction > np.cos(np.radians(6))
+    return np.where(inside, level, 0.1)[..., None].repeat(3, axis=-1).astype(np.float32)
+
+
+def bright_direction(radiance: np.ndarray) -> np.ndarray:
+    """Mean direction of what is brighter than a third of the peak."""
+    bright = luminance(radiance)
+    power = np.where(bright > bright.max() / 3, bright, 0) * pixel_solid_angles(radiance.shape[0])
+    mean = np.einsum("hw,hwc->c", power, pixel_directions(radiance.shape[0]))
+    return mean / np.linalg.norm(mean)
+
+
+def assert_points_at(radiance: np.ndarray, direction, within_deg: float = 1.0) -> None:
+    found = bright_direction(radiance)
+    expected = np.asarray(direction) / np.linalg.norm(direction)
+    angle = np.degrees(np.arccos(np.clip(found @ expected, -1, 1)))
+    assert angle < within_deg, f"{angle:.1f} degrees off: {found} instead of {expected}"
+
+
+# One photo in, a light out
+
+
+def test_light_has_the_promised_shape(photo_path):
+    light = anyprobe.estimate(str(photo_path))
+    assert isinstance(light, anyprobe.Light)
+    height = light.radiance.shape[0]
+    assert light.radiance.shape == (height, 2 * height, 3)
+    assert light.radiance.dtype == np.float32
+    assert np.isfinite(light.radiance).all()
+    assert light.radiance.min() >= 0
+    assert light.sh9().shape == (9, 3)
+    main = light.main_light()
+    assert np.linalg.norm(main.direction) == pytest.approx(1, abs=1e-5)
+    assert main.color.shape == main.irradiance.shape == (3,)
+    assert 0 <= light.confidence <= 1
+    assert light.warnings == ()
+
+
+def test_path_bytes_pillow_and_array_give_the_same_map(photo_path, photo_rgba, estimator):
+    data = photo_path.read_bytes()
+    with Image.open(photo_path) as opened:
+        opened.load()
+    sources = [photo_path, str(photo_path), data, opened, Image.open(io.BytesIO(data)), photo_rgba]
+    sources.append(photo_rgba / np.float32(255))
+    maps = [estimator(source).radiance for source in sources]
+    for other in maps[1:]:
+        np.testing.assert_array_equal(other, maps[0])
+
+
+def test_mask_counts_as_alpha_does(photo_rgba, photo_mask, mask_path, estimator):
+    expected = estimator(photo_rgba).radiance
+    for mask in (photo_mask, mask_path, Image.fromarray(photo_mask), photo_mask > 0):
+        found = estimator(np.ascontiguousarray(photo_rgba[..., :3]), mask=mask).radiance
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_background_does_not_matter(photo_rgba, estimator):
+    other = photo_rgba.copy()
+    other[other[..., 3] == 0, :3] = 255
+    np.testing.assert_array_equal(estimator(other).radiance, estimator(photo_rgba).radiance)
+
+
+def test_object_does_matter(photo_rgba, estimator):
+    """The map comes from the photo: another object's shading gives another map."""
+    dim = photo_rgba.copy()
+    dim[..., :3] //= 3
+    red = photo_rgba.copy()
+    red[..., 1:3] = 0
+    maps = [estimator(photo).radiance for photo in (photo_rgba, dim, red)]
+    assert np.abs(maps[1] - maps[0]).max() > 1e-3
+    assert np.abs(maps[2] - maps[0]).max() > 1e-3
+
+
+def test_same_photo_twice_gives_the_same_bits(photo_rgba, estimator):
+    first = estimator(photo_rgba).radiance
+    np.testing.assert_array_equal(estimator(photo_rgba).radiance, first)
+    np.testing.assert_array_equal(anyprobe.estimate(photo_rgba).radiance, first)
+    np.testing.assert_array_equal(anyprobe.Estimator()(photo_rgba).radiance, first)
+
+
+def test_threads_share_an_estimator(estimator):
+    photos = [photo_at(60 + 20 * i, 60 + 10 * i) for i in range(3)]
+    expected = [estimator(photo).radiance for photo in photos]
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda photo: estimator(photo).radiance, photos * 2))
+    for one, other in zip(found, expected * 2, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_black_or_white_object_warns_and_is_not_trusted(photo_rgba, estimator, value):
+    photo_rgba[..., :3] = value
+    light = estimator(photo_rgba)
+    assert len(light.warnings) == 1
+    assert "\n" not in light.warnings[0]
+    assert light.confidence < 0.05
+
+
+def test_errors_are_the_callers_value_errors(photo_rgba, estimator):
+    with pytest.raises(ValueError, match="--mask") as caught:
+        estimator(photo_rgba[..., :3])
+    assert isinstance(caught.value, anyprobe.AnyprobeError)
+    with pytest.raises(anyprobe.ModelError, match="paper"):
+        anyprobe.Estimator("no such model")
+
+
+# An object away from the middle
+
+OFFSETS = {  # pixels to the right and up, and the rotation that carries -Z there
+    "right": (83, 0),
+    "left": (-83, 0),
+    "up": (0, 51),
+    "down": (0, -51),
+    "upper left": (-83, 51),
+    "lower right": (83, -51),
+}
+
+
+def turned(kind: str) -> np.ndarray:
+    """The pinhole camera's turn towards an offset object, from angles and not by the product's formula."""
+    right, up = OFFSETS[kind]
+    if up == 0:
+        return rotation_y(-np.arctan(right / FOCAL_PX))  # to the right: -Z towards +X
+    if right == 0:
+        return rotation_x(np.arctan(up / FOCAL_PX))  # up: -Z towards +Y
+    along = np.arctan2(up, right)
+    return rotation_z(along) @ rotation_y(-np.arctan(np.hypot(right, up) / FOCAL_PX)) @ rotation_z(-along)
+
+
+@pytest.fixture(scope="module")
+def central(estimator):
+    return estimator(photo_at(WIDTH // 2, HEIGHT // 2), fov_deg=FOV_DEG)
+
+
+@pytest.mark.parametrize("kind", OFFSETS)
+def test_object_in_the_corner_gives_the_same_map_turned(estimator, central, kind):
+    right, up = OFFSETS[kind]
+    light = estimator(photo_at(WIDTH // 2 + right, HEIGHT // 2 - up), fov_deg=FOV_DEG)
+    np.testing.assert_allclose(light.stages["photo"], central.stages["photo"], atol=1e-5)
+    np.testing.assert_allclose(light.camera_from_crop, turned(kind), atol=1e-9)
+    expected = rotate(central.radiance, turned(kind))
+    tolerance = 2e-3 * central.radiance.max()  # the centre's own map went through one more reading
+    np.testing.assert_allclose(light.radiance, expected, atol=tolerance)
+    wrong = rotate(central.radiance, turned(kind).T)
+    assert np.abs(light.radiance - wrong).max() > 5 * tolerance
+
+
+def with_lamp_in_crop(estimator, direction):
+    """An estimator whose networks always see a lamp in one direction of the crop's frame."""
+    radiance = lamp_map(direction)
+    display = np.where(radiance > 1, 1.0, 0.2).astype(np.float32)
+    outputs = StageOutputs(
+        irradiance=np.zeros((128, 128, 3), np.float32), ldr=display, ln_radiance=np.log(radiance)
+    )
+    fake = copy.copy(estimator)
+    fake.models = lambda image: outputs
+    return fake
+
+
+A = np.arctan(83 / FOCAL_PX)
+B = np.arctan(51 / FOCAL_PX)
+
+
+@pytest.mark.parametrize(
+    ("kind", "in_crop", "in_camera"),
+    [
+        ("right", (0, 0, -1), (83 / FOCAL_PX, 0, -1)),  # beyond the object: along the pixel's own ray
+        ("right", (1, 0, 0), (np.cos(A), 0, np.sin(A))),  # the crop's right lies behind the camera's right
+        ("right", (0, 1, 0), (0, 1, 0)),
+        ("left", (0, 0, -1), (-83 / FOCAL_PX, 0, -1)),
+        ("left", (1, 0, 0), (np.cos(A), 0, -np.sin(A))),
+        ("left", (0, 0, 1), (83 / FOCAL_PX, 0, 1)),
+        ("up", (0, 0, -1), (0, 51 / FOCAL_PX, -1)),
+        ("up", (0, 1, 0), (0, np.cos(B), np.sin(B))),  # the crop's up leans back over the camera
+        ("up", (1, 0, 0), (1, 0, 0)),
+        ("down", (0, 0, -1), (0, -51 / FOCAL_PX, -1)),
+        ("down", (0, 1, 0), (0, np.cos(B), -np.sin(B))),
+        ("upper left", (0, 0, -1), (-83 / FOCAL_PX, 51 / FOCAL_PX, -1)),
+        ("lower right", (0, 0, -1), (83 / FOCAL_PX, -51 / FOCAL_PX, -1)),
+        ("upper left", (51, 83, 0), (51, 83, 0)),  # the axis of the turn stays: no roll
+        ("lower right", (51, 83, 0), (51, 83, 0)),
+    ],
+)
+def test_lamp_of_the_crop_lands_where_the_pinhole_says(estimator, kind, in_crop, in_camera):
+    right, up = OFFSETS[kind]
+    photo = photo_at(WIDTH // 2 + right, HEIGHT // 2 - up)
+    light = with_lamp_in_crop(estimator, in_crop)(photo, fov_deg=FOV_DEG)
+    assert_points_at(light.radiance, in_camera)
+    main = light.main_light().direction
+    assert main @ (np.asarray(in_camera) / np.linalg.norm(in_camera)) > np.cos(np.radians(2))
+
+
+def test_longer_focal_length_turns_less(estimator):
+    corner = photo_at(WIDTH - 45, HEIGHT // 2)
+    fake = with_lamp_in_crop(estimator, (0, 0, -1))
+    angles = [
+        np.degrees(np.arctan2(*bright_direction(fake(corner, fov_deg=fov).radiance)[[0, 2]] * (1, -1)))
+        for fov in (30, 65, 100)
+    ]
+    expected = [np.degrees(np.arctan(83 / 128 * np.tan(np.radians(fov / 2)))) for fov in (30, 65, 100)]
+    np.testing.assert_allclose(angles, expected, atol=0.7)
+    default = fake(corner)
+    assert default.info["fov_source"] == "default"
+    np.testing.assert_array_equal(default.radiance, fake(corner, fov_deg=65).radiance)
+
+
+def test_exif_focal_length_equals_the_field_of_view(tmp_path, estimator):
+    exif = Image.Exif()
+    exif[0x0112] = 1
+    exif.get_ifd(0x8769)[0xA405] = 26
+    photo = photo_at(WIDTH - 45, 45)
+    Image.fromarray(photo).save(tmp_path / "phone.png", exif=exif)
+    from_exif = estimator(tmp_path / "phone.png")
+    assert from_exif.info["fov_source"] == "exif"
+    given = estimator(photo, fov_deg=np.degrees(2 * np.arctan(18 / 26)))  # 36 mm of film, 26 mm away
+    np.testing.assert_array_equal(from_exif.radiance, given.radiance)
+    assert np.abs(from_exif.radiance - estimator(photo, fov_deg=20).radiance).max() > 1e-3
+    overruled = estimator(tmp_path / "phone.png", fov_deg=20)
+    assert overruled.info["fov_source"] == "given"
+
+
+# Light: rotate, save
+
+
+def test_rotation_moves_the_main_light_as_it_says():
+    light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
+    before = light.main_light().direction
+    turns = (rotation_y(0.7), rotation_x(-0.5), rotation_z(1.9), rotation_y(2.5) @ rotation_x(0.8))
+    for turn in turns:
+        after = light.rotate(turn).main_light().direction
+        assert after @ (turn @ before) > np.cos(np.radians(1.5))
+    np.testing.assert_array_equal(light.radiance, lamp_map((0.3, 0.4, -0.8)))  # a new one each time
+
+
+def test_quarter_turn_to_the_left_moves_columns():
+    """rotation_y(90 deg) carries -Z to -X: the centre column goes a quarter of the width left."""
+    columns = np.arange(128, dtype=np.float32)[None, :, None].repeat(64, axis=0).repeat(3, axis=2)
+    found = anyprobe.Light(radiance=columns).rotate(rotation_y(np.pi / 2)).radiance
+    np.testing.assert_allclose(found[5:-5], np.roll(columns, -32, axis=1)[5:-5], atol=2e-2)
+
+
+def test_rotation_and_back():
+    smooth = 1 + pixel_directions(64) * 0.5
+    turn = rotation_y(0.4) @ rotation_x(1.1) @ rotation_z(-0.6)
+    back = anyprobe.Light(radiance=smooth).rotate(turn).rotate(turn.T)
+    np.testing.assert_allclose(back.radiance, smooth, atol=5e-3)
+
+
+@pytest.mark.parametrize("matrix", [np.diag([1, 1, -1]), 2 * np.eye(3), np.eye(4), np.full((3, 3), np.nan)])
+def test_rotation_that_is_none_is_refused(matrix):
+    with pytest.raises(anyprobe.InputError, match="rotation") as caught:
+        anyprobe.Light(radiance=lamp_map((0, 1, 0))).rotate(matrix)
+    assert "\n" not in str(caught.value)
+
+
+def test_rotated_light_has_rotated_harmonics():
+    light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
+    turn = rotation_y(0.7) @ rotation_x(0.3)
+    order_1 = [3, 1, 2]  # x, y, z
+    np.testing.assert_allclose(
+        light.rotate(turn).sh9()[order_1], turn @ light.sh9()[order_1], atol=0.01 * light.sh9().max()
+    )
+
+
+def test_saved_maps_read_back(tmp_path, estimator, photo_rgba):
+    light = estimator(photo_rgba)
+    exr = read_radiance(light.save(tmp_path / "light.exr"))
+    np.testing.assert_allclose(exr, light.radiance, rtol=2**-11, atol=1e-6)
+    hdr = read_radiance(light.save(str(tmp_path / "light.hdr")))
+    assert (np.abs(hdr - light.radiance) <= light.radiance.max(axis=-1, keepdims=True) / 255).all()
+    with OpenEXR.File(str(tmp_path / "light.exr"), header_only=True) as file:
+        assert file.header()["envmap"] == OpenEXR.ENVMAP_LATLONG
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["light.exr", "light.hdr"]
+
+
+def test_lamp_beyond_half_float_is_kept(tmp_path):
+    light = anyprobe.Light(radiance=lamp_map((0, 1, -1), level=2e5))
+    np.testing.assert_array_equal(read_radiance(light.save(tmp_path / "sun.exr")), light.radiance)
+
+
+def test_light_in_front_is_saved_in_the_centre(tmp_path):
+    """Readers take the middle of the picture for the front, its top for up and its right for +X."""
+    for direction, row, column in (
+        ((0, 0, -1), 31.5, 63.5),
+        ((1, 0, 0), 31.5, 95.5),
+        ((0, 1, -1), 15.5, 63.5),
+    ):
+        for suffix in ("exr", "hdr"):
+            path = anyprobe.Light(radiance=lamp_map(direction)).save(tmp_path / f"light.{suffix}")
+            rows, columns = np.nonzero(read_radiance(path)[..., 0] > 1)
+            assert (rows.mean(), columns.mean()) == pytest.approx((row, column), abs=0.6)
+
+
+@pytest.mark.parametrize("name", ["light.txt", "light", "light.exr/light.hdr"])
+def test_light_that_cannot_be_saved(tmp_path, name):
+    (tmp_path / "light.exr").write_bytes(b"old")
+    with pytest.raises(anyprobe.OutputError):
+        anyprobe.Light(radiance=lamp_map((0, 1, 0))).save(tmp_path / name)
+    assert [p.name for p in tmp_path.iterdir()] == ["light.exr"]
+    assert (tmp_path / "light.exr").read_bytes() == b"old"
+
+
+def test_sidecar_tells_all(tmp_path, estimator, photo_path):
+    light = estimator(photo_path, fov_deg=50)
+    text = light.save(tmp_path / "light.json").read_text(encoding="utf-8")
+    sidecar = json.loads(text, parse_constant=pytest.fail)  # NaN is no JSON
+    for word in ("right-handed", "+X right", "+Y up", "looks along -Z"):
+        assert word in sidecar["frame"]
+    assert "exposure units" in sidecar["scale"]
+    assert sidecar["exposure_ev"] == 0
+    np.testing.assert_allclose(sidecar["sh9"], light.sh9(), atol=1e-6)
+    main = light.main_light()
+    for key in ("direction", "color", "irradiance"):
+        np.testing.assert_allclose(sidecar["main_light"][key], getattr(main, key), atol=1e-6)
+    assert set(sidecar["seconds"]) == {"load", "networks", "reconstruct"}
+    assert all(0 <= seconds < 60 for seconds in sidecar["seconds"].values())
+    assert sidecar["model"] == estimator.model_id
+    assert sidecar["model"].startswith("paper-")
+    assert sidecar["size"] == [light.radiance.shape[1], light.radiance.shape[0]]
+    assert (sidecar["long_fov_deg"], sidecar["fov_source"]) == (50, "given")
+    assert sidecar["confidence"] == pytest.approx(light.confidence, abs=1e-4)
+    assert sidecar["warnings"] == []
+    assert sidecar["photo"] == "ball.png"
+    np.testing.assert_allclose(sidecar["camera_from_crop"], light.camera_from_crop, atol=1e-6)

@@ -1,0 +1,201 @@
+"""Metrics by hand and against another implementation; the three balls under simple lights."""
+
+import math
+
+import numpy as np
+import pytest
+
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.evaluate.metrics import (
+    color_angle_deg,
+    direction_error_deg,
+    flux_ratio_stops,
+    psnr,
+    rmse,
+    si_rmse,
+    ssim,
+)
+from anyprobe.render.balls import ball_images, ball_normals
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def test_rmse_is_a_sum_or_a_square():
+    assert rmse(np.zeros((4, 4, 3)), np.full((4, 4, 3), 0.5)) == pytest.approx(0.5)
+    assert rmse(np.zeros(4), np.array([2.0, 0, 0, 0])) == pytest.approx(1.0)
+
+
+def test_rmse_weights_by_row(rng):
+    """Solid angles: an error at the pole counts less; a factor on the weights changes nothing."""
+    weights = pixel_solid_angles(8)[..., None]
+    a, pole, equator = (np.zeros((8, 16, 3)) for _ in range(3))
+    pole[0], equator[4] = 1, 1
+    expected = math.sqrt(16 * float(weights[0, 0, 0]) / (4 * np.pi))
+    assert rmse(a, pole, weights) == pytest.approx(expected, rel=1e-5)
+    assert rmse(a, pole, weights) < rmse(a, equator, weights)
+    b = rng.random((8, 16, 3))
+    assert rmse(a, b, 7 * weights) == pytest.approx(rmse(a, b, weights))
+    assert rmse(a, b, np.ones((1, 1, 1))) == pytest.approx(rmse(a, b))
+
+
+def test_psnr_uses_the_wrong_peak():
+    a, b = np.zeros((4, 4)), np.full((4, 4), 0.1)
+    assert psnr(a, b) == pytest.approx(20.0)
+    assert psnr(a, b, peak=10.0) == pytest.approx(40.0)
+    assert psnr(b, b) == math.inf
+
+
+@pytest.mark.parametrize("shape", [(40, 33), (24, 48, 3), (11, 11, 3)])
+@pytest.mark.parametrize("data_range", [1.0, 4.0])
+def test_ssim_is_not_the_published_one(rng, shape, data_range):
+    metrics = pytest.importorskip("skimage.metrics", reason="scikit-image is a development dependency")
+    a = rng.random(shape) * data_range
+    b = np.clip(0.7 * a + 0.3 * rng.random(shape) * data_range, 0, data_range)
+    expected = metrics.structural_similarity(
+        a,
+        b,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        data_range=data_range,
+        channel_axis=-1 if len(shape) == 3 else None,
+    )
+    assert ssim(a, b, data_range) == pytest.approx(expected, abs=1e-6)
+
+
+def test_ssim_limits(rng):
+    a = rng.random((32, 64, 3))
+    assert ssim(a, a) == pytest.approx(1.0)
+    assert ssim(a, 1 - a) < 0
+    flat = np.full((16, 16), 0.5)
+    assert ssim(flat, 0 * flat) == pytest.approx(1e-4 / (0.25 + 1e-4))  # means alone differ
+
+
+def test_ssim_of_a_map_has_a_seam(rng):
+    """Wrapped, the measure does not care where the map is cut; unwrapped it does."""
+    a, b = rng.random((32, 64, 3)), rng.random((32, 64, 3))
+    b[:, :4] = a[:, :4]
+    rolled = [np.roll(m, 32, axis=1) for m in (a, b)]
+    assert ssim(*rolled, wrap_longitude=True) == pytest.approx(ssim(a, b, wrap_longitude=True), abs=1e-12)
+    assert ssim(*rolled) != pytest.approx(ssim(a, b), abs=1e-4)
+
+
+def test_ssim_broadcasts_or_reads_past_the_edge():
+    with pytest.raises(ValueError, match="one shape"):
+        ssim(np.zeros((20, 20)), np.zeros((20, 1)))
+    with pytest.raises(ValueError, match="11 x 11"):
+        ssim(np.zeros((10, 40)), np.zeros((10, 40)))
+
+
+def test_exposure_counts_in_si_rmse(rng):
+    """Blind to one factor for all channels, not to one factor each, and to what the mask hides."""
+    g, mask = rng.random((16, 16, 3)), rng.random((16, 16)) > 0.3
+    assert si_rmse(5 * g, g, mask) == pytest.approx(0, abs=1e-12)
+    assert si_rmse(g * [1, 2, 3], g, mask) > 0.05
+    hidden = g + 9 * ~mask[..., None]
+    assert si_rmse(hidden, g, mask) == pytest.approx(0, abs=1e-12)
+
+
+def test_si_rmse_by_hand_and_by_search(rng):
+    """p = (1, 0), g = (1, 1) in every channel: s = 1, residual (0, 1). Any other scale is worse."""
+    p, g = np.array([[1.0] * 3, [0.0] * 3]), np.ones((2, 3))
+    assert si_rmse(p, g, np.ones(2, bool)) == pytest.approx(math.sqrt(0.5))
+    p, g, mask = rng.random((50, 3)), rng.random((50, 3)), np.ones(50, bool)
+    assert si_rmse(p, g, mask) <= min(rmse(s * p, g) for s in np.linspace(0, 2, 201))
+    assert si_rmse(0 * p, g, mask) == pytest.approx(rmse(0 * g, g))
+
+
+def test_color_angle_sees_brightness():
+    red, yellow, black = np.array([1.0, 0, 0]), np.array([1.0, 1, 0]), np.zeros(3)
+    one = np.ones(1, bool)
+    angle = lambda p, g: color_angle_deg(p[None], g[None], one)  # noqa: E731
+    assert angle(red, 7 * red) == pytest.approx(0, abs=1e-5)
+    assert angle(red, yellow) == pytest.approx(45)
+    assert angle(red, black) == angle(black, red) == 90
+    assert angle(black, black) == 0
+
+
+def test_color_angle_is_not_the_mean_over_the_mask():
+    p = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0]])
+    g = np.array([[1.0, 0, 0], [1.0, 1.0, 0], [0, 1.0, 0]])
+    assert color_angle_deg(p, g, np.array([True, True, False])) == pytest.approx(22.5)
+
+
+def test_direction_error_loses_small_angles():
+    """arccos of a rounded cosine is blind below 0.02 degrees in float32 and NaN above 1."""
+    a = np.array([0.0, 0.6, -0.8], np.float32)
+    assert direction_error_deg(a, a) == 0
+    assert direction_error_deg(a, -a) == pytest.approx(180)
+    assert direction_error_deg([1, 0, 0], [0, 0, 2]) == pytest.approx(90)
+    tiny = 1e-5
+    assert direction_error_deg([1, 0, 0], [math.cos(tiny), math.sin(tiny), 0]) == pytest.approx(
+        math.degrees(tiny)
+    )
+
+
+def test_flux_ratio_counts_rows_alike(rng):
+    g = rng.random((16, 32, 3))
+    assert flux_ratio_stops(2 * g, g) == pytest.approx(1.0)
+    assert flux_ratio_stops(g / 4, g) == pytest.approx(-2.0)
+    pole, equator = np.zeros((2, 16, 32, 3))
+    pole[0], equator[8] = 1, 1
+    expected = math.log2(float(pixel_solid_angles(16)[0, 0] / pixel_solid_angles(16)[8, 0]))
+    assert flux_ratio_stops(pole, equator) == pytest.approx(expected, abs=1e-5)
+    assert flux_ratio_stops(np.ones((8, 16, 3)), np.ones((64, 128, 3))) == pytest.approx(0, abs=1e-6)
+
+
+def test_flux_ratio_of_black():
+    black, white = np.zeros((4, 8, 3)), np.ones((4, 8, 3))
+    assert flux_ratio_stops(black, white) == -math.inf
+    assert flux_ratio_stops(white, black) == math.inf
+    assert flux_ratio_stops(black, black) == 0
+
+
+def test_ball_is_upside_down_or_inside_out():
+    normals, mask = ball_normals(64)
+    assert normals.shape == (mask.sum(), 3)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
+    assert (normals[:, 2] >= 0).all()
+    assert mask.mean() == pytest.approx(np.pi / 4, abs=0.01)
+    picture = np.zeros((64, 64, 3))
+    picture[mask] = normals
+    assert picture[2, 32, 1] > 0.8  # the picture's top is +Y
+    assert picture[32, 61, 0] > 0.8  # its right is +X
+
+
+def test_balls_under_even_light():
+    """Lambert 1 and a mirror show the light itself; silver a little less, nowhere more."""
+    balls = ball_images(np.full((64, 128, 3), 2.0, np.float32))
+    _, mask = ball_normals(64)
+    np.testing.assert_allclose(balls["diffuse"][mask], 2.0, rtol=1e-3)
+    np.testing.assert_allclose(balls["mirror"][mask], 2.0, rtol=1e-5)
+    assert (balls["silver"][mask] < 2.0).all()
+    assert (balls["silver"][mask] > 1.3).all()
+    for picture in balls.values():
+        assert picture.shape == (64, 64, 3)
+        assert (picture[~mask] == 0).all()
+
+
+def test_mirror_ball_shows_the_wrong_side():
+    """The centre mirrors what is behind the camera (+Z), the rim what is ahead (-Z);
+
+    at 1 / sqrt(2) of the radius lie +X on the right and +Y at the top.
+    """
+    radiance = 1 + pixel_directions(64)  # one axis a channel
+    mirror = ball_images(radiance.astype(np.float32))["mirror"] - 1
+    np.testing.assert_allclose(mirror[31:33, 31:33].mean(axis=(0, 1)), [0, 0, 1], atol=0.03)
+    k = 32 + round(32 / math.sqrt(2) - 0.5)
+    np.testing.assert_allclose(mirror[31:33, k].mean(axis=0), [1, 0, 0], atol=0.06)
+    np.testing.assert_allclose(mirror[63 - k, 31:33].mean(axis=0), [0, 1, 0], atol=0.06)
+    assert mirror[31, 0, 2] < -0.8
+
+
+def test_ball_is_lit_from_the_wrong_side():
+    """A lamp on the right, half behind the camera: all balls are brightest on their right half."""
+    d = pixel_directions(64)
+    lamp = np.exp(20 * (d @ np.array([0.8, 0.0, 0.6], np.float32) - 1))[..., None].repeat(3, axis=2)
+    for picture in ball_images(lamp).values():
+        assert picture[:, 32:].sum() > 2 * picture[:, :32].sum()

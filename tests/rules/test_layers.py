@@ -1,0 +1,143 @@
+"""Who may import whom: found in the source itself, imports inside functions included."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import anyprobe
+
+SOURCE = Path(anyprobe.__file__).parent
+
+ORDER = "errors core light scatter render files nets dataset infer evaluate train cli __init__".split()
+"""A part may import itself and the parts before it."""
+
+ONLY = {
+    "torch": {"nets", "dataset", "train", "cli"},
+    "onnxruntime": {"infer", "train", "cli"},
+    "onnx": {"train"},
+    "cv2": {"infer"},
+    "trimesh": {"files"},
+    "typer": {"cli"},
+    "rich": {"cli", "train"},
+}
+"""Packages that not every part may import."""
+
+TORCH_IN_CLI = {"_need_torch"}
+"""The functions of the command line that may import torch: to see whether it is there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Import:
+    """One import of one module: where it stands and what it asks for."""
+
+    part: str
+    place: str
+    function: str
+    module: str
+    level: int
+
+
+def imports_in(path: Path, root: Path) -> Iterator[Import]:
+    relative = path.relative_to(root)
+    part = relative.parts[0].removesuffix(".py")
+
+    def visit(node: ast.AST, function: str) -> Iterator[Import]:
+        for child in ast.iter_child_nodes(node):
+            inside = child.name if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef) else function
+            found: list[tuple[str, int]] = []
+            if isinstance(child, ast.Import):
+                found = [(alias.name, 0) for alias in child.names]
+            elif isinstance(child, ast.ImportFrom):
+                module = child.module or ""
+                # `from anyprobe import files` asks for a part, `from anyprobe import __version__` does not
+                found = [(module, child.level)]
+                if module == "anyprobe":
+                    found = [(f"anyprobe.{alias.name}", child.level) for alias in child.names]
+            for module, level in found:
+                place = f"{relative}:{child.lineno}"
+                yield Import(part=part, place=place, function=inside, module=module, level=level)
+            yield from visit(child, inside)
+
+    yield from visit(ast.parse(path.read_text(encoding="utf-8")), "")
+
+
+def all_imports(root: Path) -> list[Import]:
+    return [found for path in sorted(root.rglob("*.py")) for found in imports_in(path, root)]
+
+
+def faults(root: Path) -> list[str]:
+    """What is wrong, one line each."""
+    wrong = []
+    for one in all_imports(root):
+        package, *rest = one.module.split(".")
+        asked = (rest or ["__init__"])[0] if package == "anyprobe" else ""
+        if one.level:
+            wrong.append(f"{one.place}: relative import of {one.module or '.'}")
+        elif one.part not in ORDER:
+            wrong.append(f"{one.place}: {one.part} has no place in the order")
+        elif asked and asked not in ORDER:
+            if asked != "__version__":
+                wrong.append(f"{one.place}: {one.part} imports {one.module}, which has no place in the order")
+        elif asked and ORDER.index(asked) > ORDER.index(one.part):
+            wrong.append(f"{one.place}: {one.part} imports {asked}, which stands above it")
+        elif one.part not in ONLY.get(package, {one.part}):
+            wrong.append(f"{one.place}: {one.part} imports {package}")
+        elif (one.part, package) == ("cli", "torch") and one.function not in TORCH_IN_CLI:
+            wrong.append(f"{one.place}: torch outside {', '.join(TORCH_IN_CLI)}")
+    return wrong
+
+
+def test_imports_point_downwards():
+    assert faults(SOURCE) == []
+
+
+def test_every_part_of_the_order_exists_and_no_other():
+    found = {
+        path.stem if path.suffix == ".py" else path.name
+        for path in SOURCE.iterdir()
+        if path.suffix == ".py" or (path / "__init__.py").is_file()
+    }
+    assert found == set(ORDER)
+
+
+def test_every_permission_is_used():
+    """A package that a part no longer imports loses its permission."""
+    used = {(one.module.split(".")[0], one.part) for one in all_imports(SOURCE)}
+    granted = {(package, part) for package, parts in ONLY.items() for part in parts}
+    assert granted - used == set()
+    assert {one.function for one in all_imports(SOURCE) if (one.part, one.module) == ("cli", "torch")} == (
+        TORCH_IN_CLI
+    )
+
+
+@pytest.mark.parametrize(
+    ("file", "code", "fault"),
+    [
+        ("core/a.py", "import anyprobe.light.b", "core imports light"),
+        ("core/a.py", "from anyprobe.light import b", "core imports light"),
+        ("core/a.py", "from anyprobe import files", "core imports files"),
+        ("core/a.py", "import anyprobe", "core imports __init__"),
+        ("infer/a.py", "def f():\n    if True:\n        import torch.nn", "infer imports torch"),
+        ("infer/a.py", "class A:\n    def f(self):\n        from anyprobe.train import b", "imports train"),
+        ("train/a.py", "from . import b", "relative import"),
+        ("train/a.py", "from ..core import b", "relative import"),
+        ("web/a.py", "import json", "web has no place"),
+        ("cli/a.py", "import torch", "torch outside _need_torch"),
+        ("cli/a.py", "from anyprobe.web import b", "no place in the order"),
+        ("errors.py", "from anyprobe.core import b", "errors imports core"),
+        ("infer/a.py", "import json, cv2\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
+        ("cli/a.py", "from anyprobe import __version__\ndef _need_torch():\n    import torch", None),
+    ],
+)
+def test_rule_names_a_planted_fault(tmp_path, file, code, fault):
+    path = tmp_path / file
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(code)
+    found = faults(tmp_path)
+    assert len(found) == (0 if fault is None else 1)
+    assert fault is None or fault in found[0]
