@@ -34,11 +34,12 @@ CHUNK = 8192
 
 def main(folder: Path) -> None:
     """Render, expose and write the two files."""
-    light = room(np.random.default_rng(29))
-    mesh = lathe(np.random.default_rng(8))
-    material = Material(albedo=np.array([0.32, 0.06, 0.03]), f0=np.full(3, 0.045), alpha=0.12)
+    fine = room(np.random.default_rng(23), height=1024)
+    light = shrink(fine, 256)
+    mesh = lathe(np.random.default_rng(0), rows=200)
+    material = Material(albedo=np.array([0.05, 0.22, 0.30]), f0=np.full(3, 0.045), alpha=0.15)
     side = SIZE * SUPERSAMPLE
-    camera = frame_object(mesh, world_from_camera(0.6, 0.2), fov_deg=24.0, margin=1.7, size=side)
+    camera = frame_object(mesh, world_from_camera(0.15, 0.2), fov_deg=24.0, margin=1.7, size=side)
     surface = see(mesh, camera)
     map_from_camera = camera.world_from_camera.astype(np.float32)
     pyramid, u = build_pyramid(light), hammersley(96)
@@ -50,7 +51,7 @@ def main(folder: Path) -> None:
         ]
     )
     gain = 0.3 / float(luminance(reflected).mean())
-    background = bilinear(light, direction_to_uv(-pixel_rays(camera.tan_half, side) @ map_from_camera.T))
+    background = bilinear(fine, direction_to_uv(-pixel_rays(camera.tan_half, side) @ map_from_camera.T))
     picture = background
     picture[surface.mask] = reflected
     display = response(picture * gain)

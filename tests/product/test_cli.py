@@ -14,6 +14,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from support.folders import names, snapshot
 from support.scenes import ball_photo
 
 import anyprobe
@@ -39,17 +40,8 @@ def save_mask(path: str | Path, center=(64, 48)) -> Path:
     return path
 
 
-def names(folder: str | Path) -> set[str]:
-    folder = Path(folder)
-    return {str(p.relative_to(folder)) for p in folder.rglob("*")} if folder.exists() else set()
-
-
 def results(*stems: str) -> set[str]:
     return {stem + suffix for stem in stems for suffix in SUFFIXES}
-
-
-def snapshot(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 def shell(*arguments: object, code: str = "", **options) -> subprocess.CompletedProcess:

@@ -11,6 +11,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from support.folders import snapshot
 
 from anyprobe.files.radiance import read_radiance
 
@@ -32,10 +33,6 @@ def write_exr(path, rgba: np.ndarray) -> None:
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGBA": values}).write(str(path))
 
 
-def snapshot(folder) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
 def bad_photo(kind: str, rgba: np.ndarray):
     """Bytes of photos that cannot be used."""
     noise = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
@@ -43,8 +40,8 @@ def bad_photo(kind: str, rgba: np.ndarray):
         return b"This is a letter and no photo.\n"
     if kind == "empty":
         return b""
-    if kind == "30000 x 30000":
-        return png_with_size(30000, 30000)
+    if " x " in kind:
+        return png_with_size(*map(int, kind.split(" x ")))
     path = "scratch.exr" if kind == "NaN" else "scratch.jpg" if kind == "cut" else "scratch.png"
     if kind == "NaN":
         linear = rgba.astype(np.float32) / 255
@@ -68,6 +65,7 @@ def bad_photo(kind: str, rgba: np.ndarray):
         ("cut PNG", ("damaged",)),
         ("1x1", ("1 x 1", "at least 32")),
         ("30000 x 30000", ("100 million pixels",)),
+        ("12000 x 12000", ("100 million pixels",)),  # the image library itself would open it
         ("NaN", ("NaN",)),
     ],
 )

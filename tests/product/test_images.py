@@ -267,7 +267,10 @@ def test_animation_gives_its_first_frame():
     frames = [Image.new("RGB", (40, 40), color) for color in ("red", "lime", "blue")]
     for format in ("GIF", "PNG", "WEBP"):
         data = saved(frames[0], format, save_all=True, append_images=frames[1:])
-        np.testing.assert_allclose(read_image(data).rgb.mean((0, 1)), [1.0, 0.0, 0.0], atol=0.02)
+        pixels = read_image(data)
+        np.testing.assert_allclose(pixels.rgb.mean((0, 1)), [1.0, 0.0, 0.0], atol=0.02)
+        assert "3 frames" in pixels.warnings[0]
+    assert read_image(saved(frames[0], "PNG")).warnings == ()
 
 
 # Metadata

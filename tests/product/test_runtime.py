@@ -44,6 +44,10 @@ def spoil_metadata(path: Path, key: str, value: str | None) -> None:
     onnx.save(graph, path)
 
 
+def test_contract_names_all_that_would_silently_change_the_map():
+    assert set(CONTRACT) == {"contract", "frame", "logarithm", "curve", "map_height"}
+
+
 @pytest.mark.parametrize("key", [*CONTRACT, "stage"])
 @pytest.mark.parametrize("value", ["something else", None])
 def test_graph_of_another_contract_is_refused(copied, key, value):

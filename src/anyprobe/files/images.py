@@ -46,12 +46,14 @@ class Pixels:
         alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
         long_fov_deg: field of view of the longer side from EXIF, or None.
         name: what messages call the picture.
+        warnings: one line each, for the user.
     """
 
     rgb: np.ndarray
     alpha: np.ndarray | None
     long_fov_deg: float | None
     name: str
+    warnings: tuple[str, ...] = ()
 
 
 def read_image(source: ImageSource, name: str | None = None) -> Pixels:
@@ -157,6 +159,8 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
+            # a phone's MPO holds a photo and its thumbnail or depth, no animation
+            num_frames = 1 if image.format == "MPO" else getattr(image, "n_frames", 1)
             image.load()
             long_fov_deg = _exif_fov_deg(image)
             image = ImageOps.exif_transpose(image)
@@ -174,7 +178,8 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
     if alpha is not None:
         values = np.concatenate([values, alpha[..., None]], axis=-1)
     pixels = _from_array(values, name)
-    return Pixels(rgb=pixels.rgb, alpha=pixels.alpha, long_fov_deg=long_fov_deg, name=name)
+    notes = (f"{name}: expected one picture, got {num_frames} frames; the first is used",) if num_frames > 1 else ()
+    return Pixels(rgb=pixels.rgb, alpha=pixels.alpha, long_fov_deg=long_fov_deg, name=name, warnings=notes)
 
 
 def _color_values(image: Image.Image) -> np.ndarray:

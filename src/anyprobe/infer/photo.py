@@ -102,7 +102,7 @@ def load_photo(
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=_exposure_warnings(pixels.rgb[object_mask > 0.5], pixels.name),
+        warnings=pixels.warnings + _exposure_warnings(pixels.rgb[object_mask > 0.5], pixels.name),
     )
 
 
