@@ -12,6 +12,7 @@ from anyprobe.render.balls import ball_images
 
 EXPOSURES_EV = (-4.0, -2.0, 0.0)
 ROW = 256
+BALL = 128
 GAP = 8
 
 
@@ -19,7 +20,7 @@ def draw_preview(photo: Photo, light: Light) -> np.ndarray:
     """Display picture [H, W, 3] in [0, 1]: two rows, photo | mask | balls over three maps."""
     picture = _fit(photo.rgb, ROW)
     dimmed = photo.rgb * (0.15 + 0.85 * photo.mask[..., None])
-    balls = [ball for ball in ball_images(light.radiance).values()]
+    balls = ball_images(light.radiance, BALL).values()
     first = [picture, _fit(dimmed, ROW)] + [_fit(response(ball), ROW) for ball in balls]
     maps = [_fit(response(light.radiance * 2.0**ev), ROW) for ev in EXPOSURES_EV]
     rows = [_join(first), _join(maps)]

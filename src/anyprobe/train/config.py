@@ -50,12 +50,12 @@ def irradiance() -> RunConfig:
 
 def illumination() -> RunConfig:
     """Paper Sect. 3.3: estimated irradiance -> LDR map, targets sharpening over 11 epochs."""
-    return RunConfig(stage="illumination", steps=7500, pairs=PairConfig(seed=12))
+    return RunConfig(stage="illumination", steps=6600, pairs=PairConfig(seed=12))
 
 
 def hdr() -> RunConfig:
     """Paper Sect. 3.4: LDR map -> ln radiance."""
-    return RunConfig(stage="hdr", steps=1200, pairs=PairConfig(seed=13))
+    return RunConfig(stage="hdr", steps=1000, pairs=PairConfig(seed=13))
 
 
 RUNS = {run.__name__: run for run in (irradiance, illumination, hdr)}
