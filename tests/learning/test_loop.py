@@ -12,26 +12,27 @@ pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import PairSource  # noqa: E402
+from anyprobe.dataset.pairs import Batch, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
-from anyprobe.train.config import RUNS, smoke  # noqa: E402
+from anyprobe.train import export_onnx  # noqa: E402
+from anyprobe.train.chain import NETS, Chain  # noqa: E402
+from anyprobe.train.config import paper, smoke  # noqa: E402
 from anyprobe.train.loop import learning_rate, train  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Train a stage for a few steps on tiny pairs: run(stage, folder, stop_after)."""
+    """Train for a few steps on tiny pairs: run(folder, stop_after) -> checkpoint."""
     rng = np.random.default_rng(0)
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
 
-    def call(stage, folder, stop_after=None, steps=6):
-        config = smoke(RUNS[stage](), steps)
-        config = replace(config, pairs=replace(config.pairs, batch=2))
+    def call(folder, stop_after=None, steps=6):
+        config = smoke(paper(), steps)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # torch's exporter and TensorBoard warn about themselves
+            warnings.simplefilter("ignore")  # TensorBoard warns about itself
             pairs = PairSource(illuminator, surfaces, config.pairs)
             return train(config, data=None, runs=folder, stop_after=stop_after, pairs=pairs)
 
@@ -39,58 +40,66 @@ def run(tmp_path_factory):
 
 
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path):
-    straight = torch.load(run("irradiance", tmp_path / "a"), weights_only=True)
-    run("irradiance", tmp_path / "b", stop_after=3)
+    straight = torch.load(run(tmp_path / "a"), weights_only=True)
+    part = run(tmp_path / "b", stop_after=3)
     # a kill leaves rows that no checkpoint knows of
-    log = tmp_path / "b" / "irradiance" / "log.csv"
-    log.write_text(log.read_text() + "5,10,0.5,1e-3,1\n")
-    resumed = torch.load(run("irradiance", tmp_path / "b"), weights_only=True)
+    log = part.with_name("log.csv")
+    log.write_text(log.read_text() + "5,10,0.5,0.5,0.5,1e-3,1\n")
+    resumed = torch.load(run(tmp_path / "b"), weights_only=True)
     assert straight["step"] == resumed["step"] == 6
-    for name, value in straight["net"].items():
-        assert torch.equal(value, resumed["net"][name]), name
+    for name, value in straight["nets"].items():
+        assert torch.equal(value, resumed["nets"][name]), name
     steps = [row["step"] for row in csv.DictReader(log.read_text().splitlines())]
     assert steps == ["3", "6"]
 
 
 def test_a_finished_run_is_left_alone(run, tmp_path):
-    path = run("irradiance", tmp_path)
+    path = run(tmp_path, steps=2)
     before = path.stat().st_mtime_ns
-    run("irradiance", tmp_path)
+    run(tmp_path, steps=2)
     assert path.stat().st_mtime_ns == before
 
 
-def test_later_networks_ask_for_the_earlier_ones(run, tmp_path):
-    with pytest.raises(ModelError, match="train irradiance first"):
-        run("illumination", tmp_path)
+def test_losses_do_not_mix():
+    """No gradient of a later network may reach an earlier one."""
+    chain = Chain(smoke(paper()), "cpu")
+    batch = Batch(
+        photo=torch.rand(4, 4, 128, 128),
+        irradiance=torch.rand(4, 3, 128, 128),
+        ldr=torch.rand(4, 3, 64, 128),
+        ln_radiance=torch.rand(4, 3, 64, 128),
+        alpha=torch.rand(4),
+    )
+    for stage in NETS:
+        chain.nets.zero_grad(set_to_none=True)
+        chain.losses(batch, 0.5)[stage].backward()
+        touched = {
+            name for name, net in chain.nets.items() if any(p.grad is not None for p in net.parameters())
+        }
+        assert touched == {stage}
 
 
 def test_learning_rate_rises_stays_and_falls():
-    config = replace(RUNS["irradiance"](), steps=1000, warmup=100, cooldown=0.2)
+    config = replace(paper(), steps=1000, warmup=100, cooldown=0.2)
     rates = [learning_rate(config, step) for step in range(1000)]
     assert rates[0] < rates[50] < rates[100] == rates[700] == config.learning_rate
     assert rates[-1] < 0.01 * config.learning_rate
 
 
-def test_exported_chain_agrees_with_torch(run, tmp_path):
-    """All three stages run, and their graphs pass the parity check that export makes."""
-    from anyprobe.train.export_onnx import INPUT_SHAPES, export
-
-    for stage in INPUT_SHAPES:
-        run(stage, tmp_path, steps=2)
+def test_exported_chain_agrees_with_torch(run, tmp_path, monkeypatch):
+    """The graphs pass the parity check that export makes, and that check can fail."""
+    checkpoint = run(tmp_path, steps=2)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        differences = export(tmp_path, tmp_path / "weights")
-    assert set(differences) == set(INPUT_SHAPES)
-    assert max(differences.values()) < 0.02
-
-
-def test_export_refuses_a_graph_that_disagrees(run, tmp_path, monkeypatch):
-    from anyprobe.train import export_onnx
-
-    run("irradiance", tmp_path, steps=2)
-    monkeypatch.setattr(export_onnx, "TOLERANCE", 0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore")  # torch's exporter warns about itself
+        differences = export_onnx.export(checkpoint, tmp_path / "weights")
+        monkeypatch.setattr(export_onnx, "TOLERANCE", 0.0)
         with pytest.raises(ModelError, match="expected ONNX within"):
-            export_onnx.export_stage(tmp_path, "irradiance", tmp_path / "x.onnx")
-    assert not (tmp_path / "x.onnx").exists()
+            export_onnx.export(checkpoint, tmp_path / "refused")
+    assert set(differences) == set(NETS)
+    assert max(differences.values()) < 0.02
+    assert not list((tmp_path / "refused").iterdir())
+
+
+def test_no_checkpoint_is_one_clear_line(tmp_path):
+    with pytest.raises(ModelError, match="train first"):
+        export_onnx.export(tmp_path / "checkpoint.pt", tmp_path)

@@ -91,7 +91,9 @@ def test_reflectance_map_finds_its_own_normals():
     x = (np.arange(32) + 0.5) / 16 - 1
     right, down = np.meshgrid(x, x)
     inside = np.hypot(right, down) < 0.98
-    np.testing.assert_allclose(normal_to_reflectance_xy(n)[inside], np.stack([right, down], -1)[inside], atol=1e-4)
+    np.testing.assert_allclose(
+        normal_to_reflectance_xy(n)[inside], np.stack([right, down], -1)[inside], atol=1e-4
+    )
 
 
 def test_materials_are_what_the_conventions_say(rng):

@@ -7,6 +7,7 @@ import sys
 import typer
 
 from anyprobe import __version__
+from anyprobe.cli.data import data
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
@@ -22,6 +23,7 @@ app = typer.Typer(
 )
 for command in (estimate, evaluate, doctor, train, weights):
     app.command()(command)
+app.add_typer(data, name="data")
 
 
 def _version(value: bool) -> None:

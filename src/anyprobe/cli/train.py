@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from anyprobe.errors import MissingExtra
+from anyprobe.errors import InputError, MissingExtra
 
 RUNS = Path("runs")
-
-
-class StageName(StrEnum):
-    """The networks in the order in which they must be trained."""
-
-    irradiance = "irradiance"
-    illumination = "illumination"
-    hdr = "hdr"
+RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/training.md.")]
 
 
 def _need_torch() -> None:
@@ -30,7 +22,7 @@ def _need_torch() -> None:
 
 
 def train(
-    stage: Annotated[StageName, typer.Argument(help="Network to train; each needs the ones before it.")],
+    run: RunName = "paper",
     data: Annotated[
         Path | None,
         typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes."),
@@ -45,11 +37,13 @@ def train(
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
-    """Train one network on fresh pairs; goes on where it stopped, exactly, after any interruption."""
+    """Train a chain of networks on fresh pairs; goes on where it stopped, exactly, after any interruption."""
     _need_torch()
     from anyprobe.train import config, loop
 
-    chosen = config.RUNS[stage.value]()
+    if run not in config.RUNS:
+        raise InputError(f"run {run!r}: expected one of {', '.join(config.RUNS)}")
+    chosen = config.RUNS[run]()
     if steps is not None:
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
@@ -60,9 +54,12 @@ def train(
 
 def weights(
     to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the three .onnx graphs.")],
-    runs: Annotated[Path, typer.Option(help="Folder of the three trained runs.")] = RUNS,
-    mean_map: Annotated[Path | None, typer.Option(help="Also write the mean training map to this .exr.")] = None,
-    data: Annotated[Path | None, typer.Option(help="Data the runs were trained on, for the mean map.")] = None,
+    run: RunName = "paper",
+    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = RUNS,
+    mean_map: Annotated[
+        Path | None, typer.Option(help="Also write the mean training map to this .exr.")
+    ] = None,
+    data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
 ) -> None:
     """Export a trained chain as ONNX and check it against torch."""
     _need_torch()
@@ -71,8 +68,8 @@ def weights(
     from anyprobe.train.loop import make_pairs
     from anyprobe.train.mean_map import write_mean_map
 
-    for stage, difference in export(runs, to).items():
+    for stage, difference in export(runs / run / "checkpoint.pt", to).items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if mean_map is not None:
-        write_mean_map(make_pairs(NAMED["illumination"](), data, runs / "cache", "cpu"), mean_map)
+        write_mean_map(make_pairs(NAMED[run](), data, runs / "cache", "cpu"), mean_map)
         typer.echo(mean_map)

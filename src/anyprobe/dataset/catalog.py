@@ -21,10 +21,11 @@ MAP_ROWS = 256
 """Rows of a map in memory; larger ones are averaged down."""
 
 _OPEN = re.compile(
-    r"^(CC0|public domain|CC BY \d|CC BY$|MIT$|MIT repository$|Apache-2\.0$|BSD|own\b)", re.IGNORECASE
+    r"^(CC0|public domain|CC BY \d|CC BY$|MIT$|MIT repository$|Apache-2\.0$|BSD-style|BSD-\d|own\b)",
+    re.IGNORECASE,
 )
 _CLOSED = re.compile(
-    r"origin not stated|non-commercial|BY-NC|BY-SA|unknown|not stated|no commercial", re.IGNORECASE
+    r"not stated|unknown|non-commercial|no commercial|BY-NC|BY-SA|examples licen[cs]e", re.IGNORECASE
 )
 
 

@@ -178,7 +178,11 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
     if alpha is not None:
         values = np.concatenate([values, alpha[..., None]], axis=-1)
     pixels = _from_array(values, name)
-    notes = (f"{name}: expected one picture, got {num_frames} frames; the first is used",) if num_frames > 1 else ()
+    notes = (
+        (f"{name}: expected one picture, got {num_frames} frames; the first is used",)
+        if num_frames > 1
+        else ()
+    )
     return Pixels(rgb=pixels.rgb, alpha=pixels.alpha, long_fov_deg=long_fov_deg, name=name, warnings=notes)
 
 

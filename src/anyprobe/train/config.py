@@ -1,4 +1,4 @@
-"""Named runs: each is a function that returns the frozen configuration of one network's training."""
+"""Named runs: each is a function that returns the frozen configuration of one training."""
 
 from __future__ import annotations
 
@@ -19,52 +19,44 @@ class LightConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunConfig:
-    """One network's training.
+    """The training of one chain of three networks, all on the same pairs.
 
-    stage: irradiance, illumination or hdr.
-    source: what the illumination net sees: "photo", "estimate" (the irradiance net's
-        output) or "truth"; truth_share of the pairs see the true irradiance anyway.
-    gradual: whether targets sharpen as in Eq. 6.
+    name: of the run's folder.
+    truth_share: share of a batch in which the illumination net sees the true irradiance,
+        the rest sees the irradiance net's.
+    gradual: whether the LDR targets sharpen as in Eq. 6.
+    hdr_share: share of a batch that the HDR net learns from, half true LDR maps, half estimated.
     cooldown: last share of the steps in which the learning rate falls to zero.
     """
 
-    stage: str
+    name: str
     steps: int
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
     warmup: int = 200
     cooldown: float = 0.25
     seed: int = 0
-    source: str = "estimate"
     truth_share: float = 0.25
+    hdr_share: float = 0.5
     gradual: bool = True
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
     light: LightConfig = field(default_factory=LightConfig)
 
 
-def irradiance() -> RunConfig:
-    """Paper Sect. 3.2: photo -> importance-weighted irradiance."""
-    return RunConfig(stage="irradiance", steps=3200, pairs=PairConfig(seed=11))
+def paper() -> RunConfig:
+    """The paper's chain (Sect. 3.2-3.4). It trains its networks one after another; here one pass serves all."""
+    return RunConfig(name="paper", steps=5000, pairs=PairConfig(seed=11))
 
 
-def illumination() -> RunConfig:
-    """Paper Sect. 3.3: estimated irradiance -> LDR map, targets sharpening over 11 epochs."""
-    return RunConfig(stage="illumination", steps=6600, pairs=PairConfig(seed=12))
-
-
-def hdr() -> RunConfig:
-    """Paper Sect. 3.4: LDR map -> ln radiance."""
-    return RunConfig(stage="hdr", steps=1000, pairs=PairConfig(seed=13))
-
-
-RUNS = {run.__name__: run for run in (irradiance, illumination, hdr)}
+RUNS = {run.__name__: run for run in (paper,)}
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
     """The same run made small: a dry run for any machine."""
     return replace(
         config,
+        name=f"{config.name}-dry",
         steps=steps,
         warmup=2,
         pairs=replace(config.pairs, batch=4, group=2, pool=2),

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.infer.runtime import CONTRACT, PHOTO_SIZE, STAGES
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.train.stages import load_net
+from anyprobe.train.chain import load_nets
 
 INPUT_SHAPES = {
     "irradiance": (1, 4, PHOTO_SIZE, PHOTO_SIZE),
@@ -23,22 +24,29 @@ TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
 
-def export(runs: Path, folder: Path) -> dict[str, float]:
+def export(checkpoint: Path, folder: Path) -> dict[str, float]:
     """Write the three graphs of a chain and return each one's largest difference from torch.
 
     Raises:
         ModelError: a graph disagrees with its network by more than TOLERANCE.
     """
-    return {stage: export_stage(runs, stage, folder / f"{stage}.onnx") for stage in STAGES}
+    nets = load_nets(checkpoint)
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    config = json.loads(stored["config"])
+    recipe = {
+        "run": config["name"],
+        "steps": str(stored["step"]),
+        "pairs": str(stored["step"] * config["pairs"]["batch"]),
+        "config": stored["config"],
+    }
+    return {stage: _export_stage(stage, nets[stage], recipe, folder / f"{stage}.onnx") for stage in STAGES}
 
 
-def export_stage(runs: Path, stage: str, path: Path) -> float:
-    """Export one network: batch normalisation folded, weights stored as float16, computed as float32."""
+def _export_stage(stage: str, net: nn.Module, recipe: dict[str, str], path: Path) -> float:
+    """One network: batch normalisation folded, weights stored as float16, computed as float32."""
     import onnx
     import onnxruntime
 
-    net = load_net(runs, stage).to(memory_format=torch.contiguous_format)
-    stored = torch.load(runs / stage / "checkpoint.pt", map_location="cpu", weights_only=True)
     example = torch.rand(INPUT_SHAPES[stage], generator=torch.Generator().manual_seed(0))
     with atomic_path(path) as temporary:
         torch.onnx.export(
@@ -53,15 +61,7 @@ def export_stage(runs: Path, stage: str, path: Path) -> float:
         )
         model = onnx.load(str(temporary))
         _store_half(model)
-        config = json.loads(stored["config"])
-        metadata = {
-            **CONTRACT,
-            "stage": stage,
-            "steps": str(stored["step"]),
-            "pairs": str(stored["step"] * config["pairs"]["batch"]),
-            "config": stored["config"],
-        }
-        onnx.helper.set_model_props(model, metadata)
+        onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
         session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])

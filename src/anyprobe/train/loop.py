@@ -1,4 +1,4 @@
-"""The training loop: one network, one visible loop, one checkpoint that resumes exactly."""
+"""The training loop: one visible loop, one checkpoint that resumes exactly."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from anyprobe.dataset.pairs import PairSource
 from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.dataset.surfaces import build_surfaces
 from anyprobe.files.atomic import atomic_path
+from anyprobe.train.chain import NETS, Chain
 from anyprobe.train.config import RunConfig
-from anyprobe.train.stages import Stage
 
 CHECKPOINT_SECONDS = 120.0
 LOG_STEPS = 25
@@ -52,15 +52,15 @@ def learning_rate(config: RunConfig, step: int) -> float:
     )
 
 
-def save_checkpoint(path: Path, stage: Stage, optimizer: torch.optim.Optimizer, step: int) -> None:
+def save_checkpoint(path: Path, chain: Chain, optimizer: torch.optim.Optimizer, step: int) -> None:
     """Everything that the next step depends on; pairs depend on the step's number alone."""
     with atomic_path(path) as temporary:
         torch.save(
             {
-                "net": stage.net.state_dict(),
+                "nets": chain.nets.state_dict(),
                 "optimizer": optimizer.state_dict(),
                 "step": step,
-                "config": json.dumps(dataclasses.asdict(stage.config)),
+                "config": json.dumps(dataclasses.asdict(chain.config)),
             },
             temporary,
         )
@@ -76,11 +76,11 @@ def train(
     stop_after: int | None = None,
     pairs: PairSource | None = None,
 ) -> Path:
-    """Train one network to config.steps, going on from its checkpoint when there is one.
+    """Train a chain to config.steps, going on from its checkpoint when there is one.
 
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
-        runs: the checkpoint, log.csv and TensorBoard events go to runs/<stage>.
+        runs: the checkpoint, log.csv and TensorBoard events go to runs/<config.name>.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already.
     Returns:
@@ -90,17 +90,17 @@ def train(
 
     warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
     torch.manual_seed(config.seed)
-    folder = runs / config.stage
+    folder = runs / config.name
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "checkpoint.pt"
-    stage = Stage(config, runs, device)
+    chain = Chain(config, device)
     optimizer = torch.optim.AdamW(
-        stage.net.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
+        chain.nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = 0
     if path.is_file():
         stored = torch.load(path, map_location=device, weights_only=True)
-        stage.net.load_state_dict(stored["net"])
+        chain.nets.load_state_dict(stored["nets"])
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     last = config.steps if stop_after is None else min(stop_after, config.steps)
@@ -109,52 +109,51 @@ def train(
     source = pairs or make_pairs(config, data, runs / "cache", device, compiled)
     log_path = folder / "log.csv"
     _forget_after(log_path, first)
-    writer = SummaryWriter(str(folder / "tensorboard"), purge_step=first)
     columns = (
-        TextColumn(config.stage),
+        TextColumn(config.name),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
         TextColumn("{task.description}"),
     )
-    saved = time.monotonic()
-    losses: list[torch.Tensor] = []
-    with Progress(*columns, console=Console(stderr=True)) as progress, log_path.open("a", newline="", encoding="utf-8") as log:
+    saved = since = time.monotonic()
+    history: list[torch.Tensor] = []
+    with (
+        SummaryWriter(str(folder / "tensorboard"), purge_step=first) as writer,
+        Progress(*columns, console=Console(stderr=True)) as progress,
+        log_path.open("a", newline="", encoding="utf-8") as log,
+    ):
         rows = csv.writer(log)
         if first == 0:
-            rows.writerow(["step", "pairs", "loss", "learning_rate", "pairs_per_second"])
+            rows.writerow(["step", "pairs", *NETS, "learning_rate", "pairs_per_second"])
         task = progress.add_task("", total=config.steps, completed=first)
-        since = time.monotonic()
         for step in range(first, last):
+            rate = learning_rate(config, step)
             for group in optimizer.param_groups:
-                group["lr"] = learning_rate(config, step)
-            loss = stage.loss(source.batch(step), step / config.steps)
+                group["lr"] = rate
+            losses = chain.losses(source.batch(step), step / config.steps)
             optimizer.zero_grad(set_to_none=True)
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(stage.net.parameters(), 1.0)
+            sum(losses.values()).backward()
+            for net in chain.nets.values():
+                torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
-            losses.append(loss.detach())
+            history.append(torch.stack([losses[stage].detach() for stage in NETS]))
             progress.advance(task)
             if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
-                mean = torch.stack(losses).mean().item()
-                rate = len(losses) * config.pairs.batch / (time.monotonic() - since)
+                means = dict(zip(NETS, torch.stack(history).mean(dim=0).tolist(), strict=True))
+                speed = len(history) * config.pairs.batch / (time.monotonic() - since)
+                values = [f"{means[stage]:.6f}" for stage in NETS]
                 rows.writerow(
-                    [
-                        step + 1,
-                        (step + 1) * config.pairs.batch,
-                        f"{mean:.6f}",
-                        f"{learning_rate(config, step):.2e}",
-                        f"{rate:.1f}",
-                    ]
+                    [step + 1, (step + 1) * config.pairs.batch, *values, f"{rate:.2e}", f"{speed:.1f}"]
                 )
                 log.flush()
-                writer.add_scalar("loss", mean, step + 1)
-                progress.update(task, description=f"loss {mean:.5f}  {rate:.0f} pairs/s")
-                losses, since = [], time.monotonic()
+                for stage, mean in means.items():
+                    writer.add_scalar(f"loss/{stage}", mean, step + 1)
+                progress.update(task, description=f"{' '.join(values)}  {speed:.0f} pairs/s")
+                history, since = [], time.monotonic()
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
-                save_checkpoint(path, stage, optimizer, step + 1)
+                save_checkpoint(path, chain, optimizer, step + 1)
                 saved = time.monotonic()
-    writer.close()
     return path
 
 

@@ -1,0 +1,88 @@
+"""Chain (noun): the paper's three networks and what each learns from a batch of pairs.
+
+Each network's input is the one before's output, cut off from its gradient: the three
+losses do not mix, and one pass over the pairs trains all three.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.dataset.pairs import Batch
+from anyprobe.errors import ModelError
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.reconstruct import blend_weight
+from anyprobe.nets.hdr_net import HdrNet
+from anyprobe.nets.illumination_net import IlluminationNet
+from anyprobe.nets.irradiance_net import IrradianceNet
+from anyprobe.train.config import RunConfig
+from anyprobe.train.gradual import gradual_target
+
+NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}
+
+
+def load_nets(checkpoint: Path) -> nn.ModuleDict:
+    """The trained networks of a checkpoint, ready to run."""
+    if not checkpoint.is_file():
+        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
+    nets = nn.ModuleDict({stage: net() for stage, net in NETS.items()})
+    nets.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["nets"])
+    return nets.eval().requires_grad_(False)
+
+
+class Chain:
+    """Losses of the three networks; float32 weights, bfloat16 arithmetic."""
+
+    def __init__(self, config: RunConfig, device: str) -> None:
+        self.config, self.device = config, device
+        self.nets = nn.ModuleDict({stage: net() for stage, net in NETS.items()})
+        self.nets.to(device, memory_format=torch.channels_last)
+        weights = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
+        self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
+
+    def _run(self, stage: str, x: torch.Tensor) -> torch.Tensor:
+        with torch.autocast(self.device, dtype=torch.bfloat16):
+            return self.nets[stage](x.contiguous(memory_format=torch.channels_last)).float()
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """Mean squared error of each network; progress is the share of the run done, in [0, 1)."""
+        mask = batch.photo[:, 3:]
+        irradiance = self._run("irradiance", batch.photo)
+        ldr = self._run("illumination", self._object_image(batch, irradiance.detach()))
+        return {
+            "irradiance": self._irradiance_loss(irradiance, batch.irradiance * mask, mask),
+            "illumination": self._illumination_loss(ldr, batch.ldr, progress),
+            "hdr": self._hdr_loss(ldr.detach(), batch),
+        }
+
+    def _object_image(self, batch: Batch, irradiance: torch.Tensor) -> torch.Tensor:
+        """The illumination net's input [B, 4, S, S]; the first truth_share of the batch sees the truth."""
+        given = int(self.config.truth_share * len(irradiance))
+        seen = torch.cat([batch.irradiance[:given], irradiance[given:]])
+        return torch.cat([seen, batch.photo[:, 3:]], dim=1)
+
+    def _irradiance_loss(
+        self, estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor
+    ) -> torch.Tensor:
+        """Per object pixel, so that small objects count as much as large ones."""
+        share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
+        return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
+
+    def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
+        target = gradual_target(ldr, progress) if self.config.gradual else ldr
+        return (self.solid_angle * (estimate - target) ** 2).mean()
+
+    def _hdr_loss(self, estimate: torch.Tensor, batch: Batch) -> torch.Tensor:
+        """ln radiance from true and from estimated LDR maps, mostly where Eq. 7 will read it."""
+        quarter = max(1, int(self.config.hdr_share * len(estimate)) // 2)
+        true, estimated = slice(0, quarter), slice(len(estimate) - quarter, None)
+        ldr = torch.cat([batch.ldr[true], estimate[estimated]])
+        saturated = torch.cat([batch.ldr[true], torch.maximum(estimate, batch.ldr)[estimated]])
+        target = torch.cat([batch.ln_radiance[true], batch.ln_radiance[estimated]])
+        gamma = blend_weight(saturated.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
+        weight = self.solid_angle * (0.1 + gamma)
+        return (weight * (self._run("hdr", ldr) - target) ** 2).sum() / weight.sum() / 3
