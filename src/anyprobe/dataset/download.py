@@ -176,7 +176,7 @@ class Client:
                         break
                     with _writing(part):
                         stream.write(chunk)
-                        stream.flush()  # a killed run keeps what it has
+                        stream.flush()  # here, so that a full disk is not taken for a bad connection
                     watch(done, total)
         if total is not None and done > total:
             part.unlink()
