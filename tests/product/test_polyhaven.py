@@ -20,9 +20,9 @@ from support.polyhaven_server import Fault, PolyHaven, tetrahedron
 from anyprobe import __version__
 from anyprobe.dataset import download
 from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
-from anyprobe.dataset.download import Client, DownloadError, RemoteFile
+from anyprobe.dataset.download import Client, RemoteFile
 from anyprobe.dataset.polyhaven import LICENCE, Asset, choose, family, split_of
-from anyprobe.errors import OutputError
+from anyprobe.errors import DownloadError, OutputError
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
 
@@ -341,12 +341,14 @@ def test_connection_that_always_breaks_still_gets_there(fetch, site):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_full_disk_is_no_reason_to_ask_again(site, tmp_path):
-    part = tmp_path / "roof.part"
+@pytest.mark.parametrize("size", [100, 100_000])
+def test_full_disk_is_no_reason_to_ask_again(site, tmp_path, size):
+    site.bodies["/file/one"] = b"x" * size
+    part = tmp_path / "one.part"
     part.symlink_to("/dev/full")
     with pytest.raises(OutputError, match="No space left"):
-        Client(pause_s=0).download(RemoteFile(url=site.url + ROOF, md5="0" * 32), part)
-    assert site.paths() == [ROOF]
+        Client(pause_s=0).download(RemoteFile(url=f"{site.url}/file/one", md5="0" * 32), part)
+    assert site.paths() == ["/file/one"]
 
 
 def test_server_without_ranges_sends_all_again(fetch, site):

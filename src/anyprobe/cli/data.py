@@ -109,7 +109,7 @@ def fetch(
 
 def _fetch_all(library, chosen: list, progress: Progress) -> tuple[list, str]:
     """Every asset in turn; what happened to each, and why it stopped before the end, if it did."""
-    from anyprobe.dataset.download import ServerBusy
+    from anyprobe.errors import ServerBusy
 
     outcomes = []
     for index, asset in enumerate(chosen, 1):

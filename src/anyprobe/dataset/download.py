@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from anyprobe import __version__
-from anyprobe.errors import AnyprobeError, OutputError
+from anyprobe.errors import DownloadError, OutputError, ServerBusy
 
 USER_AGENT = f"anyprobe/{__version__} (anyprobe data fetch)"
 """Poly Haven's terms ask for one that names the software."""
@@ -50,14 +50,6 @@ CHUNK_BYTES = 2**16
 
 Watch = Callable[[int, int | None], None]
 Result = TypeVar("Result")
-
-
-class DownloadError(AnyprobeError):
-    """A page or file that could not be had; others may."""
-
-
-class ServerBusy(DownloadError):
-    """The server asks to be left alone for long: whoever gets this stops asking."""
 
 
 class _Transient(Exception):
@@ -168,15 +160,16 @@ class Client:
                 total = start + int(length)
             done = start
             with _writing(part):
-                stream = part.open("ab" if start else "wb")
+                # unbuffered: otherwise a full disk is found when closing and taken for a bad connection
+                stream = part.open("ab" if start else "wb", buffering=0)
             with stream:
                 while chunk := response.read1(CHUNK_BYTES):
                     done += len(chunk)
                     if total is not None and done > total:
                         break
                     with _writing(part):
-                        stream.write(chunk)
-                        stream.flush()  # here, so that a full disk is not taken for a bad connection
+                        while chunk:
+                            chunk = chunk[stream.write(chunk) :]
                     watch(done, total)
         if total is not None and done > total:
             part.unlink()
