@@ -9,6 +9,7 @@ Frame, everywhere: right-handed, +X right, +Y up, the camera looks along -Z.
 
 from anyprobe.errors import (
     AnyprobeError,
+    DownloadError,
     InputError,
     InvalidEnvironment,
     InvalidMask,
@@ -17,6 +18,7 @@ from anyprobe.errors import (
     MissingExtra,
     ModelError,
     OutputError,
+    ServerBusy,
 )
 from anyprobe.infer.estimate import Estimator, estimate
 from anyprobe.infer.result import Light
@@ -26,6 +28,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AnyprobeError",
+    "DownloadError",
     "Estimator",
     "InputError",
     "InvalidEnvironment",
@@ -37,5 +40,6 @@ __all__ = [
     "MissingExtra",
     "ModelError",
     "OutputError",
+    "ServerBusy",
     "estimate",
 ]

@@ -94,7 +94,8 @@ def test_unknown_model_names_the_known():
 def test_weights_fit_into_a_wheel():
     root = weights_folder("paper").parent
     assert sum(p.stat().st_size for p in root.rglob("*") if p.is_file()) <= MAX_WEIGHTS_BYTES
-    assert {p.stem for p in root.glob("paper/*")} == set(STAGES)
+    assert {p.stem for p in root.glob("paper/*.onnx")} == set(STAGES)
+    assert (root / "paper" / "README.md").is_file()  # weights never go without their card
 
 
 def test_hashes_name_the_bytes(copied):

@@ -68,7 +68,7 @@ def evaluate(
     maps, shapes = load_maps(hdri), load_shapes(meshes)
     talk = Console(stderr=True)
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    grid = PictureGrid(every=max(1, pairs // 16))
+    grid = PictureGrid(every=max(1, pairs // 16) | 1)  # odd: even steps would show a few shapes only
     with Progress(*columns, console=talk) as progress:
         task = progress.add_task("", total=pairs)
 

@@ -10,7 +10,7 @@ from anyprobe.infer.photo import Photo
 from anyprobe.infer.result import Light
 from anyprobe.render.balls import ball_images
 
-EXPOSURES_EV = (-4.0, -2.0, 0.0)
+EXPOSURES_EV = (-2.0, 0.0, 2.0)
 ROW = 256
 BALL = 128
 GAP = 8

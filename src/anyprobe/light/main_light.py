@@ -116,10 +116,11 @@ def find_main_light(radiance: np.ndarray) -> MainLight:
     direction = mean / length
     cosine = np.maximum(d[source] @ direction, 0.0)
     perpendicular = np.maximum((cosine * solid_angles[source]) @ excess, 0.0)
+    peak = perpendicular.max()  # 0 when a channel or two fall below the ring and the rest are level
     return MainLight(
         direction=direction.astype(np.float32),
         irradiance=perpendicular.astype(np.float32),
-        color=(perpendicular / perpendicular.max()).astype(np.float32),
+        color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),
         solid_angle=float(solid_angles[lobe].sum()),
         confidence=confidence,
     )
