@@ -18,18 +18,6 @@ from anyprobe.infer import estimate as estimate_module
 from anyprobe.infer.estimate import Estimator
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--slow", action="store_true", help="also run the tests that take minutes")
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--slow"):
-        return
-    for item in items:
-        if "slow" in item.keywords:
-            item.add_marker(pytest.mark.skip(reason="takes minutes: run with --slow"))
-
-
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(2020)

@@ -15,13 +15,12 @@ class Camera:
     """A square pinhole picture.
 
     world_from_camera: [3, 3] rotation; position: [3] in the world.
-    tan_half: tangent of half the field of view; 0 with half_size > 0 is orthographic.
+    tan_half: tangent of half the field of view.
     """
 
     world_from_camera: np.ndarray
     position: np.ndarray
     tan_half: float
-    half_size: float = 0.0
     size: int = 128
 
 
