@@ -24,11 +24,16 @@ def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarra
 
 def _polar(cos_theta, sin_theta, phi):
     xp = array_namespace(cos_theta)
-    return xp.stack([sin_theta * xp.cos(phi), sin_theta * xp.sin(phi), cos_theta], axis=-1)
+    return sin_theta * xp.cos(phi), sin_theta * xp.sin(phi), cos_theta
 
 
 def square_to_cosine_hemisphere(u):
     """Directions with density cos(theta) / pi: [..., 2] -> [..., 3]."""
+    return array_namespace(u).stack(cosine_hemisphere_xyz(u), axis=-1)
+
+
+def cosine_hemisphere_xyz(u):
+    """square_to_cosine_hemisphere in components x, y, z [...], for compiled kernels."""
     xp = array_namespace(u)
     return _polar(xp.sqrt(1.0 - u[..., 1]), xp.sqrt(u[..., 1]), 2.0 * np.pi * u[..., 0])
 
@@ -51,6 +56,11 @@ def square_to_ggx_normal(u, alpha):
 
     cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
     """
+    return array_namespace(u).stack(ggx_normal_xyz(u, alpha), axis=-1)
+
+
+def ggx_normal_xyz(u, alpha):
+    """square_to_ggx_normal in components x, y, z [...], for compiled kernels."""
     xp = array_namespace(u)
     cos2 = (1.0 - u[..., 1]) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * u[..., 1])
     sin2 = xp.clip(1.0 - cos2, 0.0, None)

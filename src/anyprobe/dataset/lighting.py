@@ -18,6 +18,7 @@ from anyprobe.dataset.material import draw_alpha
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.octahedral import Pyramid, build_pyramid, lookup
+from anyprobe.render.compiled import compile_kernel
 from anyprobe.render.integrate import shade_diffuse, shade_specular
 from anyprobe.render.reflectance import reflectance_normals
 
@@ -61,7 +62,7 @@ class Illuminator:
         self.pyramids = [
             Pyramid(texels=p.texels.to(device), side=p.side, num_levels=p.num_levels) for p in self.pyramids
         ]
-        wrap = torch.compile if compiled else (lambda function: function)
+        wrap = compile_kernel if compiled else (lambda function: function)
         self._specular, self._diffuse, self._lookup = wrap(shade_specular), wrap(shade_diffuse), wrap(lookup)
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:

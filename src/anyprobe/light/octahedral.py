@@ -23,15 +23,21 @@ def _sign(x):
     return xp.where(x >= 0, xp.ones_like(x), -xp.ones_like(x))
 
 
+def _unfold(x, y, z):
+    """Components of unit directions to coordinates s, t in [0, 1]; +Y is the centre."""
+    xp = array_namespace(x)
+    norm = xp.abs(x) + xp.abs(y) + xp.abs(z)
+    a, b = x / norm, z / norm
+    below = y < 0
+    s = xp.where(below, (1.0 - xp.abs(b)) * _sign(a), a)
+    t = xp.where(below, (1.0 - xp.abs(a)) * _sign(b), b)
+    return s * 0.5 + 0.5, t * 0.5 + 0.5
+
+
 def direction_to_octahedral(d):
     """Unit directions [..., 3] to the unit square [..., 2]; +Y is the centre."""
     xp = array_namespace(d)
-    norm = xp.abs(d[..., 0]) + xp.abs(d[..., 1]) + xp.abs(d[..., 2])
-    a, b = d[..., 0] / norm, d[..., 2] / norm
-    fold_a = (1.0 - xp.abs(b)) * _sign(a)
-    fold_b = (1.0 - xp.abs(a)) * _sign(b)
-    below = d[..., 1] < 0
-    return xp.stack([xp.where(below, fold_a, a), xp.where(below, fold_b, b)], axis=-1) * 0.5 + 0.5
+    return xp.stack(_unfold(d[..., 0], d[..., 1], d[..., 2]), axis=-1)
 
 
 def octahedral_to_direction(st):
@@ -106,23 +112,36 @@ def lookup(pyramid: Pyramid, d, lod):
     lod 0 is the map itself, each further level averages four texels of the last.
     """
     xp = array_namespace(d)
+    return xp.stack(lookup_rgb(pyramid, d[..., 0], d[..., 1], d[..., 2], lod), axis=-1)
+
+
+def lookup_rgb(pyramid: Pyramid, x, y, z, lod):
+    """The same with directions and colours in components, which a compiler turns into vector code.
+
+    Args:
+        x, y, z, lod: one shape.
+    Returns:
+        red, green, blue: the same shape.
+    """
+    xp = array_namespace(x)
     level = xp.clip(xp.round(lod), 0, pyramid.num_levels - 1)
     size = pyramid.side / xp.exp2(level) if hasattr(xp, "exp2") else pyramid.side / 2.0**level
-    st = direction_to_octahedral(d)
-    x, y = st[..., 0] * size + 0.5, st[..., 1] * size + 0.5  # +0.5: the border's width less half a texel
-    x0, y0 = xp.floor(x), xp.floor(y)
-    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
+    s, t = _unfold(x, y, z)
+    column, row = s * size + 0.5, t * size + 0.5  # +0.5: the border's width less half a texel
+    column0, row0 = xp.floor(column), xp.floor(row)
+    right, down = column - column0, row - row0
     # texels before a level: the sum of (s + 2)^2 over the larger sides s, a geometric series
     s0 = float(pyramid.side)
     before = (s0 * s0 - size * size) * (4.0 / 3.0) + (s0 - size) * 8.0 + 4.0 * level
     stride = size + 2.0
-    base = xp.astype(before + y0 * stride + x0, xp.int64)
-    step = xp.astype(stride, xp.int64)
-
-    def read(index):
-        flat = xp.take(pyramid.texels, xp.reshape(index, (-1,)), axis=0)
-        return xp.reshape(flat, (*index.shape, 3))
-
-    upper = read(base) * (1 - fx) + read(base + 1) * fx
-    lower = read(base + step) * (1 - fx) + read(base + step + 1) * fx
-    return upper * (1 - fy) + lower * fy
+    base = xp.astype(before + row0 * stride + column0, xp.int32)
+    below = base + xp.astype(stride, xp.int32)
+    corners = (
+        (base, (1.0 - right) * (1.0 - down)),
+        (base + 1, right * (1.0 - down)),
+        (below, (1.0 - right) * down),
+        (below + 1, right * down),
+    )
+    return tuple(
+        sum(pyramid.texels[index, channel] * weight for index, weight in corners) for channel in range(3)
+    )

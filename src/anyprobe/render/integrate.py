@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from array_api_compat import array_namespace
 
-from anyprobe.core.frames import dot, normalize, world_from_local
-from anyprobe.core.sampling import square_to_cosine_hemisphere, square_to_ggx_normal
-from anyprobe.light.octahedral import Pyramid, lookup
+from anyprobe.core.frames import dot, orthonormal_basis
+from anyprobe.core.sampling import cosine_hemisphere_xyz, ggx_normal_xyz
+from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
@@ -63,12 +63,25 @@ def _lod(pdf, num_samples: int, pyramid: Pyramid):
     return 0.5 * xp.log2(1.0 / (num_samples * xp.clip(pdf, 1e-9, None) * texel)) + LOD_BIAS
 
 
+def _carry(local: tuple, n) -> list:
+    """World components [P, S] of local ones [1 or P, S] at normals n [P, 3]."""
+    t, b = orthonormal_basis(n)
+    return [local[0] * t[:, k, None] + local[1] * b[:, k, None] + local[2] * n[:, k, None] for k in range(3)]
+
+
+def _against(v: list, a):
+    """Scalar products [P, S] of components v with one vector a point, [P, 3]."""
+    return v[0] * a[:, 0, None] + v[1] * a[:, 1, None] + v[2] * a[:, 2, None]
+
+
 def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     """Importance-weighted irradiance (Eq. 5), S1 and Ss.
 
     Samples follow the paper: h with density D (n.h), wi = reflect(wo, h), so that
     pdf(wi) = D (n.h) / (4 wo.h). Those below the horizon or seen from behind
     (n.wi <= 0 or wo.h <= 0) weigh zero in Eq. 4 and are left out of Eq. 5's mean.
+    All vectors are kept in components [P, S]: compiled, one loop over samples without memory
+    between its parts.
 
     Args:
         n, wo: [P, 3].
@@ -78,40 +91,43 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
         irradiance, S1, Ss: [P, 3] each.
     """
     xp = array_namespace(n, wo, u)
-    h_local = square_to_ggx_normal(u[None], alpha)
-    h = world_from_local(h_local, n[:, None])
-    wo = wo[:, None]
-    wo_dot_h = dot(wo, h)
-    wi = 2.0 * wo_dot_h * h - wo
-    n_dot_h = xp.clip(h_local[..., 2:3], 1e-6, None)
-    n_dot_wo = xp.clip(dot(n[:, None], wo), 1e-4, None)  # seen at 90 degrees: no 0/0
-    n_dot_wi = dot(n[:, None], wi)
+    local = ggx_normal_xyz(u[None], alpha)
+    h = _carry(local, n)
+    wo_dot_h = _against(h, wo)
+    wi = [2.0 * wo_dot_h * h[k] - wo[:, k, None] for k in range(3)]
+    n_dot_h = xp.clip(local[2], 1e-6, None)
+    n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # seen at 90 degrees: no 0/0
+    n_dot_wi = _against(wi, n)
     kept = xp.astype((n_dot_wi > 0) & (wo_dot_h > 0), n.dtype)
-    a = alpha[:, None] if getattr(alpha, "ndim", 0) else float(alpha)
-    pdf = ggx_distribution(n_dot_h, a) * n_dot_h / (4.0 * xp.clip(wo_dot_h, 1e-4, None))
-    light = lookup(pyramid, wi, _lod(pdf[..., 0], u.shape[0], pyramid)) * kept
+    pdf = ggx_distribution(n_dot_h, alpha) * n_dot_h / (4.0 * xp.clip(wo_dot_h, 1e-4, None))
+    light = lookup_rgb(pyramid, *wi, _lod(pdf, u.shape[0], pyramid))
     # D V (n.wi) / pdf, the Fresnel term left out
     weight = (
         4.0
-        * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), a)
+        * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha)
         * xp.clip(n_dot_wi, 0.0, None)
         * xp.clip(wo_dot_h, 0.0, None)
         / n_dot_h
+    ) * kept
+    grazing = weight * schlick_weight(wo_dot_h)
+    count = xp.clip(xp.sum(kept, axis=1), 1.0, None)
+    return (
+        xp.stack([xp.sum(channel * kept, axis=1) / count for channel in light], axis=-1),
+        xp.stack([xp.mean(channel * weight, axis=1) for channel in light], axis=-1),
+        xp.stack([xp.mean(channel * grazing, axis=1) for channel in light], axis=-1),
     )
-    weighted = light * weight
-    irradiance = xp.sum(light, axis=1) / xp.clip(xp.sum(kept, axis=1), 1.0, None)
-    return irradiance, xp.mean(weighted, axis=1), xp.mean(weighted * schlick_weight(wo_dot_h), axis=1)
 
 
 def shade_diffuse(pyramid: Pyramid, n, wo, u):
     """Dd [P, 3] by cosine sampling: the mean of (1 - s) L."""
     xp = array_namespace(n, wo, u)
-    local = square_to_cosine_hemisphere(u)[None]
-    wi = world_from_local(local, n[:, None])
-    pdf = local[..., 2:3] / np.pi + xp.zeros_like(wi[..., :1])
-    s = schlick_weight(dot(wo[:, None], normalize(wo[:, None] + wi)))
-    light = lookup(pyramid, wi, _lod(pdf[..., 0], u.shape[0], pyramid))
-    return xp.mean((1.0 - s) * light, axis=1)
+    local = cosine_hemisphere_xyz(u[None])
+    wi = _carry(local, n)
+    pdf = local[2] / np.pi + xp.zeros_like(wi[0])
+    wo_dot_h = xp.sqrt(xp.clip(0.5 + 0.5 * _against(wi, wo), 0.0, None))  # half of the angle between them
+    rest = 1.0 - schlick_weight(wo_dot_h)
+    light = lookup_rgb(pyramid, *wi, _lod(pdf, u.shape[0], pyramid))
+    return xp.stack([xp.mean(channel * rest, axis=1) for channel in light], axis=-1)
 
 
 def shade(pyramid: Pyramid, n, wo, alpha, u, u_diffuse=None) -> Shading:
