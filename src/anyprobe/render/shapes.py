@@ -5,21 +5,31 @@ Each function takes its randomness as an argument and returns a Mesh.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 
+from anyprobe.core.frames import normalize, rotation_y
 from anyprobe.render.mesh import Mesh, make_mesh
 
+GOLDEN = (1 + 5**0.5) / 2
 
-def _grid_mesh(positions: np.ndarray, crease_deg: float) -> Mesh:
-    """Close a [R, C, 3] grid (rows pole to pole, columns around +Y) into a mesh."""
+
+def _grid_mesh(positions: np.ndarray, crease_deg: float, poles: np.ndarray | None = None) -> Mesh:
+    """Close a [R, C, 3] grid (rows pole to pole, columns around +Y) into a mesh.
+
+    Its last two vertices are the poles [2, 3]: the middles of the outer rows where none are given.
+    """
     rows, columns = positions.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     right = np.roll(index, -1, axis=1)
     a, b, c, d = index[:-1], right[:-1], right[1:], index[1:]
     faces = np.concatenate([np.stack([a, d, c], -1), np.stack([a, c, b], -1)]).reshape(-1, 3)
     vertices = positions.reshape(-1, 3)
-    top, bottom = vertices[:columns].mean(axis=0), vertices[-columns:].mean(axis=0)
-    vertices = np.concatenate([vertices, [top, bottom]])
+    if poles is None:
+        poles = np.stack([positions[0].mean(axis=0), positions[-1].mean(axis=0)])
+    vertices = np.concatenate([vertices, poles])
     first, last = index[0], index[-1]
     cap_top = np.stack([np.full(columns, len(vertices) - 2), first, np.roll(first, -1)], -1)
     cap_bottom = np.stack([np.full(columns, len(vertices) - 1), np.roll(last, -1), last], -1)
@@ -95,6 +105,60 @@ def lathe(rng: np.random.Generator, rows: int = 72) -> Mesh:
     return _grid_mesh(grid, crease_deg=50.0)
 
 
+def _solid(rng: np.random.Generator) -> np.ndarray:
+    """Planes [K, 3] of a random solid around the origin as n / distance; inside, planes @ x <= 1."""
+    cube = np.concatenate([np.eye(3), -np.eye(3)])
+    corners = normalize(np.array(list(product((-1.0, 1.0), repeat=3))))
+    sides = np.array([(0.0, a, b * GOLDEN) for a in (-1, 1) for b in (-1, 1)])
+    dodecahedron = normalize(np.concatenate([np.roll(sides, k, axis=1) for k in range(3)]))
+    kind = rng.integers(6)
+    if kind == 0:  # a box, stretched
+        planes = cube * np.exp(rng.uniform(-0.6, 0.6, size=(3, 1)))[[0, 1, 2, 0, 1, 2]]
+    elif kind == 1:  # an octahedron, with its corners cut off or not
+        planes = np.concatenate([corners, cube / rng.uniform(0.9, 1.8)])
+    elif kind == 2:
+        planes = dodecahedron
+    elif kind == 3:  # a prism or a pyramid's stump over 3 to 8 sides
+        turn = np.arange(rng.integers(3, 9))
+        turn = turn * 2 * np.pi / len(turn)
+        side = np.stack([np.sin(turn), np.full(len(turn), rng.uniform(0.0, 0.6)), np.cos(turn)], axis=-1)
+        planes = np.concatenate([normalize(side), cube[[1, 4]] / rng.uniform(0.6, 1.8)])
+    else:  # a pebble of random cuts; the box keeps it closed
+        cuts = normalize(rng.normal(size=(rng.integers(5, 20), 3)))
+        planes = np.concatenate([cuts / rng.uniform(0.6, 1.0, size=(len(cuts), 1)), cube / 1.1])
+    if kind < 4 and rng.random() < 0.4:  # a piece knocked off
+        cuts = normalize(rng.normal(size=(rng.integers(1, 5), 3)))
+        planes = np.concatenate([planes, cuts / rng.uniform(0.7, 1.0, size=(len(cuts), 1))])
+    if rng.random() < 0.5:  # lying as it fell, else upright
+        turned, upper = np.linalg.qr(rng.normal(size=(3, 3)))
+        planes = planes @ (turned * np.sign(np.diag(upper)))
+    return planes @ rotation_y(rng.uniform(0, 2 * np.pi))
+
+
+def _gauge(planes: np.ndarray, x: np.ndarray, power: float) -> tuple[np.ndarray, np.ndarray]:
+    """g(x) = (sum of max(m_k . x, 0)^p)^(1/p) over planes m [K, 3], and its gradient: [...], [..., 3].
+
+    The largest m_k . x is 1 on the solid's faces; the p-norm in its place rounds the edges. g is
+    homogeneous and convex: the solid g <= 1 is convex, its radius along d is 1 / g(d), and the
+    gradient along d is its outward normal there.
+    """
+    height = np.maximum(x @ planes.T, 0.0)
+    largest = height.max(axis=-1, keepdims=True)
+    share = height / largest  # powers of numbers up to 1 do not overflow
+    g = largest[..., 0] * (share**power).sum(axis=-1) ** (1 / power)
+    return g, share ** (power - 1) @ planes
+
+
+def rounded_polyhedron(rng: np.random.Generator, rows: int = 80) -> Mesh:
+    """A convex solid of flat faces (box, prism, platonic, random cuts) with rounded edges."""
+    planes, power = _solid(rng), np.exp(rng.uniform(np.log(8.0), np.log(40.0)))
+    d = _sphere_grid(rows, 2 * rows)
+    poles = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    g, normals = _gauge(planes, np.concatenate([d.reshape(-1, 3), poles]), power)
+    mesh = _grid_mesh(d / g[:-2].reshape(d.shape[:2])[..., None], 180.0, poles / g[-2:, None])
+    return replace(mesh, normals=normalize(normals)[mesh.faces].astype(np.float32))
+
+
 def draw_shape(rng: np.random.Generator) -> Mesh:
     """One of the families above."""
-    return [superquadric, blob, lathe, blob][rng.integers(4)](rng)
+    return [superquadric, blob, lathe, blob, rounded_polyhedron][rng.integers(5)](rng)

@@ -1,0 +1,482 @@
+"""Skies, rooms and studios of our own, and new light from old: closed forms, energy, real numbers."""
+
+import numpy as np
+import pytest
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.dataset import room as rooms
+from anyprobe.dataset.catalog import normalize_map
+from anyprobe.dataset.procedural_light import draw_map, room, sky, studio
+from anyprobe.dataset.sky import (
+    REC709_FROM_XYZ,
+    clear_sky,
+    daylight,
+    horizontal_irradiance,
+    matching_functions,
+    scattered_irradiance,
+    sky_radiance,
+    sun_irradiance,
+    zenith_luminance,
+)
+from anyprobe.dataset.studio import direction_at, soft_box, soft_cap
+from anyprobe.dataset.variants import (
+    add_lamp,
+    blend,
+    draw_variant,
+    move_main_light,
+    split_main_light,
+    turn,
+    white_balance,
+)
+from anyprobe.light.environment import integral, rotate
+
+UP = np.array([0.0, 1.0, 0.0])
+HALF = np.array([2.0, 1.2, 3.1])
+"""A box with no two sides alike: axes in the wrong order show."""
+
+
+def mean_luminance(radiance: np.ndarray) -> float:
+    return float(luminance(integral(radiance.astype(np.float64)))) / (4 * np.pi)
+
+
+def brightest(radiance: np.ndarray) -> np.ndarray:
+    bright = luminance(radiance)
+    return pixel_directions(radiance.shape[0])[np.unravel_index(np.argmax(bright), bright.shape)]
+
+
+def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.degrees(np.arccos(np.clip(a @ b, -1.0, 1.0))))
+
+
+# Families
+
+
+@pytest.mark.parametrize("family", [sky, room, studio])
+def test_a_map_is_light_of_mean_one(family):
+    for seed in range(6):
+        radiance = family(np.random.default_rng(seed), height=64)
+        assert radiance.shape == (64, 128, 3)
+        assert radiance.dtype == np.float32
+        assert np.isfinite(radiance).all()
+        assert radiance.min() >= 0
+        np.testing.assert_allclose(mean_luminance(radiance), 1.0, rtol=1e-4)
+        np.testing.assert_array_equal(radiance, family(np.random.default_rng(seed), height=64))
+    assert not np.array_equal(radiance, family(np.random.default_rng(99), height=64))
+
+
+@pytest.mark.parametrize("family", [sky, room, studio])
+def test_a_map_is_the_same_at_every_height(family):
+    """The seed decides the scene, the height only how finely it is drawn."""
+    for seed in range(4):
+        coarse, fine = (family(np.random.default_rng(seed), height=h).astype(np.float64) for h in (64, 128))
+        up = np.maximum(pixel_directions(64)[..., 1], 0.0) * pixel_solid_angles(64)
+        fine = fine.reshape(64, 2, 128, 2, 3).mean(axis=(1, 3))
+        a, b = (np.einsum("hwc,hw->c", m, up) for m in (coarse, fine))
+        np.testing.assert_allclose(a, b, rtol=0.12)
+
+
+def test_draw_map_has_all_three_and_knows_which_is_indoor():
+    drawn = [draw_map(np.random.default_rng(seed), height=16) for seed in range(12)]
+    families = set()
+    for seed, (radiance, indoor) in enumerate(drawn):
+        rng = np.random.default_rng(seed)
+        rng.integers(3)  # the draw of the family
+        (which,) = [f for f in (sky, room, studio) if _same(f, rng, radiance)]
+        assert indoor is (which is not sky)
+        families.add(which)
+    assert families == {sky, room, studio}
+
+
+def _same(family, rng: np.random.Generator, radiance: np.ndarray) -> bool:
+    state = rng.bit_generator.state
+    drawn = family(rng, height=16)
+    rng.bit_generator.state = state
+    return np.array_equal(drawn, radiance)
+
+
+# Sky
+
+
+@pytest.mark.parametrize(
+    ("turbidity", "elevation_deg", "by_hand"),
+    # chi = (4/9 - T/120) (pi - 2 theta_s), then (4.0453 T - 4.9710) tan(chi) - 0.2155 T + 2.4192
+    [(2.0, 90.0, 15.5007), (3.0, 45.0, 7.3204), (6.0, 30.0, 9.5853), (4.0, 0.0, 1.5572)],
+)
+def test_zenith_luminance_is_the_papers(turbidity, elevation_deg, by_hand):
+    np.testing.assert_allclose(zenith_luminance(np.radians(elevation_deg), turbidity), by_hand, rtol=1e-4)
+
+
+def test_zenith_color_is_the_papers():
+    """Sun overhead: F / F is 1 at the zenith and Table A2's last column is left, T = 2 and T = 4."""
+    for turbidity, x, y in ((2.0, 0.26674, 0.27720), (4.0, 0.27462, 0.28752)):
+        xyz = np.linalg.inv(REC709_FROM_XYZ) @ sky_radiance(UP, UP, turbidity)
+        np.testing.assert_allclose(xyz[:2] / xyz.sum(), [x, y], atol=1e-4)
+        np.testing.assert_allclose(xyz[1], zenith_luminance(np.pi / 2, turbidity), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("turbidity", "theta_s", "theta", "azimuth", "x", "y", "kcd"),
+    [
+        (2.0, 0.5, 0.0, 0.0, 0.252494, 0.257243, 6.05229),
+        (3.0, np.pi / 4, np.pi / 3, np.pi / 2, 0.250270, 0.262025, 7.31875),  # beside the sun
+        (3.0, np.pi / 4, np.pi / 3, 0.0, 0.281140, 0.290597, 21.7224),  # 15 degrees under it
+    ],
+)
+def test_sky_is_the_papers_elsewhere(turbidity, theta_s, theta, azimuth, x, y, kcd):
+    """Numbers worked out apart from the package: Eq. 3 and 4 with the coefficients of A2."""
+    sun, d = direction_at(0.4, np.pi / 2 - theta_s), direction_at(0.4 + azimuth, np.pi / 2 - theta)
+    xyz = np.linalg.inv(REC709_FROM_XYZ) @ sky_radiance(d, sun, turbidity)
+    np.testing.assert_allclose(xyz[:2] / xyz.sum(), [x, y], atol=1e-5)
+    np.testing.assert_allclose(xyz[1], kcd, rtol=1e-4)
+
+
+def test_matching_functions_are_of_1931():
+    """Equal energy is white: all three integrate to 106.9 nm; y peaks at 555 nm with 1."""
+    nm = np.arange(360.0, 831.0)
+    values = matching_functions(nm)
+    np.testing.assert_allclose(values.sum(axis=0), 106.9, rtol=0.01)
+    assert abs(nm[np.argmax(values[:, 1])] - 555) <= 4
+    np.testing.assert_allclose(values[:, 1].max(), 1.0, atol=0.02)
+
+
+def test_sun_is_as_strong_and_as_warm_as_the_real_one():
+    """A clear day gives 85 to 110 klx facing a high sun; low suns and haze dim and redden it."""
+    high = sun_irradiance(np.radians(60), 2.0)
+    assert 85 < luminance(high) < 110
+    order = [high, sun_irradiance(np.radians(20), 2.0), sun_irradiance(np.radians(5), 2.0)]
+    hazy = sun_irradiance(np.radians(60), 5.0)
+    for brighter, dimmer in [*zip(order, order[1:], strict=False), (high, hazy)]:
+        assert luminance(brighter) > luminance(dimmer)
+        assert brighter[2] / brighter[0] > dimmer[2] / dimmer[0]
+
+
+def test_sky_is_symmetric_about_the_sun():
+    """Sun ahead: left and right of the middle column alike."""
+    radiance = daylight(64, direction_at(0.0, 0.6), 3.0)
+    np.testing.assert_allclose(radiance, radiance[:, ::-1], rtol=1e-4)
+
+
+@pytest.mark.parametrize("turbidity", [2.0, 3.0])
+def test_zenith_is_bluer_than_the_horizon(turbidity):
+    sun = direction_at(0.0, np.radians(40))
+    zenith = sky_radiance(UP, sun, turbidity)
+    for azimuth in (0.7, 1.5, 2.4, 3.1):
+        low = sky_radiance(direction_at(azimuth, np.radians(4)), sun, turbidity)
+        assert zenith[2] / zenith[0] > 1.3 * low[2] / low[0]
+        assert luminance(low) > luminance(zenith)  # and darker
+
+
+@pytest.mark.parametrize("elevation_deg", [12.0, 45.0, 80.0])
+def test_sun_flux_does_not_depend_on_the_height(elevation_deg):
+    sun = direction_at(2.0, np.radians(elevation_deg))
+    truth = sun_irradiance(np.radians(elevation_deg), 2.5)
+    for height in (64, 128, 256):
+        d = pixel_directions(height).astype(np.float64)
+        weight = np.maximum(d @ sun, 0.0) * pixel_solid_angles(height) * (d @ sun > np.cos(np.radians(9)))
+        sunny = daylight(height, sun, 2.5) - clear_sky(d, sun, 2.5)
+        np.testing.assert_allclose(np.einsum("hwc,hw->c", sunny, weight), truth, rtol=0.03)
+
+
+@pytest.mark.parametrize("elevation_deg", [3.0, 25.0, 60.0, 88.0])
+def test_sun_is_where_it_was_put(elevation_deg):
+    sun = direction_at(-1.1, np.radians(elevation_deg))
+    assert angle_deg(brightest(daylight(128, sun, 3.0)), sun) < 180 / 128
+    np.testing.assert_allclose(np.arcsin(sun[1]), np.radians(elevation_deg))
+
+
+def test_every_day_is_finite():
+    for turbidity in (2.0, 3.0, 6.0, 10.0):
+        for elevation_deg in (0.0, 1.0, 10.0, 45.0, 90.0):
+            sun = direction_at(0.5, np.radians(elevation_deg))
+            radiance = daylight(32, sun, turbidity)
+            assert np.isfinite(radiance).all()
+            assert radiance.min() >= 0
+            assert luminance(radiance[:16]).min() > 0
+            assert np.isfinite(sky_radiance(direction_at(2.0, 0.0), sun, turbidity)).all()
+
+
+def test_sun_and_sky_share_the_light_as_in_the_real_world():
+    """Clear, sun at 45 degrees: the sun gives the ground 3 to 10 times what the sky gives, 10 to 20 klx."""
+    sun = direction_at(1.0, np.radians(45))
+    for turbidity in (2.0, 2.5):
+        d = pixel_directions(64).astype(np.float64)
+        above = np.where(d[..., 1:2] > 0, clear_sky(d, sun, turbidity), 0.0)
+        from_sky = luminance(horizontal_irradiance(above))
+        from_sun = luminance(sun_irradiance(np.radians(45), turbidity)) * sun[1]
+        assert 10 < from_sky < 20
+        assert 3 < from_sun / from_sky < 10
+        np.testing.assert_allclose(from_sky, scattered_irradiance(np.radians(45), turbidity), rtol=0.02)
+
+
+def test_ground_sends_back_its_albedo():
+    """Lambert: pi L = albedo E, with E of the upper half as drawn, sun and all."""
+    radiance = daylight(128, direction_at(0.3, 0.9), 2.5, ground=0.3)
+    np.testing.assert_allclose(radiance[100, 17], 0.3 * horizontal_irradiance(radiance) / np.pi, rtol=0.02)
+
+
+# Room
+
+
+def test_form_factors_of_a_box_close():
+    factors, areas = rooms.form_factors(HALF), rooms.patch_areas(HALF)
+    assert factors.min() >= 0
+    np.testing.assert_allclose(factors.sum(axis=1), 1.0, atol=1e-9)
+    exchange = areas[:, None] * factors
+    np.testing.assert_allclose(exchange, exchange.T, atol=1e-12)
+    np.testing.assert_allclose(areas.sum(), 8 * (2.0 * 1.2 + 2.0 * 3.1 + 1.2 * 3.1))
+
+
+def test_form_factors_of_a_cube_are_known():
+    """0.199825 to the wall across (every heat transfer book), the rest to the four beside."""
+    factors = rooms.form_factors(np.ones(3), patches=3).reshape(6, 9, 6, 9).sum(axis=3).mean(axis=1)
+    across = factors[np.arange(6), np.arange(6) ^ 1]
+    np.testing.assert_allclose(across, 0.199825, atol=1e-6)
+    np.testing.assert_allclose(np.diag(factors), 0.0)
+    np.testing.assert_allclose(factors[0, 2:], (1 - 0.199825) / 4, atol=1e-6)
+
+
+def test_form_factors_belong_to_their_patches():
+    """Far pairs against cos cos A / (pi r^2) between the middles: the patches' order is the points'."""
+    points, areas = rooms.patch_points(HALF, 8), rooms.patch_areas(HALF, 8)
+    inside = np.eye(3)[points.wall // 2] * (1 - 2 * (points.wall % 2))[:, None]
+    way = points.position[None] - points.position[:, None]
+    r2 = (way**2).sum(axis=-1) + 1e-12
+    cosines = np.einsum("ijk,ik->ij", way, inside) * -np.einsum("ijk,jk->ij", way, inside) / r2
+    middle = np.maximum(cosines, 0.0) * areas / (np.pi * r2)
+    far = (r2 > 3.5**2) & (cosines > 0.05)
+    assert far.sum() > 1000
+    np.testing.assert_allclose(rooms.form_factors(HALF, 8)[far], middle[far], rtol=0.12)
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.3, 0.8])
+def test_even_walls_add_a_power_of_albedo_a_bounce(albedo):
+    """A closed box that shines with e everywhere: e (1 + rho + rho^2) after two bounces."""
+    factors = rooms.form_factors(HALF)
+    source = np.tile([1.0, 2.0, 0.5], (len(factors), 1))
+    after = source + rooms.reflected(factors, np.full_like(source, albedo), source, bounces=2)
+    np.testing.assert_allclose(after, source * (1 + albedo + albedo**2), rtol=1e-9)
+
+
+def test_white_walls_lose_nothing():
+    """Albedo 1 in a closed box: each bounce sends out the power that came, whoever shone."""
+    factors, areas = rooms.form_factors(HALF), rooms.patch_areas(HALF)
+    source = np.random.default_rng(5).exponential(size=(len(factors), 3)) ** 3
+    back = rooms.reflected(factors, np.ones_like(source), source, bounces=3)
+    np.testing.assert_allclose(areas @ back, 3 * (areas @ source), rtol=1e-9)
+
+
+def test_more_bounces_never_darken():
+    rng = np.random.default_rng(0)
+    factors = rooms.form_factors(HALF)
+    source = rng.exponential(size=(len(factors), 3)) * (rng.random((len(factors), 1)) < 0.05)
+    albedo = rng.uniform(0.1, 0.7, size=source.shape)
+    last = np.zeros_like(source)
+    for bounces in range(1, 6):
+        back = rooms.reflected(factors, albedo, source, bounces)
+        assert (back >= last).all()
+        assert (back > last).any()
+        last = back
+
+
+def test_lamps_side_is_brighter():
+    factors, points = rooms.form_factors(HALF), rooms.patch_points(HALF)
+    lamp = rooms.Rectangle(wall=0, centre=np.array([0.2, 1.5]), extent=np.array([0.4, 0.4]))
+    source = rooms.paint(np.zeros((len(factors), 3)), lamp, 10.0, points)
+    assert set(points.wall[source[:, 0] > 0]) == {0}
+    back = rooms.reflected(factors, np.full_like(source, 0.5), source)[:, 0]
+    for wall in (2, 3):  # floor and ceiling: the half towards x-, and of it that towards +z
+        x, z = points.position[:, 0], points.position[:, 2]
+        here = points.wall == wall
+        assert back[here & (x < 0)].mean() > 1.5 * back[here & (x > 0)].mean()
+        assert back[here & (x < 0) & (z > 0)].mean() > 1.5 * back[here & (x < 0) & (z < 0)].mean()
+
+
+def test_patches_take_a_rectangles_whole_area():
+    points, areas = rooms.patch_points(HALF), rooms.patch_areas(HALF)
+    for wall in range(6):
+        spot = rooms.Rectangle(wall=wall, centre=np.array([0.3, -0.1]), extent=np.array([0.77, 0.33]))
+        painted = rooms.paint(np.zeros((len(areas), 3)), spot, np.array([1.0, 2.0, 3.0]), points)
+        np.testing.assert_allclose(areas @ painted, 4 * 0.77 * 0.33 * np.array([1, 2, 3]), rtol=1e-9)
+
+
+def test_sun_through_a_window_keeps_its_flux():
+    """What falls on floor and walls is what came in: the window's area times its cosine."""
+    window = rooms.Rectangle(wall=5, centre=np.array([-0.4, 0.3]), extent=np.array([0.8, 0.6]))
+    points, areas = rooms.patch_points(HALF, 60), rooms.patch_areas(HALF, 60)
+    for sun in (direction_at(np.pi - 0.3, 0.5), direction_at(np.pi + 0.6, 0.9)):
+        lit = rooms.sunlit(points, HALF, window, sun)[:, 0]
+        np.testing.assert_allclose(lit @ areas, 4 * 0.8 * 0.6 * sun[2], rtol=0.03)
+        assert lit[points.wall == 5].max() == 0
+    assert rooms.sunlit(points, HALF, window, direction_at(0.3, 0.5)).max() == 0  # from the other side
+
+
+def test_eye_sees_the_wall_along_its_direction():
+    rng = np.random.default_rng(2)
+    eye = np.array([0.6, -0.4, 1.0])
+    d = pixel_directions(16).astype(np.float64).reshape(-1, 3)
+    points = rooms.seen_points(HALF, eye, d, 0.01)
+    np.testing.assert_allclose((np.abs(points.position) / HALF).max(axis=1), 1.0)
+    away = points.position - eye
+    np.testing.assert_allclose(away / np.linalg.norm(away, axis=1, keepdims=True), d, atol=1e-6)
+    np.testing.assert_allclose(points.side[:, 0], 0.01 * np.linalg.norm(away, axis=1), rtol=1e-6)
+    inside = np.take_along_axis(points.position, (points.wall // 2)[:, None], axis=1)[:, 0]
+    np.testing.assert_allclose(inside, HALF[points.wall // 2] * (2 * (points.wall % 2) - 1), atol=1e-12)
+    assert rng.choice(points.wall, 200).max() == 5
+
+
+def test_between_patches_a_slope_stays_a_slope():
+    """Bilinear: a field that is linear over each wall is read back, up to the outermost half patch."""
+    slope = np.array([0.3, -0.7, 0.2])
+    points = rooms.patch_points(HALF)
+    values = (points.position @ slope + 5.0)[:, None]
+    inner = rooms.patch_points(HALF * 0.9, 7)
+    wall_at = np.where(np.abs(inner.position) > 0.899 * HALF, np.sign(inner.position) * HALF, inner.position)
+    inner = rooms.Points(wall=inner.wall, position=wall_at, side=inner.side)
+    read = rooms.between_patches(values, HALF, inner)
+    np.testing.assert_allclose(read[:, 0], wall_at @ slope + 5.0, rtol=1e-9)
+
+
+# Studio
+
+
+def test_lamps_of_a_studio_have_their_size():
+    d = pixel_directions(256).astype(np.float64)
+    weights = pixel_solid_angles(256)
+    centre = direction_at(0.7, 0.4)
+    cap = soft_cap(d, centre, 0.4)[..., 0]
+    np.testing.assert_allclose((cap * weights).sum(), 2 * np.pi * (1 - np.cos(0.4)), rtol=0.02)
+    box = soft_box(d, centre, np.array([0.6, 0.2]))[..., 0]
+    # of a rectangle a unit away: 4 asin(ab / sqrt((1 + a^2)(1 + b^2)))
+    truth = 4 * np.arcsin(0.6 * 0.2 / np.sqrt((1 + 0.36) * (1 + 0.04)))
+    np.testing.assert_allclose((box * weights).sum(), truth, rtol=0.02)
+    np.testing.assert_allclose(
+        direction_to_uv(direction_at(0.6, 0.3)), [0.5 + 0.3 / np.pi, 0.5 - 0.3 / np.pi]
+    )
+
+
+# Variants
+
+
+@pytest.fixture(scope="module")
+def maps():
+    rng = np.random.default_rng(1)
+    return [family(rng, height=64) for family in (sky, room, studio, room)]
+
+
+def lamp(height: int, azimuth: float, elevation: float, radius_deg: float) -> np.ndarray:
+    d = pixel_directions(height).astype(np.float64)
+    cap = soft_cap(d, direction_at(azimuth, elevation), np.radians(radius_deg), 0.3)
+    return 0.5 + 0.2 * d[..., 1:2] + cap * np.array([30.0, 20.0, 10.0])
+
+
+def test_turned_and_mirrored():
+    """Columns to the right is a turn about +Y; the mirror swaps +X and -X."""
+    radiance = lamp(64, 0.5, 0.3, 3.0)
+    quarter = np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])  # -Z to +X
+    np.testing.assert_allclose(turn(radiance, 32), rotate(radiance, quarter), atol=1e-3)
+    assert angle_deg(brightest(turn(radiance, 32)), direction_at(0.5 + np.pi / 2, 0.3)) < 5
+    assert angle_deg(brightest(turn(radiance, 0, mirrored=True)), direction_at(-0.5, 0.3)) < 5
+
+
+def test_blend_is_linear(maps):
+    one, other = maps[:2]
+    np.testing.assert_array_equal(blend(one, other, 0.0), one)
+    np.testing.assert_array_equal(blend(one, other, 1.0), other)
+    np.testing.assert_allclose(blend(3 * one, other, 0.25), 2.25 * one + 0.25 * other, rtol=1e-5)
+    np.testing.assert_allclose(
+        integral(blend(one, other, 0.4)), 0.6 * integral(one) + 0.4 * integral(other), rtol=1e-4
+    )
+
+
+@pytest.mark.parametrize("radius_deg", [2.0, 12.0, 30.0])
+def test_lamp_adds_its_flux_where_it_is(radius_deg):
+    base = np.full((64, 128, 3), 0.2)
+    flux = np.array([3.0, 2.0, 1.0])
+    direction = direction_at(2.6, 0.8)
+    added = add_lamp(base, direction, np.radians(radius_deg), flux) - base
+    np.testing.assert_allclose(integral(added), flux, rtol=1e-4)
+    centroid = np.einsum("hwc,h,hwd->d", added, pixel_solid_angles(64)[:, 0], pixel_directions(64))
+    assert angle_deg(centroid / np.linalg.norm(centroid), direction) < 1.0
+    assert added.min() >= 0
+
+
+def test_white_balance_scales_channels(maps):
+    np.testing.assert_allclose(
+        integral(white_balance(maps[0], [1.2, 1.0, 0.5])), integral(maps[0]) * [1.2, 1.0, 0.5], rtol=1e-4
+    )
+
+
+def test_main_light_comes_apart_from_its_room():
+    """The two parts add up to the map; what is left has the surround's level where the lamp was."""
+    radiance = lamp(128, 1.0, 0.4, 7.0)
+    rest, light, direction = split_main_light(radiance)
+    np.testing.assert_allclose(rest + light, radiance, rtol=1e-6)
+    assert angle_deg(direction, direction_at(1.0, 0.4)) < 1.0
+    assert rest.max() < 0.8
+    assert rest.min() >= 0
+    alone = radiance - (0.5 + 0.2 * pixel_directions(128)[..., 1:2])
+    np.testing.assert_allclose(integral(light), integral(alone), rtol=0.03)
+
+
+@pytest.mark.parametrize("radius_deg", [1.5, 7.0, 20.0])
+@pytest.mark.parametrize("target", [(0.3, 0.2), (-2.9, 1.2), (3.1, -0.4)])
+def test_moved_light_is_there_with_its_flux(radius_deg, target):
+    radiance, goal = lamp(128, 1.0, 0.4, radius_deg), direction_at(*target)
+    moved = move_main_light(radiance, goal)
+    np.testing.assert_allclose(integral(moved), integral(radiance), rtol=0.02)
+    _, light, _ = split_main_light(radiance)
+    rest, again, there = split_main_light(moved)
+    assert angle_deg(there, goal) < 1.5
+    near = pixel_directions(128) @ goal > np.cos(np.radians(radius_deg + 4))
+    assert near[np.unravel_index(np.argmax(luminance(moved)), near.shape)]
+    np.testing.assert_allclose(integral(again), integral(light), rtol=0.05)
+    assert moved.min() >= 0
+    assert rest.max() < 0.9
+
+
+def test_moved_panel_stays_upright():
+    """A wide panel is as wide after: turns about +Y and tilts about a level axis do not roll it."""
+    d = pixel_directions(128).astype(np.float64)
+    panel = soft_box(d, direction_at(0.8, 0.2), np.array([0.35, 0.1])) * np.full(3, 20.0) + 0.3
+    moved = move_main_light(panel, direction_at(-1.5, 0.5))
+    wanted = soft_box(d, direction_at(-1.5, 0.5), np.array([0.35, 0.1]))[..., 0] > 0
+    lit = moved[..., 0] > 10
+    assert (lit & wanted).sum() / (lit | wanted).sum() > 0.7
+
+
+def test_even_light_has_nothing_to_move():
+    even = np.full((64, 128, 3), 0.7, np.float32)
+    np.testing.assert_array_equal(move_main_light(even, UP), even)
+    assert split_main_light(even) is None
+    wide = add_lamp(even, UP, np.radians(60.0), np.full(3, 9.0))
+    assert split_main_light(wide) is None
+
+
+def no_old_map(radiance: np.ndarray, maps: list[np.ndarray]) -> bool:
+    """A turned or mirrored map has the same values in each row; colour left aside."""
+    rows = np.sort(luminance(radiance), axis=1)
+    return all(np.abs(rows - np.sort(luminance(old), axis=1)).max() > 0.02 for old in maps)
+
+
+def test_variants_are_new_light_of_mean_one(maps):
+    for seed in range(12):
+        radiance = draw_variant(np.random.default_rng(seed), maps)
+        assert radiance.shape == (64, 128, 3)
+        assert radiance.dtype == np.float32
+        assert np.isfinite(radiance).all()
+        assert radiance.min() >= 0
+        np.testing.assert_allclose(mean_luminance(radiance), 1.0, rtol=1e-4)
+        np.testing.assert_array_equal(radiance, draw_variant(np.random.default_rng(seed), maps))
+        assert no_old_map(radiance, maps)
+
+
+def test_variants_without_a_light_to_move_are_new_too():
+    even = np.ones((32, 64, 3), np.float32)
+    wide = normalize_map(add_lamp(even, direction_at(0.3, 0.6), np.radians(70.0), np.full(3, 30.0)))
+    for seed in range(40):
+        drawn = draw_variant(np.random.default_rng(seed), [even, wide])
+        assert drawn.std() > 0.0
+        one_white = drawn / drawn.mean(axis=(0, 1))
+        one_white = one_white / mean_luminance(one_white)
+        assert no_old_map(one_white, [even, wide])
