@@ -1,14 +1,20 @@
 """Training pairs: repeatable, consistent with the per-point renderer, and what the conventions say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.frames import world_from_camera  # noqa: E402
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.dataset import pairs  # noqa: E402
+from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
+from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
+from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
@@ -17,7 +23,7 @@ from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals, straight_on_normal  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
-from anyprobe.render.surface import frame_object, see  # noqa: E402
+from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +62,111 @@ def test_targets_are_the_mean_curve_of_one_radiance(maps, surfaces):
     assert (from_ldr - batch.ln_radiance)[unclipped].abs().max() < 1e-2
     outside = batch.photo[:, 3:] == 0
     assert (batch.photo[:, :3] * outside).abs().max() == 0
+
+
+def test_what_goes_wrong_in_a_photo_leaves_its_targets_alone(maps, surfaces, monkeypatch):
+    real = make_source(maps, surfaces).batch(0)
+    monkeypatch.setattr(pairs, "draw_shot", lambda rng: clean(draw_shot(rng)))
+    monkeypatch.setattr(pairs, "disturb_mask", lambda mask, rng: mask)
+    ideal = make_source(maps, surfaces).batch(0)
+    for name in ("irradiance", "ldr", "ln_radiance", "alpha"):
+        assert torch.equal(getattr(real, name), getattr(ideal, name))
+    assert not torch.equal(real.photo, ideal.photo)
+
+
+def test_in_a_constant_light_every_target_has_the_lights_colour(maps, surfaces):
+    """White balance and exposure act on the irradiance image and on both maps alike."""
+    lit = LitMaterial(
+        terms=torch.full((12, 128, 128), 0.3), radiance=torch.full((64, 128, 3), 0.3), alpha=0.5, elevation=0
+    )
+    normals, mask = ball()
+    batch = make_source(maps, surfaces).compose(
+        [lit] * 3, torch.from_numpy(normals).repeat(3, 1, 1, 1), np.full(3, 0.2), np.random.default_rng(0)
+    )
+    seen = batch.irradiance[:, :, torch.from_numpy(mask)]
+    torch.testing.assert_close(seen, batch.ldr[:, :, :1, 0].expand_as(seen))
+    assert batch.ldr.std(dim=1).min() > 1e-3
+
+
+def clean(shot):
+    return replace(shot, noise=0.0, blur_px=0.0, jpeg_quality=None)
+
+
+def ball(size=128, radius=0.7):
+    """Normals [3, S, S] of a sphere seen straight on, and its mask [S, S]."""
+    x = (np.arange(size) + 0.5) / size * 2 - 1
+    right, down = np.meshgrid(x / radius, x / radius)
+    mask = right**2 + down**2 < 1
+    depth = np.sqrt(np.maximum(1 - right**2 - down**2, 0))
+    return (np.stack([right, -down, depth]) * mask).astype(np.float32), mask
+
+
+def test_a_lamp_behind_the_left_side_bleeds_red_on_the_left(maps, surfaces, monkeypatch):
+    """The mask is three pixels too wide: there stands what is behind, through the same curve."""
+    monkeypatch.setattr(pairs, "draw_shot", lambda rng: clean(draw_shot(rng)))
+    monkeypatch.setattr(pairs, "disturb_mask", lambda mask, rng: widen(mask, 3))
+    direction = pixel_directions(64)
+    lamp = (direction[..., 0] < -0.1) & (direction[..., 2] < -0.5) & (np.abs(direction[..., 1]) < 0.15)
+    radiance = np.where(lamp[..., None], np.array([9.0, 0.0, 0.0]), 0.0).astype(np.float32)
+    lit = LitMaterial(
+        terms=torch.full((12, 128, 128), 0.3), radiance=torch.from_numpy(radiance), alpha=0.5, elevation=0
+    )
+    normals, mask = ball()
+    batch = make_source(maps, surfaces).compose(
+        [lit, lit],
+        torch.from_numpy(normals).repeat(2, 1, 1, 1),
+        np.array([0.3, 0.3]),
+        np.random.default_rng(0),
+    )
+    rim = widen(mask, 3) & ~mask
+    row, column = np.mgrid[:128, :128] - 63.5
+    for photo in batch.photo.numpy():
+        np.testing.assert_array_equal(photo[3] > 0, mask | rim)
+        assert photo[:3, (row**2 + column**2) < 30**2].min() > 0.02
+        level = rim & (np.abs(row) < 15)
+        assert photo[0, level & (column < 0)].min() > 0.3
+        assert photo[0, rim & (column > 0)].max() == 0
+        assert photo[0, rim & (row > 40)].max() == 0  # the lamp is not below
+        assert photo[1:3, rim].max() == 0
+
+
+def test_a_batch_sees_behind_an_object_what_the_map_shows_there(maps):
+    light = torch.from_numpy(np.stack(maps[:2])).permute(0, 3, 1, 2)
+    tan_half = (0.1, 0.45)
+    wo = np.stack([pixel_rays(t, 32) for t in tan_half])
+    seen = pairs.see_behind(light, torch.from_numpy(wo)).permute(0, 2, 3, 1).numpy()
+    for one, radiance, rays in zip(seen, maps, wo, strict=False):
+        np.testing.assert_allclose(one, bilinear(radiance, direction_to_uv(-rays)), rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(pairs._rays(torch.tensor(tan_half).reshape(2, 1, 1, 1), 32), wo, atol=1e-6)
+
+
+def test_a_batch_is_photographed_as_one_image_is(rng):
+    """NumPy and torch, the same shots without noise: the same bytes but for rounding."""
+    shots = [replace(draw_shot(rng), noise=0.0) for _ in range(12)]
+    shots[0] = replace(shots[0], blur_px=1.2, jpeg_quality=60, jpeg_subsampling="4:2:0")
+    mask = ball(64)[1]
+    coarse = torch.from_numpy(rng.lognormal(-1.5, 1.0, (24, 3, 9, 9)).astype(np.float32))
+    scenes = torch.nn.functional.interpolate(coarse, size=(64, 64), mode="bicubic").clip(min=0)
+    radiance, background = scenes[:12], scenes[12:]
+    masks = torch.from_numpy(mask).float().expand(12, 1, 64, 64)
+    together = pairs.take_photos(shots, radiance, masks, background, rng).permute(0, 2, 3, 1).numpy() * 255
+    for k, shot in enumerate(shots):
+        front, behind = (x[k].permute(1, 2, 0).numpy() for x in (radiance, background))
+        alone = take_photo(shot, front, mask, behind, rng)
+        difference = np.abs(together[k] - alone)
+        assert (difference < 1.001).mean() > 0.98, shot
+        if shot.jpeg_quality is None:
+            assert difference.max() < 1.001
+
+
+def test_noise_is_fresh_in_every_photo_and_batch(rng):
+    shots = [replace(clean(draw_shot(rng)), noise=0.02, white_balance=np.ones(3, np.float32))] * 2
+    flat = torch.full((2, 3, 64, 64), 0.3)
+    rngs = [np.random.default_rng(seed) for seed in (1, 1, 2)]
+    photos = [pairs.take_photos(shots, flat, torch.ones(2, 1, 64, 64), flat, one) for one in rngs]
+    assert torch.equal(photos[0], photos[1])
+    for other in (photos[2][0], photos[0][1]):
+        assert float((photos[0][0] - other).std()) == pytest.approx(0.02 * np.sqrt(2), rel=0.05)
 
 
 def test_a_lookup_agrees_with_shading_every_point(maps):

@@ -1,12 +1,23 @@
-"""How a photo is taken: metering, white balance, response curve, noise. One Shot per photo."""
+"""How a photo is taken: metering, white balance, lens blur, response curve, noise, JPEG. One Shot per photo."""
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 
 import numpy as np
+from array_api_compat import array_namespace
+from PIL import Image
 
-from anyprobe.core.response import CameraCurve
+from anyprobe.core.color import to_bytes
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.response import CameraCurve, response
+from anyprobe.errors import InputError, InvalidEnvironment
+
+SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
+SHARP_SHARE = 0.5
+JPEG_SHARE = 1 / 3
+"""The rest comes in PNG or, more often, was shrunk so much that its JPEG blocks no longer show."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -16,6 +27,8 @@ class Shot:
     metering: how far the exposure follows the object (1) or the whole scene (0).
     object_key, scene_key: mean radiance that each of the two would be given.
     white_balance [3]: gain a channel. noise: standard deviation of display values.
+    blur_px: standard deviation of the lens blur in pixels of the crop, 0 for none.
+    jpeg_quality: as libjpeg counts, None for no JPEG; jpeg_subsampling: of SUBSAMPLINGS.
     """
 
     metering: float
@@ -23,16 +36,26 @@ class Shot:
     scene_key: float
     white_balance: np.ndarray
     curve: CameraCurve
-    noise: float
+    noise: float = 0.0
+    blur_px: float = 0.0
+    jpeg_quality: int | None = None
+    jpeg_subsampling: str = SUBSAMPLINGS[0]
 
 
 OBJECT_RANGE = (0.03, 0.9)
 """No camera leaves its subject darker or brighter than this mean radiance."""
 
 
-def draw_shot(rng: np.random.Generator) -> Shot:
-    """Curve and noise as in hdrcnn (Eilertsen et al. 2017); the exposure spans about two stops each way."""
-    return Shot(
+def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
+    """Curve as in hdrcnn (Eilertsen et al. 2017); the exposure spans about two stops each way.
+
+    Args:
+        conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
+            world gives them. Both take the same numbers from rng and agree in all else.
+    """
+    if conditions not in (0, 1):
+        raise InputError(f"conditions: expected 0 (clean) or 1 (as the world gives them), got {conditions!r}")
+    common = dict(
         metering=float(rng.uniform(0.0, 0.7)),
         object_key=float(np.exp(rng.uniform(np.log(0.1), np.log(0.6)))),
         scene_key=float(0.25 * np.exp(rng.uniform(np.log(0.5), np.log(2.0)))),
@@ -41,7 +64,19 @@ def draw_shot(rng: np.random.Generator) -> Shot:
             exponent=float(np.clip(rng.normal(0.9, 0.1), 0.4, 1.6)),
             sigma=float(np.clip(rng.normal(0.6, 0.1), 0.2, 1.2)),
         ),
-        noise=float(rng.uniform(0.0, 0.012)),
+    )
+    noise = float(rng.uniform(0.0, 0.012))
+    sharp, blur_px = rng.random() < SHARP_SHARE, float(rng.uniform(0.3, 1.5))
+    jpeg, quality = rng.random() < JPEG_SHARE, int(rng.integers(40, 99))
+    subsampling = SUBSAMPLINGS[rng.integers(len(SUBSAMPLINGS))]
+    if conditions == 0:
+        return Shot(**common)
+    return Shot(
+        **common,
+        noise=noise,
+        blur_px=0.0 if sharp else blur_px,
+        jpeg_quality=quality if jpeg else None,
+        jpeg_subsampling=subsampling,
     )
 
 
@@ -55,3 +90,87 @@ def exposure(shot: Shot, object_mean: float, scene_log_mean: float) -> float:
     gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
     mean = max(object_mean * gain, 1e-9)
     return float(gain * np.clip(mean, *OBJECT_RANGE) / mean)
+
+
+def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
+    """The gain at which a share of the sphere is 1 and brighter (hdrcnn: 5 to 15 %).
+
+    A map that is black but for less than that share cannot be exposed so; it gets the
+    gain at which all brighter than a thousandth of its mean clips.
+
+    Args:
+        luminance: [H, 2H] of a map; weighted by solid angle.
+        share: between 0 and 1.
+    """
+    if not 0.0 < share < 1.0:
+        raise InputError(f"share: expected a share of the sphere between 0 and 1, got {share:g}")
+    weights = np.broadcast_to(pixel_solid_angles(luminance.shape[0]), luminance.shape)
+    order = np.argsort(-luminance, axis=None, kind="stable")
+    brightest = np.asarray(luminance, np.float64).reshape(-1)[order]
+    if not brightest[0] > 0.0:
+        raise InvalidEnvironment("map: expected some light, got a black map; no exposure can clip it")
+    weights = np.asarray(weights, np.float64).reshape(-1)[order]
+    before = np.cumsum(weights) - 0.5 * weights  # a pixel stands at the middle of its own share
+    white = np.interp(share * weights.sum(), before, brightest)
+    return float(1.0 / max(white, 1e-3 * float((brightest * weights).sum() / weights.sum())))
+
+
+def gaussian_rows(size: int, sigma: float) -> np.ndarray:
+    """[size, size]: row i weighs a line's pixels around pixel i; rows sum to 1, at the border too.
+
+    Zero from 5 sigma on: products of the tail's tiny numbers would make it 20 times slower.
+    """
+    x = np.arange(size, dtype=np.float32)
+    distance = np.abs(x[:, None] - x) / sigma
+    weights = np.where(distance < 5.0, np.exp(-0.5 * distance**2), 0.0).astype(np.float32)
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def blur(planes, sigma: float):
+    """Gaussian blur of pictures [..., S, S] by sigma > 0 pixels: G p G^T."""
+    xp = array_namespace(planes)
+    rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=planes.device)
+    return rows @ planes @ rows.T
+
+
+def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
+    """A picture [S, S, 3] uint8 after a JPEG file."""
+    with io.BytesIO() as stream:
+        Image.fromarray(picture).save(stream, "JPEG", quality=quality, subsampling=subsampling)
+        with Image.open(stream) as stored:
+            return np.array(stored)
+
+
+def take_photo(
+    shot: Shot,
+    radiance: np.ndarray,
+    mask: np.ndarray,
+    background: np.ndarray | None,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """One photo, [S, S, 3] uint8: white balance, lens, curve, noise, 8 bits, JPEG.
+
+    The lens blurs light, before the curve clips it: a lamp spreads as it does in a
+    camera, brighter than white, and the object's rim takes from what is behind it.
+
+    Args:
+        radiance: [S, S, 3] of the object in exposure units before white balance.
+        mask: [S, S] bool, where the object is in truth.
+        background: [S, S, 3] likewise; None for black, of which then nothing comes onto
+            the object: neither the blur nor JPEG knows of it.
+        rng: for the noise.
+    """
+    inside = mask[..., None]
+    scene = np.where(inside, radiance, 0.0 if background is None else background) * shot.white_balance
+    planes = np.ascontiguousarray(np.moveaxis(scene, -1, 0), dtype=np.float32)
+    if shot.blur_px > 0.0:
+        planes = blur(planes, shot.blur_px)
+        if background is None:
+            planes = planes / np.maximum(blur(mask.astype(np.float32), shot.blur_px), 1e-6)
+    display = np.moveaxis(response(planes, shot.curve), 0, -1)
+    picture = to_bytes(display + rng.standard_normal(display.shape, np.float32) * shot.noise)
+    if shot.jpeg_quality is not None:
+        if background is None and mask.any():
+            picture = np.where(inside, picture, to_bytes(display[mask].mean(axis=0)))
+        picture = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling)
+    return picture * inside if background is None else picture

@@ -13,17 +13,16 @@ import torch
 import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
+from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
-from anyprobe.dataset.camera import Shot, draw_shot, exposure
+from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
+from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
+from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.render.reflectance import normal_to_reflectance_xy, straight_on_normal
 from anyprobe.render.surface import pixel_rays
-
-LN_RANGE = (-7.0, 9.0)
-"""Bounds of ln radiance in targets: 0.001 to 8000 of the photo's white."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairConfig:
@@ -90,10 +89,10 @@ class PairSource:
         materials = [draw_material(rng, lit.alpha) for lit in chosen]
 
         def column(values) -> torch.Tensor:
-            return torch.from_numpy(np.asarray(values, np.float32).reshape(count, -1, 1, 1)).to(self.device)
+            return _column(values, self.device)
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        wo = torch.from_numpy(np.stack([pixel_rays(float(t), size) for t in tan_half])).to(self.device)
+        wo = _rays(column(tan_half), size)
         n = normals.permute(0, 2, 3, 1)
         terms = torch.stack([lit.terms for lit in chosen])
         specular_xy = normal_to_reflectance_xy(straight_on_normal(n, wo))
@@ -106,23 +105,15 @@ class PairSource:
 
         shots = [draw_shot(rng) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
-        gain = self._gain(shots, radiance, mask, light) * column([shot.white_balance for shot in shots])
-        curves = CameraCurve(
-            exponent=column([shot.curve.exponent for shot in shots]),
-            sigma=column([shot.curve.sigma for shot in shots]),
-        )
-        display = response(radiance * gain, curves)
-        generator = torch.Generator(device=self.device).manual_seed(int(rng.integers(2**62)))
-        noise = torch.randn(display.shape, generator=generator, device=self.device)
-        display = display + noise * column([shot.noise for shot in shots])
-        display = torch.round(display.clip(0, 1) * 255) / 255
-        photo_mask = _disturb_mask(mask, rng)
-        # where the mask is too wide, something of the background shows
-        background = column(rng.uniform(0, 1, (count, 3)) * rng.uniform(0, 1, (count, 1)))
-        display = display * mask + background * (1 - mask)
+        gain = self._gain(shots, radiance, mask, light)
         light = light * gain
+        photos = take_photos(shots, radiance * gain, mask, see_behind(light, wo), rng)
+        cut_out = np.stack([disturb_mask(one, rng) for one in mask[:, 0].cpu().numpy() > 0])
+        photo_mask = torch.from_numpy(cut_out[:, None]).to(self.device).float()
+        white_balance = column([shot.white_balance for shot in shots])
+        light, gain = light * white_balance, gain * white_balance
         return Batch(
-            photo=torch.cat([display * photo_mask, photo_mask], dim=1),
+            photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
             irradiance=response(specular[:, :3] * gain, MEAN_CURVE) * mask,
             ldr=response(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
@@ -139,16 +130,59 @@ class PairSource:
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
 
-def _disturb_mask(mask: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
-    """A third of the masks a pixel or two too wide, a third too narrow."""
-    result = []
-    for single, kind, pixels in zip(
-        mask, rng.integers(3, size=len(mask)), rng.integers(1, 3, len(mask)), strict=True
-    ):
-        size = 2 * int(pixels) + 1
-        if kind == 1:
-            single = F.max_pool2d(single[None], size, 1, int(pixels))[0]
-        elif kind == 2:
-            single = -F.max_pool2d(-single[None], size, 1, int(pixels))[0]
-        result.append(single)
-    return torch.stack(result)
+def _column(values, device) -> torch.Tensor:
+    """One number or three a pair, [B, C, 1, 1]."""
+    values = np.asarray(values, np.float32)
+    return torch.from_numpy(values.reshape(len(values), -1, 1, 1)).to(device)
+
+
+def _rays(tan_half: torch.Tensor, size: int) -> torch.Tensor:
+    """pixel_rays of a batch, tan_half [B, 1, 1, 1]: wo [B, S, S, 3], in planes like the normals."""
+    unit = torch.from_numpy(pixel_rays(1.0, size)).permute(2, 0, 1).to(tan_half.device)
+    slope = unit[:2] / unit[2:]
+    length = torch.sqrt(1.0 + tan_half**2 * (slope**2).sum(dim=0))
+    return torch.cat([slope * tan_half / length, 1.0 / length], dim=1).permute(0, 2, 3, 1)
+
+
+def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+    """The maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
+
+    A window is far from the seam behind the camera, so that nothing need wrap.
+    """
+    return F.grid_sample(
+        light, direction_to_uv(-wo) * 2 - 1, mode="bilinear", padding_mode="border", align_corners=False
+    )
+
+
+def take_photos(
+    shots: list[Shot],
+    radiance: torch.Tensor,
+    mask: torch.Tensor,
+    background: torch.Tensor,
+    rng: np.random.Generator,
+) -> torch.Tensor:
+    """What `camera.take_photo` does to one photo, for a batch: display values [B, 3, S, S] in steps of 1/255.
+
+    Args:
+        radiance, background: [B, 3, S, S] in exposure units before white balance.
+        mask: [B, 1, S, S] of the objects.
+    """
+    device = radiance.device
+    scene = torch.lerp(background, radiance, mask) * _column([shot.white_balance for shot in shots], device)
+    for one, shot in zip(scene, shots, strict=True):
+        if shot.blur_px > 0.0:
+            one.copy_(blur(one, shot.blur_px))
+    curves = CameraCurve(
+        exponent=_column([shot.curve.exponent for shot in shots], device),
+        sigma=_column([shot.curve.sigma for shot in shots], device),
+    )
+    generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
+    display = torch.randn(scene.shape, generator=generator, device=device)
+    display.mul_(_column([shot.noise for shot in shots], device)).add_(response(scene, curves))
+    display.clip_(0, 1).mul_(255).round_()
+    for one, shot in zip(display, shots, strict=True):
+        if shot.jpeg_quality is not None:
+            picture = one.permute(1, 2, 0).to(torch.uint8).cpu().numpy()
+            stored = compress(np.ascontiguousarray(picture), shot.jpeg_quality, shot.jpeg_subsampling)
+            one.copy_(torch.from_numpy(stored).permute(2, 0, 1))
+    return display.div_(255)

@@ -1,0 +1,246 @@
+"""The camera: exposure, lens, curve, noise and JPEG, each held against what it claims to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import CameraCurve, inverse_response, response
+from anyprobe.dataset.camera import (
+    OBJECT_RANGE,
+    SUBSAMPLINGS,
+    Shot,
+    blur,
+    compress,
+    draw_shot,
+    exposure,
+    exposure_for_clipping,
+    take_photo,
+)
+from anyprobe.errors import InputError, InvalidEnvironment
+
+SIZE = 64
+CLEAN = Shot(
+    metering=0.5, object_key=0.3, scene_key=0.25, white_balance=np.ones(3, np.float32), curve=CameraCurve()
+)
+
+
+def disc() -> np.ndarray:
+    row, column = np.mgrid[:SIZE, :SIZE]
+    return np.hypot(row - 31.5, column - 31.5) < 22
+
+
+def texture(rng, contrast: float = 0.5) -> np.ndarray:
+    """Radiance [S, S, 3], smooth at a few pixels, mean 0.3."""
+    noise = blur(rng.standard_normal((3, SIZE, SIZE), np.float32), 2.0)
+    return np.moveaxis(0.3 * np.exp(contrast * noise / noise.std()), 0, -1).astype(np.float32)
+
+
+def clipped(luminance: np.ndarray, gain: float) -> float:
+    """Share of the sphere that is white, weighted by sin theta."""
+    theta = (np.arange(len(luminance)) + 0.5) * np.pi / len(luminance)
+    weights = np.broadcast_to(np.sin(theta)[:, None], luminance.shape)
+    return float(weights[luminance * gain >= 1.0].sum() / weights.sum())
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.15])
+def test_the_share_asked_for_clips(share, rng):
+    y = pixel_directions(32)[..., 1]
+    x = pixel_directions(32)[..., 0]
+    for luminance in (
+        rng.lognormal(0.0, 1.5, (32, 64)),
+        rng.lognormal(-3.0, 0.2, (64, 128)),
+        np.exp(3 * y) + 1e-3 * x,  # bright at the pole, whose pixels are small
+        np.exp(3 * x) * 1e4,
+        0.2 + 50.0 * (x > 0.9) + 0.1 * x,
+    ):
+        assert clipped(luminance, exposure_for_clipping(luminance, share)) == pytest.approx(share, abs=0.004)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.15])
+def test_a_sky_that_brightens_upwards_clips_above_the_known_height(share):
+    """By Archimedes, the share of the sphere above height y is (1 - y) / 2."""
+    luminance = np.exp(2.0 * pixel_directions(128)[..., 1])
+    assert exposure_for_clipping(luminance, share) == pytest.approx(np.exp(-2.0 * (1 - 2 * share)), rel=0.01)
+
+
+def test_a_lamp_in_the_dark_gets_a_finite_exposure():
+    luminance = np.zeros((32, 64))
+    luminance[10, 20] = 7.0
+    gain = exposure_for_clipping(luminance, 0.1)
+    assert np.isfinite(gain)
+    assert 7.0 * gain > 1.0
+
+
+def test_exposure_refuses_what_it_cannot_do():
+    with pytest.raises(InvalidEnvironment, match="expected some light, got a black map"):
+        exposure_for_clipping(np.zeros((16, 32)), 0.1)
+    for share in (0.0, 1.0, -0.1, float("nan")):
+        with pytest.raises(InputError, match="between 0 and 1, got"):
+            exposure_for_clipping(np.ones((16, 32)), share)
+    with pytest.raises(InputError, match="expected 0 .clean. or 1 .* got 2"):
+        draw_shot(np.random.default_rng(0), 2)
+
+
+def test_metering_sets_the_object_or_the_scene_to_its_key():
+    by_object = replace(CLEAN, metering=1.0, object_key=0.4)
+    by_scene = replace(CLEAN, metering=0.0, scene_key=0.2)
+    assert exposure(by_object, 5.0, 80.0) * 5.0 == pytest.approx(0.4)
+    assert exposure(by_scene, 5.0, 8.0) * 8.0 == pytest.approx(0.2)
+    assert exposure(by_scene, 100.0, 1.0) * 100.0 == pytest.approx(OBJECT_RANGE[1])
+    assert exposure(by_scene, 1e-3, 1.0) * 1e-3 == pytest.approx(OBJECT_RANGE[0])
+
+
+def test_the_clean_shot_is_the_same_shot_without_flaws():
+    for seed in range(50):
+        rngs = [np.random.default_rng(seed) for _ in range(2)]
+        clean, real = (draw_shot(rng, conditions) for conditions, rng in enumerate(rngs))
+        assert (clean.noise, clean.blur_px, clean.jpeg_quality) == (0.0, 0.0, None)
+        assert rngs[0].random() == rngs[1].random()
+        np.testing.assert_array_equal(clean.white_balance, real.white_balance)
+        for name in ("metering", "object_key", "scene_key", "curve"):
+            assert getattr(clean, name) == getattr(real, name)
+
+
+def test_shots_vary_as_the_conventions_say(rng):
+    shots = [draw_shot(rng) for _ in range(1500)]
+    exponents, sigmas = (np.array([getattr(s.curve, n) for s in shots]) for n in ("exponent", "sigma"))
+    assert exponents.mean() == pytest.approx(0.9, abs=0.01)
+    assert sigmas.mean() == pytest.approx(0.6, abs=0.01)
+    assert exponents.std() == pytest.approx(0.1, rel=0.1)
+    assert sigmas.std() == pytest.approx(0.1, rel=0.1)
+    keys = np.array([s.scene_key for s in shots]) / 0.25
+    assert 0.5 <= keys.min() < 0.52
+    assert 1.93 < keys.max() <= 2.0
+    blurs = np.array([s.blur_px for s in shots])
+    assert 0.4 < (blurs == 0).mean() < 0.6
+    assert blurs.max() <= 1.5
+    qualities = np.array([s.jpeg_quality for s in shots if s.jpeg_quality is not None])
+    assert 0.28 < len(qualities) / len(shots) < 0.39
+    assert qualities.min() == 40
+    assert qualities.max() == 98
+    assert {s.jpeg_subsampling for s in shots} == set(SUBSAMPLINGS)
+
+
+def test_a_clean_photo_is_the_curve_of_the_radiance_to_the_bit(rng):
+    mask = disc()
+    for seed in range(5):
+        shot = draw_shot(np.random.default_rng(seed), conditions=0)
+        radiance = texture(rng, 1.0)
+        photo = take_photo(shot, radiance, mask, None, rng)
+        assert photo.dtype == np.uint8
+        assert photo.shape == (SIZE, SIZE, 3)
+        expected = to_bytes(response(radiance * shot.white_balance, shot.curve))
+        np.testing.assert_array_equal(photo[mask], expected[mask])
+        assert photo[~mask].max() == 0
+        background = 2.0 * texture(rng)
+        photo = take_photo(shot, radiance, mask, background, rng)
+        np.testing.assert_array_equal(photo[mask], expected[mask])
+        behind = to_bytes(response(background * shot.white_balance, shot.curve))
+        np.testing.assert_array_equal(photo[~mask], behind[~mask])
+
+
+def test_a_lens_spreads_a_point_into_a_gaussian():
+    point = np.zeros((33, 33), np.float32)
+    point[16, 16] = 1.0
+    for sigma in (0.7, 1.5):
+        spot = blur(point, sigma)
+        x = np.arange(33) - 16.0
+        assert spot.sum() == pytest.approx(1.0, abs=1e-5)
+        np.testing.assert_allclose(spot, spot.T, atol=1e-7)
+        assert (spot.sum(axis=0) * x).sum() == pytest.approx(0.0, abs=1e-5)
+        assert (spot.sum(axis=0) * x**2).sum() == pytest.approx(sigma**2, rel=0.01)
+
+
+def test_blur_keeps_the_mean_and_takes_variance_away(rng):
+    """White noise keeps 1 / (4 pi sigma^2) of its variance."""
+    noise = 1.0 + rng.standard_normal((6, 96, 96), np.float32)
+    for sigma in (1.0, 1.5):
+        soft = blur(noise, sigma)
+        assert soft.mean() == pytest.approx(noise.mean(), abs=3e-3)
+        assert soft[:, 8:-8, 8:-8].var() == pytest.approx(1 / (4 * np.pi * sigma**2), rel=0.1)
+    np.testing.assert_allclose(blur(np.full((40, 40), 0.7, np.float32), 1.2), 0.7, rtol=1e-5)
+
+
+def test_a_blurred_object_keeps_its_mean_and_takes_no_black_from_outside(rng):
+    mask, shot = disc(), replace(CLEAN, blur_px=1.5)
+    flat = np.full((SIZE, SIZE, 3), 0.4, np.float32)
+    expected = to_bytes(response(flat))
+    np.testing.assert_array_equal(take_photo(shot, flat, mask, None, rng)[mask], expected[mask])
+    rough = 0.3 + 0.2 * rng.random((SIZE, SIZE, 3), np.float32)
+    sharp, soft = (
+        inverse_response(take_photo(s, rough, mask, None, rng)[mask] / 255.0) for s in (CLEAN, shot)
+    )
+    np.testing.assert_allclose(soft.mean(axis=0), sharp.mean(axis=0), rtol=0.01)
+    assert (soft.var(axis=0) < 0.15 * sharp.var(axis=0)).all()
+
+
+def test_a_rim_takes_from_what_is_behind_it(rng):
+    mask, shot = disc(), replace(CLEAN, blur_px=1.0)
+    black = np.zeros((SIZE, SIZE, 3), np.float32)
+    photo = take_photo(shot, black, mask, black + np.array([0.8, 0.0, 0.0], np.float32), rng)
+    assert photo[31, 32 - 22, 0] > 40
+    assert photo[31, 31].max() == 0
+    assert photo[..., 1:].max() == 0
+
+
+def test_the_lens_blurs_light_and_not_display_values(rng):
+    """A lamp of 60 times white stays white three pixels around; of the picture's white little would be left."""
+    radiance = np.zeros((SIZE, SIZE, 3), np.float32)
+    radiance[31, 31] = 60.0
+    photo = take_photo(replace(CLEAN, blur_px=1.0), radiance, disc(), radiance, rng)
+    assert (photo[29:34, 31] == 255).all()
+    assert photo[31, 36].max() < 10
+
+
+def test_white_balance_is_a_gain_on_light(rng):
+    shot = replace(CLEAN, white_balance=np.array([1.3, 1.0, 0.7], np.float32))
+    photo = take_photo(shot, np.full((SIZE, SIZE, 3), 0.4, np.float32), disc(), None, rng)
+    np.testing.assert_allclose(inverse_response(photo[31, 31] / 255.0), [0.52, 0.4, 0.28], atol=0.004)
+
+
+def test_noise_has_the_spread_it_was_given(rng):
+    flat = np.full((SIZE, SIZE, 3), 0.3, np.float32)
+    photo = take_photo(replace(CLEAN, noise=0.012), flat, np.ones((SIZE, SIZE), bool), None, rng)
+    assert (photo / 255.0).std() == pytest.approx(np.hypot(0.012, 1 / 255 / np.sqrt(12)), rel=0.05)
+    assert (photo / 255.0).mean() == pytest.approx(float(response(np.float64(0.3))), abs=1e-3)
+
+
+@pytest.mark.parametrize("subsampling", SUBSAMPLINGS)
+@pytest.mark.parametrize("with_background", [True, False])
+def test_jpeg_changes_little_at_95_and_more_at_40(rng, subsampling, with_background):
+    mask, radiance = disc(), texture(rng)
+    background = texture(rng) if with_background else None
+    sharp = take_photo(CLEAN, radiance, mask, background, rng)
+    change = {}
+    for quality in (40, 70, 95):
+        shot = replace(CLEAN, jpeg_quality=quality, jpeg_subsampling=subsampling)
+        photo = take_photo(shot, radiance, mask, background, rng)
+        assert photo.shape == sharp.shape
+        change[quality] = float(np.abs(photo.astype(float) - sharp)[mask].mean())
+        if not with_background:
+            assert photo[~mask].max() == 0
+    assert 0.0 < change[95] < change[70] < change[40]
+    if subsampling == "4:4:4":
+        assert change[95] < 3.0
+        assert change[40] > 2.0 * change[95]
+
+
+def test_subsampling_costs_colour_and_not_brightness():
+    stripes = np.zeros((SIZE, SIZE, 3), np.uint8)
+    stripes[:, ::2], stripes[:, 1::2] = (200, 60, 60), (60, 126, 200)
+    by_format = {s: compress(stripes, 95, s).astype(int) for s in SUBSAMPLINGS}
+    contrast = {s: np.abs(p[:, ::2, 2] - p[:, 1::2, 2]).mean() for s, p in by_format.items()}
+    assert contrast["4:4:4"] > 130
+    assert contrast["4:2:2"] < 60
+    assert contrast["4:2:0"] < 60
+
+
+def test_the_same_numbers_give_the_same_photo(rng):
+    shot = replace(CLEAN, noise=0.01, blur_px=0.8, jpeg_quality=70, jpeg_subsampling="4:2:0")
+    radiance, background = texture(rng), texture(rng)
+    photos = [take_photo(shot, radiance, disc(), background, np.random.default_rng(s)) for s in (4, 4, 5)]
+    np.testing.assert_array_equal(photos[0], photos[1])
+    assert (photos[0] != photos[2]).any()

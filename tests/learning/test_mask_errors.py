@@ -1,0 +1,182 @@
+"""Mask errors: each changes what it may and no more, and something of the object always stays."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from anyprobe.dataset.mask_errors import (
+    KEPT_SHARE,
+    MIN_OBJECT_PX,
+    cut_off,
+    disturb_mask,
+    fray,
+    narrow,
+    object_px,
+    pierce,
+    shift,
+    widen,
+)
+from anyprobe.infer import mask as masks_at_run_time
+
+SIZE = 64
+
+
+def disc(radius: float = 20.0, x: float = 31.5, y: float = 31.5) -> np.ndarray:
+    row, column = np.mgrid[:SIZE, :SIZE]
+    return np.hypot(column - x, row - y) <= radius
+
+
+def bar() -> np.ndarray:
+    """Two discs and a thin rod between them: much edge, little inside."""
+    mask = disc(9.0, 16.0, 20.0) | disc(9.0, 46.0, 42.0)
+    for k in np.linspace(0, 1, 200):
+        mask[round(20 + 22 * k), round(16 + 30 * k)] = True
+    return mask
+
+
+def edge_distance(mask: np.ndarray) -> np.ndarray:
+    """Every pixel's distance to the nearest one of the other kind, by trying all."""
+    pixels = np.stack(np.mgrid[:SIZE, :SIZE], axis=-1).reshape(-1, 2).astype(float)
+    inside = mask.reshape(-1)
+    distance = np.zeros(len(pixels))
+    for kind in (True, False):
+        away = pixels[inside == kind][:, None] - pixels[inside != kind][None]
+        distance[inside == kind] = np.sqrt((away**2).sum(axis=-1)).min(axis=1)
+    return distance.reshape(mask.shape)
+
+
+@pytest.fixture(params=[disc, bar])
+def mask(request):
+    return request.param()
+
+
+@pytest.mark.parametrize("pixels", [1, 2, 3])
+def test_wider_and_narrower_by_just_so_many_pixels(mask, pixels):
+    """All so near to the edge turns over, nothing a fifth further: a circle could do little better."""
+    distance = edge_distance(mask)
+    wide, thin = widen(mask, pixels), narrow(mask, pixels)
+    assert wide[mask].all()
+    assert not thin[~mask].any()
+    assert wide[distance <= pixels].all()
+    assert not thin[distance <= pixels].any()
+    beyond = distance > 1.2 * pixels
+    np.testing.assert_array_equal(wide[beyond], mask[beyond])
+    np.testing.assert_array_equal(thin[beyond], mask[beyond])
+
+
+def test_the_pictures_border_is_no_edge_of_the_object():
+    mask = np.zeros((SIZE, SIZE), bool)
+    mask[:, :30] = True
+    np.testing.assert_array_equal(np.nonzero(narrow(mask, 2).all(axis=0))[0], np.arange(28))
+    np.testing.assert_array_equal(np.nonzero(widen(mask, 2).all(axis=0))[0], np.arange(32))
+
+
+@pytest.mark.parametrize(("right", "down"), [(2, 0), (-1, 2), (0, -2), (1, 1)])
+def test_a_shift_moves_the_centre(right, down):
+    mask = bar()
+    moved = shift(mask, right, down)
+    assert moved.sum() == mask.sum()
+    before, after = (np.array(np.nonzero(m)).mean(axis=1) for m in (mask, moved))
+    np.testing.assert_allclose(after - before, [down, right])
+
+
+def test_a_shift_brings_nothing_in_from_the_other_side():
+    mask = np.ones((SIZE, SIZE), bool)
+    assert shift(mask, 2, -1).sum() == (SIZE - 2) * (SIZE - 1)
+
+
+@pytest.mark.parametrize("sigma", [1.0, 2.5])
+def test_a_frayed_edge_is_ragged_but_stays_in_place(rng, sigma):
+    mask = disc()
+    distance = edge_distance(mask)
+    shares = []
+    for _ in range(20):
+        ragged = fray(mask, sigma, 0.4, rng)
+        changed = ragged != mask
+        assert changed.any()
+        assert distance[changed].max() < 2.0 * sigma + 1.0
+        shares.append(ragged.sum() / mask.sum())
+    assert abs(np.mean(shares) - 1.0) < 0.03
+    edge = [np.diff(m.astype(int), axis=1).astype(bool).sum() for m in (mask, ragged)]
+    assert edge[1] >= edge[0]
+
+
+def test_without_noise_a_straight_edge_stays():
+    mask = np.zeros((SIZE, SIZE), bool)
+    mask[10:40] = True
+    np.testing.assert_array_equal(fray(mask, 2.0, 0.0, np.random.default_rng(0)), mask)
+
+
+def test_holes_lie_in_the_object_and_are_small(rng):
+    mask = disc()
+    removed = []
+    for _ in range(30):
+        holed = pierce(mask, 1, rng)
+        assert not holed[~mask].any()
+        lost = mask & ~holed
+        removed.append(lost.sum())
+        assert lost.any()
+        assert object_px(lost) <= 0.24 * object_px(mask) + 1
+    assert np.mean(removed) > 0.5 * np.pi * (0.075 * object_px(mask)) ** 2
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_a_limb_is_cut_off_along_a_line(mask, share, rng):
+    for _ in range(10):
+        left = cut_off(mask, share, rng)
+        lost = mask & ~left
+        assert not left[~mask].any()
+        assert abs(lost.sum() / mask.sum() - share) < 0.02
+        kept_at, lost_at = (np.argwhere(m).astype(float) for m in (left, lost))
+        directions = np.linspace(0, 2 * np.pi, 720)
+        line = np.stack([np.sin(directions), np.cos(directions)])
+        gap = (lost_at @ line).min(axis=0) - (kept_at @ line).max(axis=0)
+        assert gap.max() > -0.5, "kept and lost pixels are not on two sides of one line"
+
+
+def test_something_of_the_object_always_stays(rng):
+    thin = np.zeros((SIZE, SIZE), bool)
+    thin[30:33, 10:40] = True
+    small = disc(12.2)
+    for mask in (thin, small, bar(), disc()):
+        for _ in range(200):
+            result = disturb_mask(mask, rng)
+            assert result.dtype == bool
+            assert result.shape == mask.shape
+            assert object_px(result) >= MIN_OBJECT_PX
+            assert (result & mask).sum() >= KEPT_SHARE * mask.sum()
+
+
+def test_a_mask_of_nothing_is_given_back():
+    empty = np.zeros((SIZE, SIZE), bool)
+    for seed in range(50):
+        assert not disturb_mask(empty, np.random.default_rng(seed)).any()
+
+
+def test_what_training_leaves_is_what_an_estimate_accepts():
+    assert MIN_OBJECT_PX >= masks_at_run_time.MIN_OBJECT_PX
+
+
+def test_errors_stay_near_the_edge_and_come_often(rng):
+    """Without holes and cuts, which go deep, none reaches further than widening, fraying and shifting."""
+    mask = disc()
+    distance = edge_distance(mask)
+    exact, wide, narrower = 0, 0, 0
+    for _ in range(300):
+        result = disturb_mask(mask, rng)
+        added = result & ~mask
+        assert distance[added].max(initial=0.0) <= 1.2 * 3 + 6 + 2 * np.sqrt(2)
+        exact += bool((result == mask).all())
+        wide += bool(added.any())
+        narrower += bool((mask & ~result).any())
+    assert 0.25 < exact / 300 < 0.55
+    assert wide / 300 > 0.3
+    assert narrower / 300 > 0.3
+
+
+def test_the_same_numbers_give_the_same_mask():
+    draw = partial(disturb_mask, bar())
+    masks = [[draw(np.random.default_rng(seed)) for seed in range(20)] for _ in range(2)]
+    np.testing.assert_array_equal(*masks)
+    assert any((one != bar()).any() for one in masks[0])
