@@ -1,13 +1,21 @@
 """Which assets shipped weights may learn from, and what a folder of them looks like."""
 
 import csv
+import hashlib
 
 import numpy as np
+import OpenEXR
 import pytest
+from support.mesh_files import obj, ply
 
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
-from anyprobe.errors import InputError
-from anyprobe.files.radiance import write_hdr
+from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh
+from anyprobe.files.radiance import write_exr, write_hdr
+
+WHITE = np.ones((8, 16, 3), np.float32)
+CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+SIDES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
 
 
 @pytest.mark.parametrize(
@@ -34,9 +42,9 @@ def test_licence_is_read_strictly(licence, allowed):
     assert allows_commercial_use(licence) is allowed
 
 
-def write_manifest(folder, rows):
+def write_manifest(folder, rows, columns=("file", "category", "licence", "split")):
     with (folder / "manifest.csv").open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, ["file", "category", "licence", "split"])
+        writer = csv.DictWriter(stream, columns)
         writer.writeheader()
         writer.writerows(rows)
 
@@ -65,3 +73,212 @@ def test_a_folder_without_assets_is_one_line(tmp_path, load):
     for folder in (tmp_path, tmp_path / "absent"):
         with pytest.raises(InputError, match="expected"):
             load(folder)
+
+
+def listed(load, folder, **options):
+    """Names of the assets, and the reported lines by the file or folder that each begins with."""
+    lines = []
+    assets = load(folder, report=lines.append, **options)
+    assert not any("\n" in line for line in lines)
+    by_name = {line.split(": ")[0]: line for line in lines}
+    assert len(by_name) == len(lines)
+    return [one.name for one in assets], by_name
+
+
+@pytest.fixture
+def mixed_maps(tmp_path):
+    """Two good maps among bad ones, and files that nobody takes for maps."""
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    write_hdr(folder / "a.hdr", WHITE)
+    write_exr(folder / "z.exr", WHITE)
+    write_hdr(folder / "black.hdr", 0 * WHITE)
+    OpenEXR.File({}, {"RGB": np.full((8, 16, 3), 3e38, np.float32)}).write(str(folder / "huge.exr"))
+    OpenEXR.File({}, {"RGB": np.full((8, 16, 3), np.nan, np.float32)}).write(str(folder / "nan.exr"))
+    OpenEXR.File({}, {"RGB": np.ones((9, 9, 3), np.float32)}).write(str(folder / "square.exr"))
+    (folder / "cut.hdr").write_bytes((folder / "a.hdr").read_bytes()[:-9])
+    (folder / "empty.exr").write_bytes(b"")
+    (folder / "picture.jpg").write_bytes(b"\xff\xd8\xff")
+    (folder / "folder.exr").mkdir()
+    (folder / "README.md").write_text("maps")
+    return folder
+
+
+BAD_MAPS = {
+    "black.hdr": "expected light",
+    "huge.exr": "expected light",
+    "nan.exr": "NaN",
+    "square.exr": "2 x height",
+    "cut.hdr": "8 whole rows",
+    "empty.exr": "0 bytes",
+    "picture.jpg": "expected .exr/.hdr, got .jpg",
+}
+
+
+def test_bad_maps_are_listed_and_the_others_go_on(mixed_maps):
+    names, lines = listed(load_maps, mixed_maps)
+    assert names == ["a", "z"]
+    assert "got a folder" in lines.pop(str(mixed_maps / "folder.exr"))
+    assert set(lines) == set(BAD_MAPS)
+    for name, word in BAD_MAPS.items():
+        assert word in lines[name]
+
+
+def test_bad_meshes_are_listed_and_the_others_go_on(tmp_path):
+    (tmp_path / "a.ply").write_bytes(ply(CORNERS, SIDES))
+    (tmp_path / "b.obj").write_bytes(obj(CORNERS, SIDES))
+    (tmp_path / "nan.ply").write_bytes(ply(CORNERS * np.nan, SIDES))
+    (tmp_path / "none.obj").write_bytes(obj(CORNERS, []))
+    (tmp_path / "far.ply").write_bytes(ply(CORNERS, [(0, 1, 4)]))
+    (tmp_path / "chair.fbx").write_bytes(b"Kaydara")
+    (tmp_path / "a.mtl").write_text("newmtl a")
+    (tmp_path / "wood.png").write_bytes(b"")
+    names, lines = listed(load_shapes, tmp_path)
+    assert names == ["a", "b"]
+    assert set(lines) == {"nan.ply", "none.obj", "far.ply", "chair.fbx"}
+    assert "got .fbx" in lines["chair.fbx"]
+
+
+def test_without_a_list_the_first_bad_file_raises(mixed_maps, tmp_path):
+    with pytest.raises(InvalidEnvironment, match=r"black\.hdr"):
+        load_maps(mixed_maps)
+    (tmp_path / "a.ply").write_bytes(b"")
+    with pytest.raises(InvalidMesh, match=r"a\.ply"):
+        load_shapes(tmp_path)
+
+
+def test_nothing_left_is_an_error(mixed_maps):
+    for good in ("a.hdr", "z.exr"):
+        (mixed_maps / good).unlink()
+    lines = []
+    with pytest.raises(InputError, match=r"got 8 that cannot") as caught:
+        load_maps(mixed_maps, report=lines.append)
+    assert str(mixed_maps) in str(caught.value)
+    assert len(lines) == 8
+
+
+def test_file_that_only_the_manifest_knows_is_listed(tmp_path):
+    """Rows of this folder: by its own manifest, by the split, by the path; no row of another folder."""
+    folder = tmp_path / "train"
+    folder.mkdir()
+    write_hdr(folder / "here.hdr", WHITE)
+    write_manifest(folder, [{"file": "own.hdr", "licence": "CC0"}])
+    write_manifest(
+        tmp_path,
+        [
+            {"file": "by_split.hdr", "licence": "CC0", "split": "train"},
+            {"file": "train/by_path.hdr", "licence": "CC0", "split": ""},
+            {"file": "elsewhere.hdr", "licence": "CC0", "split": "test"},
+            {"file": "test/elsewhere.hdr", "licence": "CC0", "split": ""},
+            {"file": "anywhere.hdr", "licence": "CC0", "split": ""},
+            {"file": "", "licence": "CC0", "split": "train"},
+        ],
+    )
+    names, lines = listed(load_maps, folder)
+    assert names == ["here"]
+    assert set(lines) == {"own.hdr", "by_split.hdr", "by_path.hdr"}
+    assert all("found none; fetch it again" in line for line in lines.values())
+
+
+def test_row_of_another_folder_gives_no_licence(tmp_path):
+    """test/a.hdr is not train/a.hdr."""
+    folder = tmp_path / "train"
+    folder.mkdir()
+    write_hdr(folder / "a.hdr", WHITE)
+    write_manifest(tmp_path, [{"file": "test/a.hdr", "licence": "CC0"}], columns=("file", "licence"))
+    (one,) = load_maps(folder)
+    assert one.licence == "not stated"
+
+
+def test_files_left_out_for_their_licence_are_counted(tmp_path):
+    """Also a bad one: nobody asked for it."""
+    for name in ("a", "b", "c"):
+        write_hdr(tmp_path / f"{name}.hdr", WHITE)
+    (tmp_path / "d.hdr").write_bytes(b"")
+    write_manifest(tmp_path, [{"file": "a.hdr", "licence": "CC0"}])
+    names, lines = listed(load_maps, tmp_path, commercial_only=True)
+    assert names == ["a"]
+    assert list(lines) == [str(tmp_path)]
+    assert "3 files left out" in lines[str(tmp_path)]
+    assert listed(load_maps, tmp_path)[0] == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (b"name,licence\na.hdr,CC0\n", "column file"),
+        (b"file\na\xff\xfe.hdr\n", "UTF-8"),
+        (b"", "column file"),
+    ],
+)
+def test_damaged_manifest(tmp_path, data, word):
+    write_hdr(tmp_path / "a.hdr", WHITE)
+    (tmp_path / "manifest.csv").write_bytes(data)
+    with pytest.raises(InputError, match=word):
+        load_maps(tmp_path, report=pytest.fail)
+
+
+def test_manifest_of_a_spreadsheet(tmp_path):
+    """A byte-order mark before the first column's name, and a row cut short."""
+    for name in ("a", "b"):
+        write_hdr(tmp_path / f"{name}.hdr", WHITE)
+    (tmp_path / "manifest.csv").write_bytes(
+        b"\xef\xbb\xbffile,category,licence,split\r\na.hdr,indoor,CC0,\r\nb.hdr\r\n"
+    )
+    a, b = load_maps(tmp_path, report=pytest.fail)
+    assert (a.indoor, a.licence) == (True, "CC0")
+    assert (b.indoor, b.licence) == (False, "")
+
+
+def test_folder_stood_in_is_known_by_its_name(tmp_path, monkeypatch):
+    folder = tmp_path / "train"
+    folder.mkdir()
+    write_hdr(folder / "a.hdr", WHITE)
+    write_manifest(tmp_path, [{"file": "a.hdr", "licence": "CC0", "split": "train"}])
+    monkeypatch.chdir(folder)
+    assert [one.licence for one in load_maps(".")] == ["CC0"]
+
+
+def test_id_is_that_of_the_bytes(tmp_path):
+    """The same under another name, another for another file; and the licence comes along."""
+    (tmp_path / "a.ply").write_bytes(ply(CORNERS, SIDES))
+    (tmp_path / "b.ply").write_bytes(ply(CORNERS, SIDES))
+    (tmp_path / "c.ply").write_bytes(ply(CORNERS, SIDES, binary=True))
+    write_manifest(tmp_path, [{"file": "b.ply", "licence": "MIT"}])
+    a, b, c = load_shapes(tmp_path)
+    assert a.id == b.id == hashlib.sha256(ply(CORNERS, SIDES)).hexdigest()[:8]
+    assert c.id != a.id
+    assert [one.licence for one in (a, b, c)] == ["not stated", "MIT", "not stated"]
+    write_hdr(tmp_path / "a.hdr", WHITE)
+    (one,) = load_maps(tmp_path, report=lambda line: None)
+    assert one.id == hashlib.sha256((tmp_path / "a.hdr").read_bytes()).hexdigest()[:8]
+
+
+@pytest.mark.parametrize("height", [2, 20, 100, 256, 300, 512, 600])
+def test_map_of_any_height_comes_at_one_size(tmp_path, height):
+    """L = 1 + 0.3 x + 0.5 y has mean 1: read back, it is itself at every pixel."""
+
+    def gradient(height):
+        d = pixel_directions(height)
+        return np.repeat(1 + 0.3 * d[..., :1] + 0.5 * d[..., 1:2], 3, axis=-1)
+
+    write_exr(tmp_path / "a.exr", 7.0 * gradient(height), half=False)
+    (one,) = load_maps(tmp_path)
+    assert one.radiance.shape == (256, 512, 3)
+    if height >= 20:
+        np.testing.assert_allclose(one.radiance, gradient(256), atol=0.06 if height == 20 else 0.005)
+
+
+def test_evaluate_lists_what_it_cannot_use(mixed_maps, command, tmp_path):
+    """And ends before any work when nothing is left."""
+    shapes = tmp_path / "shapes"
+    shapes.mkdir()
+    (shapes / "flat [1].ply").write_bytes(ply(CORNERS * [1, 0, 0], SIDES))
+    outcome = command("evaluate", "--hdri", mixed_maps, "--meshes", shapes, "-o", tmp_path / "out")
+    *warnings, last = outcome.err.splitlines()
+    assert outcome.status == 2
+    assert last.startswith(f"anyprobe: {shapes}: expected")
+    assert len(warnings) == len(BAD_MAPS) + 2
+    for name in (*BAD_MAPS, "flat [1].ply"):
+        assert any(line.startswith(f"warning: {name}: ") for line in warnings)
+    assert not (tmp_path / "out").exists()

@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Mapping
 from contextlib import redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,17 @@ RLE_WIDTHS = range(8, 32768)
 MIN_RUN = 4
 """Shorter repetitions cost more as runs than inside a literal."""
 
+HEADER_BYTES = 1 << 16
+"""The header of a .hdr ends within these."""
+
+KINDS = {
+    b"#?": ".hdr",
+    b"\x76\x2f\x31\x01": ".exr",
+    b"\x89PNG": "PNG",
+    b"\xff\xd8\xff": "JPEG",
+}
+"""First bytes of files that are mistaken for one another."""
+
 _RESOLUTION = re.compile(rb"-Y (\d+) \+X (\d+)")
 
 
@@ -59,16 +71,19 @@ def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no such file"
         raise InvalidEnvironment(f"{path}: expected a radiance map, got {found}; check the path")
-    if suffix == ".exr":
-        rgba = read_exr(path, path.name, InvalidEnvironment, MAX_MAP_PIXELS)
-        return check_radiance(rgba[..., :3], path.name)
     try:
-        data = path.read_bytes()
+        with path.open("rb") as stream:
+            start = stream.read(HEADER_BYTES)
+            _check_kind(start, suffix, path.name)
+            if suffix == ".hdr":
+                header = _read_header(start, path.name)
+                return check_radiance(_decode_hdr(start + stream.read(), header, path.name), path.name)
     except OSError as error:
         raise InvalidEnvironment(
             f"{path}: cannot be read ({error.strerror}); check the permissions"
         ) from error
-    return check_radiance(_decode_hdr(data, path.name), path.name)
+    rgba = read_exr(path, path.name, InvalidEnvironment, MAX_MAP_PIXELS)
+    return check_radiance(rgba[..., :3], path.name)
 
 
 def write_hdr(path: str | os.PathLike[str], radiance: np.ndarray) -> None:
@@ -237,8 +252,31 @@ def _encode_runs(row: np.ndarray) -> bytes:
     return bytes(out)
 
 
-def _decode_hdr(data: bytes, name: str) -> np.ndarray:
-    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Header:
+    """What a .hdr says before its pixels, which begin at byte `at`."""
+
+    height: int
+    width: int
+    exposure: float
+    at: int
+
+
+def _check_kind(start: bytes, suffix: str, name: str) -> None:
+    """Refuse a file whose first bytes are those of another format than its suffix."""
+    wanted = "a Radiance .hdr file" if suffix == ".hdr" else "an OpenEXR .exr file"
+    if not start:
+        raise InvalidEnvironment(f"{name}: expected {wanted}, got a damaged one of 0 bytes; fetch it again")
+    kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
+    if kind != suffix:
+        advice = (
+            f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, take .hdr or .exr"
+        )
+        raise InvalidEnvironment(f"{name}: expected {wanted}, got {kind}; {advice}")
+
+
+def _read_header(data: bytes, name: str) -> _Header:
+    """The header of a .hdr from the file's first bytes."""
     header, blank, body = data.partition(b"\n\n")
     if not data.startswith(b"#?") or not blank:
         raise InvalidEnvironment(
@@ -272,7 +310,13 @@ def _decode_hdr(data: bytes, name: str) -> np.ndarray:
             f"{name}: expected at most {MAX_MAP_PIXELS / 1e6:.0f} million pixels, "
             f"got {width} x {height}; shrink it first"
         )
-    return _rgbe_to_float(_decode_rows(pixels, height, width, name)) / np.float32(exposure)
+    return _Header(height=height, width=width, exposure=exposure, at=len(data) - len(pixels))
+
+
+def _decode_hdr(data: bytes, header: _Header, name: str) -> np.ndarray:
+    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out."""
+    rows = _decode_rows(data[header.at :], header.height, header.width, name)
+    return _rgbe_to_float(rows) / np.float32(header.exposure)
 
 
 def _decode_rows(data: bytes, height: int, width: int, name: str) -> np.ndarray:

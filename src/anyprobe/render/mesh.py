@@ -13,6 +13,15 @@ CREASE_DEG = 40.0
 
 MAX_FACES = 5_000_000
 
+MAX_PAIRS = 1_000_000_000
+"""Pairs of faces at one vertex, summed over the corners; an even mesh has 18 a face."""
+
+PAIRS_AT_ONCE = 4_000_000
+"""Pairs that are in memory together."""
+
+MIN_AREA = 1e-12
+"""Twice the area of the largest face in the unit sphere; below, nothing is there to see."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mesh:
@@ -29,21 +38,43 @@ def make_mesh(
     """Check the triangles, move them into the unit sphere around the origin, add normals."""
     positions = np.asarray(positions, dtype=np.float64)
     faces = np.asarray(faces, dtype=np.int64)
+    check_triangles(positions, faces, name)
+    centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
+    radius = np.linalg.norm(positions - centre, axis=1).max()
+    if radius == 0:
+        raise InvalidMesh(
+            f"{name}: expected an extended shape, got all vertices in one point; export it again"
+        )
+    positions = (positions - centre) / radius
+    edges = positions[faces[:, 1:]] - positions[faces[:, :1]]
+    if np.abs(np.cross(edges[:, 0], edges[:, 1])).max() < MIN_AREA:
+        raise InvalidMesh(f"{name}: expected faces with an area, got {len(faces):,} without; export it again")
+    shared = np.bincount(faces.reshape(-1)).astype(np.float64)
+    if (shared**2).sum() > MAX_PAIRS:
+        raise InvalidMesh(
+            f"{name}: expected at most some thousand faces at a vertex, got {shared.max():,.0f}; "
+            "remesh it first"
+        )
+    normals = corner_normals(positions, faces, crease_deg)
+    return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
+
+
+def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None:
+    """Raise InvalidMesh unless there are 1 ... MAX_FACES faces that name finite vertices."""
     if len(faces) == 0 or len(positions) == 0:
         raise InvalidMesh(f"{name}: expected triangles, got none; is the file empty?")
     if len(faces) > MAX_FACES:
         raise InvalidMesh(
             f"{name}: expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first"
         )
-    if not np.isfinite(positions).all():
+    low, high = int(faces.min()), int(faces.max())
+    if low < 0 or high >= len(positions):
+        raise InvalidMesh(
+            f"{name}: expected faces that name vertices 0 to {len(positions) - 1}, "
+            f"got {low if low < 0 else high}; export it again"
+        )
+    if not (np.abs(positions) <= np.finfo(np.float32).max).all():  # squares of these still fit
         raise InvalidMesh(f"{name}: expected finite vertices, got NaN or infinity; repair the mesh first")
-    centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
-    radius = np.linalg.norm(positions - centre, axis=1).max()
-    if radius == 0:
-        raise InvalidMesh(f"{name}: expected an extended shape, got all vertices in one point")
-    positions = (positions - centre) / radius
-    normals = corner_normals(positions, faces, crease_deg)
-    return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
 
 
 def corner_normals(positions: np.ndarray, faces: np.ndarray, crease_deg: float = CREASE_DEG) -> np.ndarray:
@@ -66,13 +97,22 @@ def corner_normals(positions: np.ndarray, faces: np.ndarray, crease_deg: float =
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
     # every corner against every corner of the same vertex
     valence = counts[corner_vertex]
-    one = np.repeat(np.arange(len(corner_vertex)), valence)
-    within = np.arange(len(one)) - np.repeat(np.cumsum(valence) - valence, valence)
-    other = order[starts[corner_vertex[one]] + within]
-    alike = (face_normals[corner_face[one]] * face_normals[corner_face[other]]).sum(axis=1)
-    weight = np.where(alike >= np.cos(np.radians(crease_deg)), angles[other], 0.0)
-    weighted = face_normals[corner_face[other]] * weight[:, None]
-    summed = np.add.reduceat(weighted, np.cumsum(valence) - valence, axis=0)
+    ends = np.cumsum(valence)
+    summed = np.empty((len(corner_vertex), 3), dtype=positions.dtype)
+    first = 0
+    while first < len(corner_vertex):
+        before = ends[first] - valence[first]
+        last = max(first + 1, int(np.searchsorted(ends, before + PAIRS_AT_ONCE, side="right")))
+        some = valence[first:last]
+        begins = np.cumsum(some) - some
+        one = np.repeat(np.arange(first, last), some)
+        within = np.arange(len(one)) - np.repeat(begins, some)
+        other = order[starts[corner_vertex[one]] + within]
+        alike = (face_normals[corner_face[one]] * face_normals[corner_face[other]]).sum(axis=1)
+        weight = np.where(alike >= np.cos(np.radians(crease_deg)), angles[other], 0.0)
+        weighted = face_normals[corner_face[other]] * weight[:, None]
+        summed[first:last] = np.add.reduceat(weighted, begins, axis=0)
+        first = last
     norm = np.linalg.norm(summed, axis=1, keepdims=True)
     own = face_normals[corner_face]
     return np.where(norm > 1e-12, summed / np.maximum(norm, 1e-12), own).reshape(-1, 3, 3)

@@ -1,0 +1,361 @@
+"""Meshes and maps that cannot be used: one clear line each, before they cost anything."""
+
+from __future__ import annotations
+
+import io
+import struct
+
+import numpy as np
+import OpenEXR
+import pytest
+import trimesh
+from PIL import Image
+from support.mesh_files import glb, obj, off, ply, stl
+
+from anyprobe.core.frames import world_from_camera
+from anyprobe.errors import InvalidEnvironment, InvalidMesh
+from anyprobe.files import meshes, radiance
+from anyprobe.files.meshes import read_mesh
+from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+from anyprobe.render import mesh as mesh_module
+from anyprobe.render.mesh import make_mesh
+from anyprobe.render.shapes import sphere
+from anyprobe.render.surface import frame_object, see
+
+BALL = sphere(rows=6)
+CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+CUBE_FACES = np.array(
+    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+    + [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+)
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+WRITERS = {
+    "ascii.ply": ply,
+    "binary.ply": lambda p, f: ply(p, f, binary=True),
+    "a.obj": obj,
+    "a.glb": glb,
+    "a.stl": stl,
+    "a.off": off,
+}
+
+
+def changed(at: int, value, positions=CUBE) -> np.ndarray:
+    """The cube with one vertex replaced."""
+    positions = positions.copy()
+    positions[at] = value
+    return positions
+
+
+def refusal(path, data: bytes | None = None) -> str:
+    """The one line that a mesh file is refused with."""
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(InvalidMesh) as caught:
+        read_mesh(path)
+    message = str(caught.value)
+    assert path.name in message
+    assert "\n" not in message
+    assert len(message) < 300, message
+    return message
+
+
+# Meshes that are fine
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_same_triangles(tmp_path, name):
+    """Moved and scaled into the unit sphere about the origin, face by face."""
+    size = np.array([3.0, 1.0, 2.0])
+    positions = CUBE * size + [10.0, -20.0, 5.0]
+    (tmp_path / name).write_bytes(WRITERS[name](positions, CUBE_FACES))
+    mesh = read_mesh(tmp_path / name)
+    expected = (CUBE - 0.5) * size / (np.linalg.norm(size) / 2)
+    np.testing.assert_allclose(mesh.positions[mesh.faces], expected[CUBE_FACES], atol=1e-6)
+    outward = np.sign(CUBE - 0.5)[CUBE_FACES]  # a corner's normal is one of the three its vertex has
+    assert (np.abs(mesh.normals).max(axis=2) > 0.999).all()
+    assert ((mesh.normals * outward).sum(axis=2) > 0.999).all()
+
+
+@pytest.mark.parametrize("name", ["ascii.ply", "a.stl"])
+def test_repeated_vertices_stay_smooth(tmp_path, name):
+    """A ball whose faces share no vertex has the normals of one whose faces do."""
+    corners = BALL.positions[BALL.faces].reshape(-1, 3)
+    (tmp_path / name).write_bytes(WRITERS[name](corners, np.arange(len(corners)).reshape(-1, 3)))
+    mesh = read_mesh(tmp_path / name)
+    round_ones = np.linalg.norm(mesh.positions[mesh.faces], axis=2) > 0.999
+    along = (mesh.normals * mesh.positions[mesh.faces]).sum(axis=2)
+    assert round_ones.mean() > 0.8
+    assert along[round_ones].min() > 0.97
+
+
+@pytest.mark.parametrize("kind", ["open", "three faces at one edge", "both sides", "two pieces"])
+def test_mesh_need_be_neither_closed_nor_manifold(tmp_path, kind):
+    """Triangles are rasterised: whatever has an area can be seen."""
+    faces = {
+        "open": CUBE_FACES[:-3],
+        "three faces at one edge": np.array([(0, 1, 2), (0, 1, 4), (0, 1, 7)]),
+        "both sides": np.concatenate([CUBE_FACES, CUBE_FACES[:, ::-1]]),
+        "two pieces": CUBE_FACES[[0, 2]],
+    }[kind]
+    (tmp_path / "a.ply").write_bytes(ply(CUBE, faces))
+    mesh = read_mesh(tmp_path / "a.ply")
+    assert len(mesh.faces) == len(faces)
+    assert np.isfinite(mesh.normals).all()
+    surface = see(mesh, frame_object(mesh, world_from_camera(0.6, 0.4), 20.0, size=32))
+    assert surface.mask.mean() > 0.05
+    assert np.isfinite(surface.normals).all()
+
+
+def test_shape_far_from_the_origin_keeps_its_form(tmp_path):
+    """A cube of 0.7 m in map coordinates, which float32 would round to half metres."""
+    (tmp_path / "a.obj").write_bytes(obj(0.7 * CUBE + [5_000_000.3, 400_000.7, 100.1], CUBE_FACES))
+    mesh = read_mesh(tmp_path / "a.obj")
+    np.testing.assert_allclose(mesh.positions[mesh.faces], ((CUBE - 0.5) / 0.75**0.5)[CUBE_FACES], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["ascii.ply", "a.glb"])
+def test_stray_vertex_does_not_make_the_shape_small(tmp_path, name):
+    (tmp_path / name).write_bytes(WRITERS[name](np.concatenate([CUBE, [[900.0, 0.0, 0.0]]]), CUBE_FACES))
+    mesh = read_mesh(tmp_path / name)
+    np.testing.assert_allclose(np.linalg.norm(mesh.positions, axis=1), 1.0, atol=1e-6)
+
+
+def test_normals_in_small_portions_are_the_same(monkeypatch):
+    whole = mesh_module.corner_normals(BALL.positions, BALL.faces)
+    monkeypatch.setattr(mesh_module, "PAIRS_AT_ONCE", 7)  # some vertices have more
+    np.testing.assert_array_equal(mesh_module.corner_normals(BALL.positions, BALL.faces), whole)
+
+
+# Meshes that are not
+
+
+def test_no_mesh_there(tmp_path):
+    assert "found none" in refusal(tmp_path / "gone.ply")
+    (tmp_path / "folder.ply").mkdir()
+    assert "found a folder" in refusal(tmp_path / "folder.ply")
+
+
+@pytest.mark.parametrize("name", ["a.fbx", "a", "a.ply.txt", "a.png"])
+def test_unknown_format_names_the_known_ones(tmp_path, name):
+    message = refusal(tmp_path / name, b"something")
+    for suffix in (".ply", ".obj", ".glb", ".stl", ".off"):
+        assert suffix in message
+
+
+@pytest.mark.parametrize("suffix", meshes.SUFFIXES)
+def test_file_that_holds_no_mesh(tmp_path, suffix):
+    assert "0 bytes" in refusal(tmp_path / f"a{suffix}", b"")
+    for data in (
+        b"Dear reader,\nthis is a letter.\n" * 20,
+        b"\n",
+        bytes(200),
+        b"\x89PNG\r\n\x1a\n" + bytes(99),
+    ):
+        assert "expected" in refusal(tmp_path / f"a{suffix}", data)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "word"),
+    [
+        ("a.ply", ply(CUBE, []), "got none"),
+        ("a.ply", ply([], []), "expected"),
+        ("a.obj", obj(CUBE, []), "got none"),
+        ("a.off", off(CUBE, []), "got none"),
+        ("a.stl", stl(CUBE, np.zeros((0, 3), int)), "got none"),
+        ("a.ply", ply(changed(3, np.nan), CUBE_FACES), "NaN or infinity"),
+        ("b.ply", ply(changed(3, np.inf), CUBE_FACES, binary=True), "NaN or infinity"),
+        ("a.stl", stl(changed(3, np.nan), CUBE_FACES), "NaN or infinity"),
+        ("a.glb", glb(changed(3, np.nan), CUBE_FACES), "NaN or infinity"),
+        ("a.obj", obj(changed(3, 1e300), CUBE_FACES), "NaN or infinity"),
+        ("a.ply", ply(CUBE * 0 + 2.5, CUBE_FACES), "one point"),
+        ("a.glb", glb(CUBE * 0 + 2.5, CUBE_FACES), "one point"),
+        ("a.ply", ply(TRIANGLE * [1.0, 0.0, 0.0], [(0, 1, 2)]), "an area"),
+        ("a.obj", obj(TRIANGLE, [(0, 0, 1), (2, 1, 2)]), "an area"),
+        ("a.ply", ply(CUBE, [(0, 1, 2), (0, 1, 8)]), "vertices 0 to 7, got 8"),
+        ("b.ply", ply(CUBE, [(0, 1, 2), (0, 1, -1)], binary=True), "vertices 0 to 7, got -1"),
+        ("a.off", off(CUBE, [(0, 1, 2), (0, 1, 8)]), "export it again"),
+        ("a.glb", glb(CUBE, [(0, 1, 2), (0, 1, 8)]), "export it again"),
+        ("a.obj", obj(CUBE, [(0, 1, 2), (0, 1, 8)]), "export it again"),
+        ("a.obj", obj(CUBE, [(0, 1, 2), (3, 2, -1)]), "vertex 0"),
+        ("a.obj", obj(CUBE, []) + b"f 1/1 2/1 0/1\n", "vertex 0"),
+    ],
+)
+def test_mesh_that_cannot_be_drawn(tmp_path, name, data, word):
+    assert word in refusal(tmp_path / name, data)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.9, 0.99])
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "a.obj"])
+def test_cut_file(tmp_path, name, share):
+    """However much of it came; an OBJ cut between two faces is a whole OBJ of fewer faces."""
+    data = WRITERS[name](BALL.positions, BALL.faces)
+    message = refusal(tmp_path / name, data[: int(len(data) * share)])
+    if name in ("a.glb", "a.stl"):
+        assert f"expected {len(data):,} bytes as its header says, got {int(len(data) * share):,}" in message
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.off"])
+def test_cut_file_tells_how_many_faces_came(tmp_path, name):
+    """Whole lines lost at the end: only the header knows."""
+    lines = WRITERS["ascii.ply" if name == "a.ply" else name](CUBE, CUBE_FACES).splitlines(keepends=True)
+    message = refusal(tmp_path / name, b"".join(lines[:-3]))
+    assert "expected 12 faces" in message
+    assert "got 9" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.ply", ply(CUBE, CUBE_FACES, announced=5_000_001)),
+        ("b.ply", ply(CUBE, CUBE_FACES, announced=5_000_001, binary=True)),
+        ("a.off", b"OFF\n# made by hand\n8 5000001 0\n"),
+        ("a.stl", bytes(80) + struct.pack("<I", 5_000_001)),
+    ],
+)
+def test_too_many_faces_are_refused_by_their_count(tmp_path, monkeypatch, name, data):
+    """The parser, which would take memory for them, is never called."""
+
+    def parse(*_, **__):
+        pytest.fail("parsed")
+
+    monkeypatch.setattr(trimesh, "load_scene", parse)
+    message = refusal(tmp_path / name, data)
+    assert "5,000,000" in message
+    assert "5,000,001" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "data"), [("a.obj", obj(CUBE, CUBE_FACES)), ("a.glb", glb(CUBE, CUBE_FACES))]
+)
+def test_too_many_faces_without_a_count(tmp_path, monkeypatch, name, data):
+    (tmp_path / name).write_bytes(data)
+    for module in (meshes, mesh_module):
+        monkeypatch.setattr(module, "MAX_FACES", 12)
+    read_mesh(tmp_path / name)
+    for module in (meshes, mesh_module):
+        monkeypatch.setattr(module, "MAX_FACES", 11)
+    assert "at most 11 faces, got 12" in refusal(tmp_path / name)
+    with pytest.raises(InvalidMesh, match="at most 11 faces, got 12"):
+        make_mesh(CUBE, CUBE_FACES)
+
+
+def test_small_file_that_places_its_mesh_many_times(tmp_path, monkeypatch):
+    """Copies count before they are made."""
+    (tmp_path / "few.glb").write_bytes(glb(CUBE, CUBE_FACES, copies=3))
+    mesh = read_mesh(tmp_path / "few.glb")
+    copies = mesh.positions[mesh.faces].reshape(3, 12, 3, 3)
+    first, second, third = copies[np.argsort(copies[:, 0, 0, 0])]
+    beside = np.array([3.0, 0.0, 0.0]) / np.linalg.norm([3.5, 0.5, 0.5])  # the row is 7 x 1 x 1
+    np.testing.assert_allclose(second - first, beside + 0 * first, atol=1e-6)
+    np.testing.assert_allclose(third - second, beside + 0 * first, atol=1e-6)
+
+    def dump(*_, **__):
+        pytest.fail("copied")
+
+    monkeypatch.setattr(trimesh.Scene, "dump", dump)
+    monkeypatch.setattr(meshes, "MAX_FACES", 1000)
+    assert "got 1,200" in refusal(tmp_path / "many.glb", glb(CUBE, CUBE_FACES, copies=100))
+
+
+def test_hub_of_very_many_faces(tmp_path):
+    """Normals compare all faces at a vertex with one another: a fan of 40,000 would take minutes."""
+
+    def fan(count):
+        angle = np.arange(count) * 2 * np.pi / count
+        rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
+        k = np.arange(count)
+        faces = np.stack([0 * k, 1 + k, 1 + (k + 1) % count], axis=-1)
+        return ply(np.concatenate([[[0.0, 0.0, 0.3]], rim]), faces, binary=True)
+
+    assert "40,000" in refusal(tmp_path / "fan.ply", fan(40_000))
+    (tmp_path / "cone.ply").write_bytes(fan(500))
+    assert len(read_mesh(tmp_path / "cone.ply").faces) == 500
+
+
+# Maps
+
+
+def refused_map(path) -> str:
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(path)
+    message = str(caught.value)
+    assert path.name in message
+    assert "\n" not in message
+    return message
+
+
+def store_exr(path, pixels: np.ndarray) -> None:
+    OpenEXR.File({"compression": OpenEXR.NO_COMPRESSION}, {"RGB": pixels.astype(np.float32)}).write(str(path))
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr", ".png", ".jpg"])
+@pytest.mark.parametrize("kind", ["PNG", "JPEG"])
+def test_picture_given_as_a_map(tmp_path, kind, suffix):
+    """Under its own suffix or a false one, the line says which files hold radiance."""
+    stream = io.BytesIO()
+    Image.new("RGB", (64, 32), "orange").save(stream, kind)
+    (tmp_path / f"map{suffix}").write_bytes(stream.getvalue())
+    message = refused_map(tmp_path / f"map{suffix}")
+    assert ".hdr or .exr" in message
+    assert (kind if suffix in (".hdr", ".exr") else suffix) in message
+
+
+def test_maps_with_their_suffixes_exchanged(tmp_path):
+    write_hdr(tmp_path / "a.hdr", np.ones((8, 16, 3)))
+    write_exr(tmp_path / "b.exr", np.ones((8, 16, 3)))
+    (tmp_path / "a.hdr").rename(tmp_path / "a.exr")
+    (tmp_path / "b.exr").rename(tmp_path / "b.hdr")
+    assert "name it .hdr" in refused_map(tmp_path / "a.exr")
+    assert "name it .exr" in refused_map(tmp_path / "b.hdr")
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.95])
+def test_cut_map(tmp_path, suffix, share):
+    path = tmp_path / f"map{suffix}"
+    write = write_hdr if suffix == ".hdr" else write_exr
+    write(path, np.random.default_rng(0).random((16, 32, 3)))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+    message = refused_map(path)
+    assert "fetch it again" in message or "save it again" in message
+    assert share or "0 bytes" in message
+
+
+@pytest.mark.parametrize(
+    ("value", "word"), [(-0.5, ">= 0"), (np.nan, "NaN or infinity"), (np.inf, "NaN or infinity")]
+)
+def test_one_bad_pixel(tmp_path, value, word):
+    pixels = np.ones((8, 16, 3))
+    pixels[5, 3, 1] = value
+    store_exr(tmp_path / "map.exr", pixels)
+    assert word in refused_map(tmp_path / "map.exr")
+
+
+def test_map_that_is_not_two_to_one(tmp_path):
+    store_exr(tmp_path / "cube.exr", np.ones((16, 16, 3)))
+    (tmp_path / "strip.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 6\n" + bytes([9, 9, 9, 128] * 12)
+    )
+    for name in ("cube.exr", "strip.hdr"):
+        assert "width = 2 x height" in refused_map(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+def test_absurdly_large_map_is_refused_by_its_header(tmp_path, monkeypatch, suffix):
+    """60000 x 30000: nothing is decoded, and of a .hdr no more than the header is read."""
+    path = tmp_path / f"map{suffix}"
+    if suffix == ".hdr":
+        path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 30000 +X 60000\n")
+        with path.open("r+b") as stream:
+            stream.truncate(1 << 40)  # a hole: it takes no room on the disk, and none fits in memory
+        monkeypatch.setattr(radiance, "_decode_rows", lambda *_: pytest.fail("decoded"))
+    else:
+        store_exr(path, np.ones((8, 16, 3)))
+        data = path.read_bytes()
+        small, large = struct.pack("<4i", 0, 0, 15, 7), struct.pack("<4i", 0, 0, 59999, 29999)
+        assert data.count(small) == 2  # data and display window
+        path.write_bytes(data.replace(small, large))
+    message = refused_map(path)
+    assert "60000 x 30000" in message
+    assert "million pixels" in message
