@@ -13,11 +13,14 @@ from anyprobe.core.sampling import (
     hammersley,
     square_to_cosine_hemisphere,
     square_to_ggx_normal,
+    square_to_uniform_hemisphere,
+    uniform_hemisphere_pdf,
+    uniform_hemisphere_to_square,
 )
 
 ALPHAS = (0.05, 0.3, 1.0)
 VIEWS_DEG = (0, 45, 75)
-NUM_TESTS = 2 + len(ALPHAS) + 2 * len(VIEWS_DEG)
+NUM_TESTS = 3 + len(ALPHAS) + 2 * len(VIEWS_DEG)
 
 
 @pytest.fixture
@@ -52,6 +55,10 @@ def test_shift_changes_the_pattern():
 
 def test_cosine_sampler_against_its_density(rng):
     assert_follows_pdf(square_to_cosine_hemisphere, cosine_hemisphere_pdf, rng, NUM_TESTS)
+
+
+def test_uniform_sampler_against_its_density(rng):
+    assert_follows_pdf(square_to_uniform_hemisphere, uniform_hemisphere_pdf, rng, NUM_TESTS)
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)
@@ -98,8 +105,7 @@ def test_tilted_frame_loses_the_density(rng):
 
 def test_chi_square_passes_anything(rng):
     """The test of the test: near misses of shape, of density and of a missing half must be refused."""
-    uniform = lambda d: np.where(d[..., 2] > 0, 1 / (2 * np.pi), 0.0)  # noqa: E731
-    assert chi2_p_value(square_to_cosine_hemisphere, uniform, rng) < 1e-6
+    assert chi2_p_value(square_to_cosine_hemisphere, uniform_hemisphere_pdf, rng) < 1e-6
     assert chi2_p_value(lambda u: square_to_ggx_normal(u, 0.3), lambda h: ggx_normal_pdf(h, 0.33), rng) < 1e-4
     half = lambda u: square_to_cosine_hemisphere(u)[::2]  # noqa: E731
     assert chi2_p_value(half, cosine_hemisphere_pdf, rng) < 1e-6
@@ -116,6 +122,11 @@ def test_cosine_inverse(rng):
     np.testing.assert_allclose(cosine_hemisphere_to_square(square_to_cosine_hemisphere(u)), u, atol=1e-9)
 
 
+def test_uniform_inverse(rng):
+    u = rng.random((2000, 2))
+    np.testing.assert_allclose(uniform_hemisphere_to_square(square_to_uniform_hemisphere(u)), u, atol=1e-9)
+
+
 @pytest.mark.parametrize("alpha", [0.01, *ALPHAS])
 def test_ggx_inverse(alpha, rng):
     u = rng.random((2000, 2))
@@ -124,7 +135,8 @@ def test_ggx_inverse(alpha, rng):
 
 def test_samples_have_unit_length_and_face_up():
     u = hammersley(256)
-    for d in (square_to_cosine_hemisphere(u), *(square_to_ggx_normal(u, a) for a in (0.01, 0.3, 1.0))):
+    hemispheres = (square_to_cosine_hemisphere(u), square_to_uniform_hemisphere(u))
+    for d in (*hemispheres, *(square_to_ggx_normal(u, a) for a in (0.01, 0.3, 1.0))):
         np.testing.assert_allclose(np.linalg.norm(d, axis=-1), 1, atol=1e-6)
         assert (d[:, 2] > 0).all()
 
@@ -143,5 +155,7 @@ def test_torch_samples_differ():
     for alpha in ALPHAS:
         got = square_to_ggx_normal(torch.asarray(u), alpha).numpy()
         np.testing.assert_allclose(got, square_to_ggx_normal(u, alpha), atol=1e-12)
-    got = square_to_cosine_hemisphere(torch.asarray(u)).numpy()
-    np.testing.assert_allclose(got, square_to_cosine_hemisphere(u), atol=1e-12)
+    for sample in (square_to_cosine_hemisphere, square_to_uniform_hemisphere):
+        np.testing.assert_allclose(sample(torch.asarray(u)).numpy(), sample(u), atol=1e-12)
+    d = square_to_uniform_hemisphere(torch.asarray(u))
+    np.testing.assert_allclose(uniform_hemisphere_pdf(d).numpy(), 0.5 / np.pi)

@@ -51,6 +51,27 @@ def cosine_hemisphere_pdf(d):
     return xp.clip(d[..., 2], 0.0, None) / np.pi
 
 
+def square_to_uniform_hemisphere(u):
+    """Directions with the same density everywhere above the horizon: [..., 2] -> [..., 3]."""
+    xp = array_namespace(u)
+    cosine = 1.0 - u[..., 1]
+    sine = xp.sqrt((2.0 - u[..., 1]) * u[..., 1])  # 1 - (1 - u)^2, whose difference would lose digits
+    return xp.stack(_polar(cosine, sine, 2.0 * np.pi * u[..., 0]), axis=-1)
+
+
+def uniform_hemisphere_to_square(d):
+    """Inverse of square_to_uniform_hemisphere."""
+    xp = array_namespace(d)
+    phi = xp.atan2(d[..., 1], d[..., 0]) / (2.0 * np.pi)
+    return xp.stack([phi - xp.floor(phi), 1.0 - d[..., 2]], axis=-1)
+
+
+def uniform_hemisphere_pdf(d):
+    """Density [1/sr] of square_to_uniform_hemisphere."""
+    xp = array_namespace(d)
+    return xp.where(d[..., 2] > 0, 0.5 / np.pi + 0.0 * d[..., 2], 0.0 * d[..., 2])
+
+
 def square_to_ggx_normal(u, alpha):
     """Microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width.
 
