@@ -91,6 +91,12 @@ def test_unknown_model_names_the_known():
             weights_folder(model)
 
 
+def test_a_model_may_be_a_folder(tmp_path):
+    folder = shutil.copytree(weights_folder("paper"), tmp_path / "mine")
+    assert Models(str(folder)).name == str(folder)
+    assert model_id(str(folder)) == model_id("paper").replace("paper-", "mine-")
+
+
 def test_weights_fit_into_a_wheel():
     root = weights_folder("paper").parent
     assert sum(p.stat().st_size for p in root.rglob("*") if p.is_file()) <= MAX_WEIGHTS_BYTES

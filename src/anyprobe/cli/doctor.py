@@ -27,7 +27,9 @@ PACKAGES = (
 )
 
 
-def doctor(model: Annotated[str, typer.Option(help="Bundled model.")] = DEFAULT_MODEL) -> None:
+def doctor(
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+) -> None:
     """Print versions, providers and model hashes, and estimate the light of a drawn ball."""
     import onnxruntime
 

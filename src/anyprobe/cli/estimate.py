@@ -44,7 +44,7 @@ def estimate(
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
     ] = None,
-    model: Annotated[str, typer.Option(help="Bundled model.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per photo on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:

@@ -36,17 +36,24 @@ def evaluate(
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")],
     pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = 200,
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = 2020,
+    frozen: Annotated[
+        bool, typer.Option("--frozen", help="The first of the 1,000 recipes that never change.")
+    ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
     ),
-    model: Annotated[str, typer.Option(help="Bundled model.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
 ) -> None:
     """Render a fixed test set, score the model and two baselines, print the table."""
     from anyprobe.dataset.catalog import load_maps, load_shapes
+    from anyprobe.dataset.pair import render_pair
+    from anyprobe.dataset.plan import balanced_recipes
+    from anyprobe.dataset.recipe import digest
+    from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.baselines import chrome_ball, mean_map
-    from anyprobe.evaluate.cases import draw_cases
     from anyprobe.evaluate.pictures import PictureGrid
     from anyprobe.evaluate.protocol import METRICS, run
+    from anyprobe.evaluate.test_set import FROZEN, read_recipes
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
     from anyprobe.infer.runtime import Models, model_id
@@ -55,37 +62,45 @@ def evaluate(
     models = Models(model)
     irradiance_scores = []
 
-    def network(case):
-        outputs = models(case.photo)
-        irradiance_scores.append(irradiance_score(outputs.irradiance, case.irradiance))
+    def network(pair):
+        outputs = models(pair.crop)
+        irradiance_scores.append(irradiance_score(outputs.irradiance, pair.irradiance / 255.0))
         return reconstruct(outputs.ldr, outputs.ln_radiance)
 
     methods = {
-        model: network,
-        "mean map": lambda case: mean_map(),
-        "chrome ball": lambda case: chrome_ball(case.photo),
+        Path(model).name: network,
+        "mean map": lambda pair: mean_map(),
+        "chrome ball": lambda pair: chrome_ball(pair.crop),
     }
-    maps, shapes = load_maps(hdri), load_shapes(meshes)
-    talk = Console(stderr=True)
+    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+
+    def warn(line: str) -> None:
+        talk.print(f"warning: {line}", soft_wrap=True)
+
+    stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
+    recipes = read_recipes(FROZEN)[:pairs] if frozen else balanced_recipes(stock, pairs, seed)
+    pairs = len(recipes)
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     grid = PictureGrid(every=max(1, pairs // 16) | 1)  # odd: even steps would show a few shapes only
     with Progress(*columns, console=talk) as progress:
         task = progress.add_task("", total=pairs)
 
-        def watch(index, case, estimates):
-            grid.add(index, case, estimates)
+        def watch(index, pair, estimates):
+            grid.add(index, pair, estimates)
             progress.advance(task)
 
-        scores = run(draw_cases(maps, shapes, pairs, seed), methods, watch)
+        scores = run((render_pair(recipe, stock) for recipe in recipes), methods, watch)
     table = scores.table()
     irradiance = {
         name: round(sum(one[name] for one in irradiance_scores) / pairs, 5) for name in irradiance_scores[0]
     }
     result = {
-        "command": f"anyprobe evaluate --hdri {hdri.name} --meshes {meshes.name} --pairs {pairs} --seed {seed}",
+        "command": f"anyprobe evaluate --hdri {hdri.name} --meshes {meshes.name} --pairs {pairs} "
+        + ("--frozen" if frozen else f"--seed {seed}"),
         "model": model_id(model),
-        "maps": [asset.name for asset in maps],
-        "shapes": [asset.name for asset in shapes],
+        "recipes": digest(recipes),
+        "maps": [asset.name for asset in stock.maps.values()],
+        "shapes": [asset.name for asset in stock.shapes.values()],
         "better": METRICS,
         "irradiance": irradiance,
         "scores": table,
@@ -94,7 +109,7 @@ def evaluate(
         temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     write_png(out / "pictures.png", grid.picture())
     _print(table, irradiance)
-    talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}", highlight=False)
+    talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
 def irradiance_score(estimate, truth) -> dict[str, float]:

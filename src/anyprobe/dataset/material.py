@@ -31,13 +31,17 @@ def draw_alpha(rng: np.random.Generator, specular: bool | None = None) -> float:
     return float(rng.uniform(SPECULAR_BELOW, 1.0))
 
 
-def draw_material(rng: np.random.Generator, alpha: float) -> Material:
-    """A metal (0.4) with a tabled f0 made a little different, or a dielectric.
+METAL_SHARE = 0.4
+
+
+def draw_material(rng: np.random.Generator, alpha: float, metal: bool | None = None) -> Material:
+    """A metal with a tabled f0 made a little different, or a dielectric; METAL_SHARE decides if not given.
 
     Dielectrics have an index of refraction in [1.3, 1.8] and an albedo that is
     white to dark, often grey, sometimes strongly coloured.
     """
-    if rng.random() < 0.4:
+    drawn = rng.random() < METAL_SHARE
+    if drawn if metal is None else metal:
         f0 = np.array(METALS[rng.integers(len(METALS))]) * rng.uniform(0.75, 1.0) + rng.normal(0, 0.02, 3)
         return Material(
             albedo=np.zeros(3, np.float32), f0=np.clip(f0, 0.2, 1.0).astype(np.float32), alpha=alpha

@@ -10,6 +10,7 @@ import numpy as np
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.dataset.catalog import ShapeAsset
+from anyprobe.dataset.stock import PROCEDURAL_VERSION
 from anyprobe.files.atomic import atomic_path
 from anyprobe.render.shapes import draw_shape
 from anyprobe.render.surface import frame_object, see
@@ -46,8 +47,8 @@ def draw_elevation(rng: np.random.Generator, which: int) -> float:
 
 def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path | None = None) -> SurfaceSet:
     """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given."""
-    names = ",".join(shape.name for shape in shapes)
-    key = hashlib.sha256(f"1|{config}|{names}".encode()).hexdigest()[:16]
+    ids = ",".join(shape.id for shape in shapes)
+    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{config}|{ids}".encode()).hexdigest()[:16]
     path = None if cache is None else Path(cache) / f"surfaces-{key}.npz"
     if path is not None and path.is_file():
         with np.load(path) as stored:

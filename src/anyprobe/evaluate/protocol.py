@@ -1,4 +1,4 @@
-"""Score methods on the test set: per case, then means over all and over each half."""
+"""Score methods on the test set: per pair, then means over all and over each half."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.evaluate.cases import Case
+from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
@@ -39,18 +39,18 @@ METRICS = {
     "main_light_median_deg": "lower",
     "flux_stops": "lower",
 }
-"""What is reported, and which way is better. All are means over cases but the one named median."""
+"""What is reported, and which way is better. All are means over pairs but the one named median."""
 
-GROUPS: dict[str, Callable[[Case], bool]] = {
-    "all": lambda case: True,
-    "specular": lambda case: case.specular,
-    "diffuse": lambda case: not case.specular,
-    "indoor": lambda case: case.indoor,
-    "outdoor": lambda case: not case.indoor,
+GROUPS: dict[str, Callable[[Pair], bool]] = {
+    "all": lambda pair: True,
+    "specular": lambda pair: pair.specular,
+    "diffuse": lambda pair: not pair.specular,
+    "indoor": lambda pair: pair.indoor,
+    "outdoor": lambda pair: not pair.indoor,
 }
 
-Method = Callable[[Case], np.ndarray]
-"""From a case (of which it may look at the photo only) to radiance [64, 128, 3]."""
+Method = Callable[[Pair], np.ndarray]
+"""From a pair (of which it may look at the photo only) to radiance [64, 128, 3]."""
 
 
 def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
@@ -81,13 +81,13 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
 
 @dataclass(kw_only=True)
 class Scores:
-    """Scores of every method on every case, and which groups the case belongs to."""
+    """Scores of every method on every pair, and which groups the pair belongs to."""
 
     rows: dict[str, list[dict[str, float]]] = field(default_factory=dict)
     groups: list[set[str]] = field(default_factory=list)
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Means: method -> group -> metric; groups without a case are left out."""
+        """Means: method -> group -> metric; groups without a pair are left out."""
         result: dict[str, dict[str, dict[str, float]]] = {}
         for method, rows in self.rows.items():
             result[method] = {}
@@ -102,15 +102,15 @@ class Scores:
 
 
 def run(
-    cases: Iterable[Case], methods: dict[str, Method], watch: Callable[[int, Case, dict], None] | None = None
+    pairs: Iterable[Pair], methods: dict[str, Method], watch: Callable[[int, Pair, dict], None] | None = None
 ) -> Scores:
-    """Score every method on every case; watch sees each case with its maps as it is done."""
+    """Score every method on every pair; watch sees each pair with its maps as it is done."""
     scores = Scores(rows={name: [] for name in methods})
-    for index, case in enumerate(cases):
-        maps = {name: method(case) for name, method in methods.items()}
+    for index, pair in enumerate(pairs):
+        maps = {name: method(pair) for name, method in methods.items()}
         for name, radiance in maps.items():
-            scores.rows[name].append(score(radiance, case.radiance))
-        scores.groups.append({group for group, belongs in GROUPS.items() if belongs(case)})
+            scores.rows[name].append(score(radiance, pair.radiance))
+        scores.groups.append({group for group, belongs in GROUPS.items() if belongs(pair)})
         if watch is not None:
-            watch(index, case, maps)
+            watch(index, pair, maps)
     return scores

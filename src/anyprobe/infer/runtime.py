@@ -41,20 +41,26 @@ class StageOutputs:
 
 
 def weights_folder(model: str) -> Path:
-    """Where a bundled model lives; raises ModelError with the names there are."""
+    """Where a model lives: a bundled one's name, or a folder of three graphs; ModelError if neither."""
     root = Path(str(resources.files("anyprobe") / "weights"))
-    folder = root / model
-    if not model or not (folder / "irradiance.onnx").is_file():
-        names = sorted(p.parent.name for p in root.glob("*/irradiance.onnx"))
-        raise ModelError(f"model {model!r}: expected one of {', '.join(names) or 'none installed'}")
-    return folder
+    for folder in (root / model, Path(model)):
+        if model and (folder / "irradiance.onnx").is_file():
+            return folder
+    names = sorted(p.parent.name for p in root.glob("*/irradiance.onnx"))
+    raise ModelError(
+        f"model {model!r}: expected one of {', '.join(names) or 'none installed'}, or a folder with "
+        "irradiance.onnx, illumination.onnx and hdr.onnx"
+    )
 
 
 class Models:
     """Three sessions, opened once and used for many photos; safe to share between threads."""
 
     def __init__(self, model: str = DEFAULT_MODEL, threads: int | None = None) -> None:
-        """Open a bundled model by name. threads: cores for one network; None leaves it to the runtime."""
+        """Open a bundled model by name, or a folder of graphs.
+
+        threads: cores for one network; None leaves it to the runtime.
+        """
         self.name = model
         folder = weights_folder(model)
         options = onnxruntime.SessionOptions()
@@ -109,4 +115,4 @@ def file_hashes(model: str) -> dict[str, str]:
 def model_id(model: str) -> str:
     """Name and a hash over the three graphs, as sidecars carry it."""
     joined = "".join(file_hashes(model).values())
-    return f"{model}-{hashlib.sha256(joined.encode()).hexdigest()[:8]}"
+    return f"{weights_folder(model).name}-{hashlib.sha256(joined.encode()).hexdigest()[:8]}"

@@ -10,10 +10,16 @@ from anyprobe.dataset.surfaces import SurfaceConfig
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LightConfig:
-    """Which maps light the pairs: real ones the licence allows, and so many of our own."""
+    """Which maps light the pairs.
 
+    real: those of the data folder, with commercial_only as far as their licence allows it.
+    procedural: how many of our own are added; variants: how many made of all these.
+    """
+
+    real: bool = True
     commercial_only: bool = True
     procedural: int = 60
+    variants: int = 0
     seed: int = 5
 
 
@@ -46,10 +52,34 @@ class RunConfig:
 
 def paper() -> RunConfig:
     """The paper's chain (Sect. 3.2-3.4). It trains its networks one after another; here one pass serves all."""
-    return RunConfig(name="paper", steps=4200, pairs=PairConfig(seed=11))
+    return RunConfig(name="paper", steps=10_000, pairs=PairConfig(seed=11))
 
 
-RUNS = {run.__name__: run for run in (paper,)}
+def light_real() -> RunConfig:
+    """A short run on real maps only; with the three below it measures what other maps add."""
+    return _light_trial("light_real", LightConfig(procedural=0))
+
+
+def light_own() -> RunConfig:
+    """A short run on maps of our own only."""
+    return _light_trial("light_own", LightConfig(real=False, procedural=200))
+
+
+def light_both() -> RunConfig:
+    """A short run on real maps and our own."""
+    return _light_trial("light_both", LightConfig(procedural=200))
+
+
+def light_variants() -> RunConfig:
+    """A short run on real maps and light made of them."""
+    return _light_trial("light_variants", LightConfig(procedural=0, variants=200))
+
+
+def _light_trial(name: str, light: LightConfig) -> RunConfig:
+    return replace(paper(), name=name, steps=600, warmup=50, light=light)
+
+
+RUNS = {run.__name__: run for run in (paper, light_real, light_own, light_both, light_variants)}
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:

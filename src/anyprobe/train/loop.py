@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import sys
 import time
 import warnings
 from pathlib import Path
@@ -14,11 +15,11 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import PairSource
-from anyprobe.dataset.procedural_light import draw_map
+from anyprobe.dataset.stock import load_stock, own_map
 from anyprobe.dataset.surfaces import build_surfaces
+from anyprobe.dataset.variants import draw_variant
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import NETS, Chain
 from anyprobe.train.config import RunConfig
@@ -30,17 +31,21 @@ LOG_STEPS = 25
 def make_pairs(
     config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
 ) -> PairSource:
-    """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own."""
-    maps, shapes = [], []
-    if data is not None:
-        folders = [data / "hdri" / "train", data / "hdri" / "train_extra"]
-        for folder in folders:
-            if folder.is_dir() or folder is folders[0]:
-                maps += load_maps(folder, commercial_only=config.light.commercial_only)
-        shapes = load_shapes(data / "meshes" / "train", commercial_only=config.light.commercial_only)
-    rng = np.random.default_rng(config.light.seed)
-    radiance = [asset.radiance for asset in maps] + [draw_map(rng)[0] for _ in range(config.light.procedural)]
-    surfaces = build_surfaces(shapes, config.surfaces, cache)
+    """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own.
+
+    Files that cannot be used are listed on stderr.
+    """
+
+    def warn(line: str) -> None:
+        print(f"warning: {line}", file=sys.stderr)
+
+    light = config.light
+    stock = load_stock(data, "train", commercial_only=light.commercial_only, report=warn)
+    radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
+    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
+    rng = np.random.default_rng(light.seed)
+    radiance += [draw_variant(rng, radiance) for _ in range(light.variants)]
+    surfaces = build_surfaces(list(stock.shapes.values()), config.surfaces, cache)
     return PairSource(Illuminator(radiance, device, compiled), surfaces, config.pairs)
 
 

@@ -1,0 +1,165 @@
+"""Pair and MapPair (nouns): what a recipe gives, point by point in perspective.
+
+Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
+are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a
+compiler.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_y, world_from_camera
+from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.core.sampling import hammersley
+from anyprobe.dataset.camera import draw_shot, exposure, exposure_for_clipping, take_photo
+from anyprobe.dataset.mask_errors import disturb_mask
+from anyprobe.dataset.material import draw_alpha, draw_material
+from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
+from anyprobe.dataset.stock import Stock
+from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.octahedral import Pyramid
+from anyprobe.render.integrate import Shading, shade
+from anyprobe.render.surface import Surface, frame_object, pixel_rays, see
+from anyprobe.scatter.brdf import Material
+
+NUM_SAMPLES = 64
+LN_RANGE = (-7.0, 9.0)
+"""Bounds of ln radiance in targets: 0.001 to 8000 of the photo's white."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pair:
+    """An object's photo and its light.
+
+    photo [S, S, 4] uint8: display RGB, zero outside the mask, and the mask as the user gives it.
+    irradiance [S, S, 3] uint8: display values through the mean curve, zero off the object.
+    radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
+    map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
+    """
+
+    recipe: Recipe
+    photo: np.ndarray
+    irradiance: np.ndarray
+    radiance: np.ndarray
+    map_from_camera: np.ndarray
+    gain: np.ndarray
+    material: Material
+    map_name: str
+    shape_name: str
+    indoor: bool
+
+    @property
+    def specular(self) -> bool:
+        """The paper's border: alpha below 0.5."""
+        return self.recipe.material % 2 == 0
+
+    @property
+    def crop(self) -> np.ndarray:
+        """What the networks read, [S, S, 4] float32: display RGB times mask, and mask."""
+        return self.photo.astype(np.float32) / 255.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapPair:
+    """What the HDR net learns from: ldr [64, 128, 3] uint8 and ln_radiance [64, 128, 3] float16."""
+
+    recipe: Recipe
+    ldr: np.ndarray
+    ln_radiance: np.ndarray
+    map_from_camera: np.ndarray
+    gain: np.ndarray
+    map_name: str
+    indoor: bool
+
+
+def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, float]:
+    """Yaw and elevation [radians] of one of count points spread evenly over the upper hemisphere."""
+    return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / count))
+
+
+def render_pair(recipe: Recipe, stock: Stock) -> Pair:
+    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape."""
+    asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
+    yaw, elevation = fibonacci_viewpoint(recipe.view)
+    turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
+    camera = frame_object(shape.mesh, turned, fov_deg=rng.uniform(10.0, 45.0))
+    surface = see(shape.mesh, camera)
+    material = draw_material(rng, draw_alpha(rng, recipe.material % 2 == 0), bool(recipe.material // 2 % 2))
+    # the map turns about the shape, so that shape and light are not tied together
+    map_from_camera = rotation_y(rng.uniform(0, 2 * np.pi)) @ camera.world_from_camera
+    shading = shade_surface(stock.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
+    reflected = shading.radiance(material)
+    light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
+    shot = draw_shot(rng, recipe.conditions)
+    gain = exposure(shot, float(luminance(reflected).mean()), _log_mean(light))
+    picture = np.zeros((*surface.mask.shape, 3), np.float32)
+    picture[surface.mask] = reflected * gain
+    mask, background = surface.mask, None
+    if recipe.conditions:
+        mask = disturb_mask(mask, rng)
+        away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
+        background = bilinear(asset.radiance, direction_to_uv(away)) * gain
+    display = take_photo(shot, picture, surface.mask, background, rng)
+    irradiance = np.zeros((*surface.mask.shape, 3), np.uint8)
+    gains = np.asarray(gain * shot.white_balance, np.float32)
+    irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
+    return Pair(
+        recipe=recipe,
+        photo=np.concatenate([display * mask[..., None], mask[..., None] * np.uint8(255)], axis=-1),
+        irradiance=irradiance,
+        radiance=np.asarray(light * gains, np.float32),
+        map_from_camera=map_from_camera,
+        gain=gains,
+        material=material,
+        map_name=asset.name,
+        shape_name=shape.name,
+        indoor=asset.indoor,
+    )
+
+
+def render_map_pair(recipe: Recipe, stock: Stock) -> MapPair:
+    """The pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
+
+    The exposure that clips 5 to 15 % of the sphere, as in hdrcnn, times 0.5 to 2.0, the
+    recipe's exposure number being the fifth of that range (in stops) it lies in.
+    """
+    asset, rng = stock.map(recipe.map_id), recipe.rng()
+    yaw, elevation = fibonacci_viewpoint(recipe.view)
+    map_from_camera = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
+    light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
+    shot = draw_shot(rng, recipe.conditions)
+    gain = exposure_for_clipping(luminance(light), rng.uniform(0.05, 0.15))
+    gain *= 0.5 * 4.0 ** ((recipe.material + rng.random()) / EXPOSURES)
+    gains = np.asarray(gain * shot.white_balance, np.float32)
+    return MapPair(
+        recipe=recipe,
+        ldr=np.round(response(light * gains, shot.curve) * 255.0).astype(np.uint8),
+        ln_radiance=np.log(np.clip(light * gains, 1e-6, None)).clip(*LN_RANGE).astype(np.float16),
+        map_from_camera=map_from_camera,
+        gain=gains,
+        map_name=asset.name,
+        indoor=asset.indoor,
+    )
+
+
+def shade_surface(
+    pyramid: Pyramid,
+    surface: Surface,
+    map_from_camera: np.ndarray,
+    alpha: float,
+    num_samples: int = NUM_SAMPLES,
+) -> Shading:
+    """Shade every visible point under a map whose frame is map_from_camera away."""
+    turn = map_from_camera.T.astype(np.float32)
+    u = hammersley(num_samples)
+    return shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(alpha), u)
+
+
+def _log_mean(light: np.ndarray) -> float:
+    """exp(mean ln luminance) of a map: what a camera that meters the whole scene sees."""
+    return float(np.exp(np.log(np.maximum(luminance(light), 1e-4)).mean()))

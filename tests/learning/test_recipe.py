@@ -1,0 +1,202 @@
+"""Recipes, plans and the pairs they give."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anyprobe.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.dataset.pair import render_map_pair, render_pair
+from anyprobe.dataset.plan import balanced_recipes, full_plan
+from anyprobe.dataset.recipe import Recipe, digest
+from anyprobe.dataset.stock import Stock, load_stock
+from anyprobe.errors import InputError
+from anyprobe.light.environment import rotate
+from anyprobe.render.shapes import sphere
+
+RECIPE = Recipe(
+    kind="object", map_id="00c0ffee", shape_id="deadbeef", material=5, view=22, conditions=1, seed=2**63 + 7
+)
+
+
+def _map(map_id: str, indoor: bool, radiance: np.ndarray) -> MapAsset:
+    return MapAsset(id=map_id, name=map_id, licence="own", indoor=indoor, radiance=radiance)
+
+
+@pytest.fixture(scope="module")
+def stock() -> Stock:
+    """Three maps (one indoor) and two balls."""
+    rng = np.random.default_rng(3)
+    maps = [
+        _map(f"{i:08x}", i == 0, np.exp(rng.normal(0, 1, (64, 128, 3))).astype(np.float32)) for i in range(3)
+    ]
+    return Stock(
+        maps,
+        [ShapeAsset(id=f"{i:08x}", name=f"ball{i}", licence="own", mesh=sphere(16)) for i in range(2)],
+    )
+
+
+def test_a_recipe_is_twenty_bytes_and_comes_back() -> None:
+    assert len(RECIPE.to_bytes()) == 20
+    assert Recipe.from_hex(RECIPE.to_hex()) == RECIPE
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "got 0 characters"),
+        ("xyz", "got 3 characters"),
+        (RECIPE.to_hex() + "00", "got 42 characters"),
+        ("ff" + RECIPE.to_hex()[2:], "expected version 1, got 255"),
+        (replace(RECIPE, material=8).to_hex(), "material < 8"),
+        (replace(RECIPE, kind="map", material=5).to_hex(), "material < 5"),
+        (replace(RECIPE, view=23).to_hex(), "view < 23"),
+    ],
+)
+def test_a_bad_recipe_is_refused(text: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        Recipe.from_hex(text)
+
+
+def test_every_field_changes_the_name_and_the_random_numbers() -> None:
+    others = [
+        replace(RECIPE, **change)
+        for change in (
+            {"kind": "map", "material": 4},
+            {"map_id": "00c0ffed"},
+            {"shape_id": "deadbeee"},
+            {"material": 4},
+            {"view": 21},
+            {"conditions": 0},
+            {"seed": 7},
+        )
+    ]
+    assert len({recipe.key for recipe in [RECIPE, *others]}) == 8
+    assert len({recipe.rng().random() for recipe in [RECIPE, *others]}) == 8
+
+
+@pytest.mark.parametrize(("kind", "count"), [("object", 2 * 3 * 8 * 23), ("map", 3 * 23 * 5)])
+def test_a_plan_has_every_combination_once(stock, kind, count) -> None:
+    plan = full_plan(stock, kind)
+    combinations = Counter(
+        (r.map_id, r.shape_id, r.material, r.view) for r in map(plan.recipe, range(plan.count))
+    )
+    assert plan.count == len(combinations) == count
+    with pytest.raises(IndexError):
+        plan.recipe(count)
+
+
+def test_the_start_of_a_plan_is_a_fair_sample(stock) -> None:
+    plan = full_plan(stock)
+    start = [plan.recipe(i) for i in range(plan.count // 8)]
+    fair = Counter(r.material % 2 for r in start)
+    assert abs(fair[0] - fair[1]) <= 1
+    for of in (lambda r: r.map_id, lambda r: r.shape_id, lambda r: r.material // 2, lambda r: r.view):
+        counts = Counter(map(of, start))
+        expected = len(start) / len(set(map(of, map(plan.recipe, range(plan.count)))))
+        assert all(0.5 * expected < count < 1.6 * expected for count in counts.values()), counts
+
+
+def test_the_test_set_is_balanced(stock) -> None:
+    recipes = balanced_recipes(stock, 48)
+    assert Counter(r.material % 2 for r in recipes) == {0: 24, 1: 24}
+    assert Counter(stock.maps[r.map_id].indoor for r in recipes) == {True: 24, False: 24}
+    assert set(Counter(r.shape_id for r in recipes).values()) == {24}
+    assert digest(recipes) != digest(recipes[::-1])
+
+
+@pytest.mark.parametrize("conditions", [0, 1])
+def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
+    """Rendered anew in two processes with another number of threads: bit for bit."""
+    script = (
+        "import hashlib; from anyprobe.dataset.stock import load_stock;"
+        "from anyprobe.dataset.plan import full_plan; from anyprobe.dataset.pair import render_pair;"
+        "stock = load_stock(None, 'train', procedural_maps=1, procedural_shapes=1);"
+        f"pair = render_pair(full_plan(stock, conditions={conditions}).recipe(3), stock);"
+        "parts = (pair.photo, pair.irradiance, pair.radiance, pair.map_from_camera, pair.gain);"
+        "print(hashlib.sha256(b''.join(p.tobytes() for p in parts)).hexdigest())"
+    )
+    printed = [
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for threads in "12"
+    ]
+    assert printed[0] == printed[1]
+
+
+def test_some_curve_of_the_family_carries_ln_radiance_to_the_ldr_map(stock) -> None:
+    """y = (1 + s) x^n / (x^n + s) says n ln x = ln(s y / (1 + s - y)): a line for the right s."""
+    plan = full_plan(stock, "map")
+    for index in range(6):
+        pair = render_map_pair(plan.recipe(index), stock)
+        assert pair.ldr.dtype == np.uint8
+        assert pair.ln_radiance.dtype == np.float16
+        unclipped = (pair.ldr > 20) & (pair.ldr < 240)
+        y, ln_x = pair.ldr[unclipped] / 255.0, pair.ln_radiance[unclipped].astype(float)
+        fits = []
+        for sigma in np.arange(0.2, 1.21, 0.02):
+            right = np.log(sigma * y / (1.0 + sigma - y))
+            exponent = (ln_x @ right) / (ln_x @ ln_x)
+            fits.append((np.abs(exponent * ln_x - right).mean(), exponent))
+        error, exponent = min(fits)
+        assert error < 0.01
+        assert 0.4 <= exponent <= 1.6
+
+
+def test_exposures_of_map_pairs_span_two_stops(stock) -> None:
+    """The five exposure numbers differ by their fifths of 0.5 to 2.0 around 5 to 15 % clipped."""
+    plan = full_plan(stock, "map")
+    clipped = {number: [] for number in range(5)}
+    for index in range(0, plan.count, 3):
+        recipe = plan.recipe(index)
+        pair = render_map_pair(recipe, stock)
+        clipped[recipe.material].append((pair.ldr == 255).mean())
+    means = [np.mean(clipped[number]) for number in range(5)]
+    assert means == sorted(means)
+    assert 0.02 < means[0] < means[2] < means[4] < 0.5
+
+
+def test_the_stored_rotation_and_gain_give_the_map(stock) -> None:
+    """radiance = gain * map seen from the camera: what a shard says in numbers."""
+    pair = render_pair(full_plan(stock).recipe(0), stock)
+    again = rotate(stock.maps[pair.recipe.map_id].radiance, pair.map_from_camera.T)
+    np.testing.assert_allclose(pair.radiance, again * pair.gain, rtol=1e-6)
+
+
+def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:
+    clean, worldly = (
+        [render_pair(full_plan(stock, conditions=c).recipe(i), stock) for i in range(count)]
+        for c, count in ((0, 4), (1, 24))
+    )
+    for pair in clean:
+        assert ((pair.photo[..., 3] > 0) == (pair.irradiance.max(axis=-1) > 0)).all()
+    assert any(((p.photo[..., 3] > 0) != (p.irradiance.max(axis=-1) > 0)).any() for p in worldly)
+    for pair in clean + worldly:
+        assert not pair.photo[pair.photo[..., 3] == 0].any()
+
+
+def test_own_assets_depend_on_seed_and_split_alone() -> None:
+    first, again, other, held_out = (
+        load_stock(None, split, procedural_maps=0, procedural_shapes=3, seed=seed)
+        for split, seed in (("train", 5), ("train", 5), ("train", 6), ("test", 5))
+    )
+    assert list(first.shapes) == list(again.shapes)
+    assert not set(first.shapes) & (set(other.shapes) | set(held_out.shapes))
+    for one, two in zip(first.shapes.values(), again.shapes.values(), strict=True):
+        np.testing.assert_array_equal(one.mesh.positions, two.mesh.positions)
+
+
+def test_an_asset_that_is_not_there_is_one_line(stock) -> None:
+    with pytest.raises(InputError, match="map 00c0ffee: expected one of the 3 maps given"):
+        render_pair(RECIPE, stock)
