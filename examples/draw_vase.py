@@ -37,9 +37,9 @@ def main(folder: Path) -> None:
     fine = room(np.random.default_rng(17), height=1024)
     light = shrink(fine, 256)
     mesh = lathe(np.random.default_rng(0), rows=200)
-    material = Material(albedo=np.array([0.05, 0.22, 0.30]), f0=np.full(3, 0.045), alpha=0.15)
+    material = Material(albedo=np.array([0.42, 0.36, 0.30]), f0=np.full(3, 0.045), alpha=0.15)
     side = SIZE * SUPERSAMPLE
-    camera = frame_object(mesh, world_from_camera(-0.5, 0.2), fov_deg=24.0, margin=1.7, size=side)
+    camera = frame_object(mesh, world_from_camera(0.6, 0.2), fov_deg=24.0, margin=1.7, size=side)
     surface = see(mesh, camera)
     map_from_camera = camera.world_from_camera.astype(np.float32)
     pyramid, u = build_pyramid(light), hammersley(96)

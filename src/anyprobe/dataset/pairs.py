@@ -24,6 +24,7 @@ from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.render.reflectance import normal_to_reflectance_xy, straight_on_normal
 from anyprobe.render.surface import pixel_rays
 
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairConfig:
     """batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept."""
