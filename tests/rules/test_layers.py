@@ -24,6 +24,7 @@ ONLY = {
     "trimesh": {"files"},
     "typer": {"cli"},
     "rich": {"cli", "train"},
+    "ray": {"dataset"},
 }
 """Packages that not every part may import."""
 

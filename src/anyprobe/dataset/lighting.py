@@ -12,14 +12,14 @@ import numpy as np
 import torch
 
 from anyprobe.core.frames import world_from_camera
-from anyprobe.core.latlong import uv_to_direction
+from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.material import draw_alpha
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.octahedral import Pyramid, build_pyramid, lookup
+from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.compiled import compile_kernel
-from anyprobe.render.integrate import shade_diffuse, shade_specular
+from anyprobe.render.integrate import NUM_LAMPS, shade_diffuse, shade_specular
 from anyprobe.render.reflectance import reflectance_normals
 
 SIZE = 128
@@ -53,25 +53,30 @@ def _map_directions(height: int, supersample: int) -> torch.Tensor:
     return torch.from_numpy(uv_to_direction(np.stack([u, v], -1)).astype(np.float32).reshape(-1, 3))
 
 
+def _look(radiance: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
+    """The map [H, 2H, 3] along unit directions [N, 3]."""
+    return bilinear(radiance, direction_to_uv(d))
+
+
 class Illuminator:
     """Shades reflectance maps from a stock of maps; compiled where a compiler is at hand."""
 
     def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
         self.device = device
-        self.pyramids = [build_pyramid(torch.from_numpy(radiance)) for radiance in maps]
-        self.pyramids = [
-            Pyramid(texels=p.texels.to(device), side=p.side, num_levels=p.num_levels) for p in self.pyramids
-        ]
+        self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)) for radiance in maps]
+        self.pyramids = [build_pyramid(radiance, lamps=NUM_LAMPS).to(device) for radiance in self.maps]
+        self.maps = [radiance.to(device) for radiance in self.maps]
         wrap = compile_kernel if compiled else (lambda function: function)
-        self._specular, self._diffuse, self._lookup = wrap(shade_specular), wrap(shade_diffuse), wrap(lookup)
+        self._specular, self._diffuse, self._look = wrap(shade_specular), wrap(shade_diffuse), wrap(_look)
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
     @torch.no_grad()
-    def light(self, pyramid: Pyramid, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
-        """One lit material seen through rotation [3, 3] = world from camera (a mirror is allowed)."""
+    def light(self, which: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
+        """One lit material under map number which, through rotation [3, 3] = world from camera (mirrored or not)."""
         size, samples = _budget(alpha)
+        pyramid = self.pyramids[which]
         world = self._tensor(rotation.T)
         n = self._tensor(reflectance_normals(size).reshape(-1, 3)) @ world
         wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
@@ -82,20 +87,20 @@ class Illuminator:
         diffuse = self._diffuse(pyramid, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
         directions = _map_directions(MAP_HEIGHT, 4).to(self.device) @ world
-        fine = self._lookup(pyramid, directions, torch.zeros(len(directions), device=self.device))
+        fine = self._look(self.maps[which], directions)
         radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
     def draw(self, rng: np.random.Generator) -> LitMaterial:
         """A random map, view and alpha; half of the maps mirrored."""
-        pyramid = self.pyramids[rng.integers(len(self.pyramids))]
+        which = int(rng.integers(len(self.pyramids)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(
             rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05)
         )
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        return self.light(pyramid, rotation, draw_alpha(rng), elevation)
+        return self.light(which, rotation, draw_alpha(rng), elevation)
 
 
 def _picture(values: torch.Tensor, size: int) -> torch.Tensor:

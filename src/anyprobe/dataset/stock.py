@@ -13,6 +13,7 @@ from anyprobe.dataset.catalog import MapAsset, ShapeAsset, load_maps, load_shape
 from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.errors import InputError
 from anyprobe.light.octahedral import Pyramid, build_pyramid
+from anyprobe.render.integrate import NUM_LAMPS
 from anyprobe.render.shapes import draw_shape
 
 PROCEDURAL_VERSION = 2
@@ -28,7 +29,7 @@ class Stock:
         self.pyramid = lru_cache(maxsize=64)(self._pyramid)
 
     def _pyramid(self, map_id: str) -> Pyramid:
-        return build_pyramid(self.map(map_id).radiance)
+        return build_pyramid(self.map(map_id).radiance, lamps=NUM_LAMPS)
 
     def map(self, map_id: str) -> MapAsset:
         """The map of that id, or InputError."""

@@ -7,14 +7,15 @@ read local, and all levels lie in one flat array so that the level may vary free
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from array_api_compat import array_namespace
 
-from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 
 
 def _sign(x):
@@ -54,11 +55,23 @@ def octahedral_to_direction(st):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pyramid:
-    """Levels of a map: texels [T, 3], the side of level 0, and how many levels there are."""
+    """Levels of a map: texels [T, 3], the side of level 0, and how many levels there are.
+
+    lamps [K, 3], lamp_flux [K, 3]: directions and irradiance (at normal incidence) of the
+    brightest pixels' excess over the next brightest. The texels then hold the rest: shading
+    adds the lamps exactly, so that no sample need hit the sun. None without lamps.
+    """
 
     texels: Any
     side: int
     num_levels: int
+    lamps: Any = None
+    lamp_flux: Any = None
+
+    def to(self, device) -> Pyramid:
+        """The same on another device, for torch."""
+        names = ("texels",) if self.lamps is None else ("texels", "lamps", "lamp_flux")
+        return replace(self, **{name: getattr(self, name).to(device) for name in names})
 
 
 @lru_cache(maxsize=8)
@@ -84,15 +97,38 @@ def _border_index(side: int) -> np.ndarray:
     return (row * side + column).reshape(-1)
 
 
-def build_pyramid(radiance, side: int = 256, supersample: int = 2) -> Pyramid:
+def _take_lamps(radiance, count: int):
+    """The map [H, 2H, 3] without, and directions and flux [K, 3] of, what its brightest pixels have in excess."""
+    xp = array_namespace(radiance)
+    height = radiance.shape[0]
+    flat = xp.reshape(radiance, (-1, 3))
+    order = xp.flip(xp.argsort(luminance(flat)), axis=0)
+    chosen, cap = order[:count], luminance(flat)[order[count]]
+    bright = xp.take(flat, chosen, axis=0)
+    excess = bright * (1.0 - cap / xp.clip(luminance(bright), 1e-12, None))[:, None]
+    rest = xp.asarray(flat, copy=True)
+    rest[chosen] = bright - excess
+    directions = np.reshape(pixel_directions(height), (-1, 3)).astype(np.float32)
+    solid_angles = np.repeat(pixel_solid_angles(height), 2 * height, axis=1).reshape(-1, 1)
+    of_pixels = [xp.asarray(values, device=radiance.device) for values in (directions, solid_angles)]
+    directions, solid_angles = (xp.take(values, chosen, axis=0) for values in of_pixels)
+    return xp.reshape(rest, radiance.shape), directions, excess * solid_angles
+
+
+def build_pyramid(radiance, side: int = 256, supersample: int = 2, lamps: int = 0) -> Pyramid:
     """Unfold a map [H, 2H, 3] and average it down level by level to 4 x 4.
 
     Args:
         radiance: NumPy array or torch tensor.
         side: texels along level 0; 256 holds a 256 x 512 map.
         supersample: subsamples along a texel of level 0.
+        lamps: how many of the brightest pixels become lamps. A pyramid with lamps is for
+            shading; lookup alone does not see them.
     """
     xp = array_namespace(radiance)
+    directions = flux = None
+    if lamps:
+        radiance, directions, flux = _take_lamps(radiance, lamps)
     uv = xp.asarray(_resampling(side, supersample), device=radiance.device)
     level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
     levels, size = [], side
@@ -103,7 +139,13 @@ def build_pyramid(radiance, side: int = 256, supersample: int = 2) -> Pyramid:
             break
         level = xp.mean(xp.mean(xp.reshape(level, (size // 2, 2, size // 2, 2, 3)), axis=3), axis=1)
         size //= 2
-    return Pyramid(texels=xp.concat(levels, axis=0), side=side, num_levels=len(levels))
+    return Pyramid(
+        texels=xp.concat(levels, axis=0),
+        side=side,
+        num_levels=len(levels),
+        lamps=directions,
+        lamp_flux=flux,
+    )
 
 
 def lookup(pyramid: Pyramid, d, lod):
