@@ -18,6 +18,17 @@ from anyprobe.infer import estimate as estimate_module
 from anyprobe.infer.estimate import Estimator
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="run the tests marked slow too")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not config.getoption("--slow"):
+        for item in items:
+            if "slow" in item.keywords:
+                item.add_marker(pytest.mark.skip(reason="slow: runs with --slow"))
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(2020)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Column, Table
 
+from anyprobe.cli.render import render, status, verify
 from anyprobe.errors import InputError
 
 STATUSES = ("fetched", "complete", "kept", "failed", "not tried")
@@ -42,6 +43,10 @@ class MapFormat(StrEnum):
 
     hdr = "hdr"
     exr = "exr"
+
+
+for command in (render, status, verify):
+    data.command()(command)
 
 
 @data.callback()

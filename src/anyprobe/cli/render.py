@@ -1,0 +1,259 @@
+"""anyprobe data render, status and verify: the dataset as shards on disk."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from datetime import timedelta
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
+Assets = Annotated[
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/; else maps and shapes of our own."),
+]
+
+
+class Kind(StrEnum):
+    """Photos of objects, or maps for the HDR network."""
+
+    object = "object"
+    map = "map"
+
+
+class Split(StrEnum):
+    """Which assets."""
+
+    train = "train"
+    test = "test"
+
+
+class Conditions(StrEnum):
+    """Photos as in the paper, or as the world gives them."""
+
+    clean = "clean"
+    world = "world"
+
+
+class Engine(StrEnum):
+    """Where to render."""
+
+    local = "local"
+    ray = "ray"
+
+
+def render(
+    folder: Folder,
+    data: Assets = None,
+    split: Annotated[Split | None, typer.Option(help="Which assets; train unless told.")] = None,
+    kind: Annotated[
+        Kind | None, typer.Option(help="Pairs of objects (unless told), or maps for the HDR network.")
+    ] = None,
+    conditions: Annotated[
+        Conditions | None, typer.Option(help="Clean photos as the paper's (unless told), or the world's.")
+    ] = None,
+    pairs: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="The first N; unless told, all there are.")
+    ] = None,
+    shard_size: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; 500 unless told.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; 2020 unless told.")] = None,
+    procedural_maps: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Maps of our own; 32 without --data, 0 with.")
+    ] = None,
+    procedural_shapes: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Shapes of our own; 32 without --data, 0 with.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes on this machine.")] = 2,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a dataset; settings not given are its own.")
+    ] = False,
+    engine: Annotated[
+        Engine, typer.Option(help="This machine's processes, or a Ray cluster.")
+    ] = Engine.local,
+    address: Annotated[
+        str | None, typer.Option(help="Of the Ray cluster; without it one is begun here.")
+    ] = None,
+) -> None:
+    """Render pairs into shards that WebDataset reads; what is done stays done, whatever happens."""
+    from anyprobe.dataset import render_job
+    from anyprobe.errors import InputError
+
+    if address is not None and engine is not Engine.ray:
+        raise InputError("--address: expected --engine ray with it, got local; add it")
+    settings = {
+        "kind": kind,
+        "split": split,
+        "conditions": conditions,
+        "seed": seed,
+        "pairs": pairs,
+        "shard_size": shard_size,
+        "procedural_maps": procedural_maps,
+        "procedural_shapes": procedural_shapes,
+    }
+    given = {name: getattr(value, "value", value) for name, value in settings.items() if value is not None}
+    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    say = partial(talk.print, soft_wrap=True)
+    job = render_job.begin(folder, given, data, _make(), resume=resume, report=say)
+    done = render_job.status(job.folder)
+    say(f"{folder}: {done.pairs} pairs in {done.shards} shards, {done.shards_done} of them done")
+    start = time.monotonic()
+    try:
+        with _progress(talk) as progress:
+            watch = _Watch(progress, done)
+            run = _engine(engine, address, workers, partial(progress.console.print, soft_wrap=True), job)
+            render_job.render_missing(job, run, watch)
+    except KeyboardInterrupt:
+        now = render_job.status(job.folder)
+        assets = "" if data is None else f" --data {shlex.quote(str(data))}"
+        say(
+            f"anyprobe: stopped with {now.shards_done} of {now.shards} shards done; go on with "
+            f"anyprobe data render {shlex.quote(str(folder))}{assets} --resume"
+        )
+        raise
+    seconds = time.monotonic() - start
+    now = render_job.status(job.folder)
+    rendered = now.pairs_done - done.pairs_done
+    say(
+        f"{folder}: complete, {now.bytes / 1e6:.1f} MB; {rendered} pairs in {_clock(seconds)}, "
+        f"{rendered / max(seconds, 1e-9):.1f} a second"
+    )
+
+
+def _make() -> Callable:
+    from anyprobe.dataset.samples import StockRenderer
+
+    return StockRenderer
+
+
+def _engine(engine: Engine, address: str | None, workers: int, say: Callable, job) -> Callable:
+    from anyprobe.dataset import local_engine, ray_engine, shards
+
+    if engine is Engine.local:
+        return partial(local_engine.run_local, workers=workers, say=say)
+    return partial(
+        ray_engine.run_ray,
+        address=address,
+        workers=workers,
+        say=say,
+        finished=lambda shard: shards.read_index(job.folder, shard).pairs,
+    )
+
+
+def _clock(seconds: float) -> str:
+    return str(timedelta(seconds=round(seconds)))
+
+
+def _progress(talk: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    columns += (TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
+    return Progress(
+        *columns, console=talk, transient=True, disable=not talk.is_terminal, speed_estimate_period=120
+    )
+
+
+class _Watch:
+    """Pairs done in each shard, as a bar, or as a line a minute where there is no terminal."""
+
+    LINE_S = 60
+
+    def __init__(self, progress: Progress, done) -> None:
+        self.progress, self.total = progress, done.pairs
+        self.before = self.now = done.pairs_done
+        self.start = self.said = time.monotonic()
+        self.counts: dict[int, int] = {}
+        self.task = progress.add_task("rendering", total=done.pairs, completed=done.pairs_done, rate="")
+
+    def __call__(self, shard: int, count: int) -> None:
+        self.now += count - self.counts.get(shard, 0)
+        self.counts[shard] = count
+        time_now = time.monotonic()
+        rate = (self.now - self.before) / max(time_now - self.start, 1e-9)
+        self.progress.update(self.task, completed=self.now, rate=f"{rate:.1f} pairs/s")
+        if self.progress.disable and time_now - self.said >= self.LINE_S and rate > 0:
+            self.said = time_now
+            left = _clock((self.total - self.now) / rate)
+            self.progress.console.print(f"{self.now}/{self.total} pairs, {rate:.1f} pairs/s, {left} left")
+
+
+def status(
+    folder: Folder,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Print how far a dataset is: shards, pairs, bytes, and what is missing."""
+    from anyprobe.dataset import render_job
+
+    found = render_job.status(folder)
+    if as_json:
+        typer.echo(json.dumps(asdict(found)))
+        return
+    typer.echo(f"shards {found.shards_done} of {found.shards}")
+    typer.echo(f"pairs {found.pairs_done} of {found.pairs}, {found.bytes / 1e6:.1f} MB")
+    for names in (("specular", "diffuse"), ("indoor", "outdoor")):
+        if any(name in found.groups for name in names):
+            typer.echo(", ".join(f"{name} {found.groups.get(name, 0)}" for name in names))
+    if found.missing:
+        typer.echo(f"missing shards {_ranges(found.missing)}; anyprobe data render {folder} --resume")
+
+
+def _ranges(numbers: list[int]) -> str:
+    """1, 2, 3, 7 as "1-3, 7"."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
+
+
+def verify(
+    folder: Folder,
+    again: Annotated[
+        int, typer.Option("--render", min=0, metavar="N", help="Also render N random pairs again.")
+    ] = 0,
+    data: Assets = None,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Delete bad shards; render --resume makes them again.")
+    ] = False,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
+) -> None:
+    """Check every shard: its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
+    from anyprobe.dataset import render_again, render_job, shards
+
+    plan = render_job.read_plan(folder)
+    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    bad, there = {}, []
+    with _progress(talk) as progress:
+        task = progress.add_task("verifying", total=render_job.num_shards(plan), rate="")
+        for shard in progress.track(range(render_job.num_shards(plan)), task_id=task):
+            if not shards.index_path(folder, shard).exists():
+                continue
+            there.append(shard)
+            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)))
+            if wrong:
+                bad[shard] = wrong
+    if again:
+        whole = [shard for shard in there if shard not in bad]
+        bad |= render_again.differing(folder, data, _make(), whole, again, workers=workers, say=talk.print)
+    for shard, wrong in sorted(bad.items()):
+        typer.echo(f"{shards.tar_path(folder, shard).name}: {wrong}")
+        if repair:
+            shards.remove_shard(folder, shard)
+    absent = render_job.num_shards(plan) - len(there)
+    typer.echo(f"{len(there) - len(bad)} shards good, {len(bad)} bad, {absent} not rendered yet")
+    if bad:
+        did = "deleted" if repair else "delete them, or let --repair do it"
+        typer.echo(f"bad shards: {did}; then anyprobe data render {folder} --resume renders them again")
+        raise typer.Exit(2)

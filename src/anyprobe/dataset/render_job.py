@@ -1,0 +1,314 @@
+"""Job (noun): a folder with dataset.json, the shards it is to hold, and those it holds already."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+
+from anyprobe import __version__
+from anyprobe.dataset import shards
+from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
+from anyprobe.dataset.samples import Renderer
+from anyprobe.dataset.stock import PROCEDURAL_VERSION
+from anyprobe.errors import InputError, OutputError
+
+FORMAT = 1
+NAME = "dataset.json"
+SETTINGS = {
+    "kind": "object",
+    "split": "train",
+    "conditions": "clean",
+    "seed": 2020,
+    "pairs": None,
+    "shard_size": 500,
+    "procedural_maps": 0,
+    "procedural_shapes": 0,
+}
+"""What a dataset is made by, and what stands for what is not given; pairs None means all."""
+
+PROCEDURAL = 32
+"""Maps and shapes of our own when no folder of assets is given."""
+
+BYTES_PER_PAIR = {"object": 30_000, "map": 60_000}
+"""Expected until a shard has shown it."""
+
+Make = Callable[..., Renderer]
+"""make(settings, data) opens the renderer; importable by name, as workers call it too."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Job:
+    """One dataset: where it lies, how it is made and from which folder of assets."""
+
+    folder: Path
+    data: Path | None
+    make: Make
+
+    @property
+    def plan(self) -> dict:
+        """The content of dataset.json."""
+        return read_plan(self.folder)
+
+    @property
+    def num_shards(self) -> int:
+        """How many shards the dataset is to have."""
+        return num_shards(self.plan)
+
+    def missing(self) -> list[int]:
+        """The shards that are not there yet, or not of the size their index says."""
+        return [shard for shard in range(self.num_shards) if not shards.is_done(self.folder, shard)]
+
+    def renderer(self) -> Renderer:
+        """The renderer, opened once a process; InputError if its assets are not the dataset's."""
+        return _renderer(self)
+
+
+@lru_cache(maxsize=1)
+def _renderer(job: Job) -> Renderer:
+    return _open(job, job.plan, report=_silent)
+
+
+def _open(job: Job, plan: Mapping, **options) -> Renderer:
+    """The renderer of a plan; InputError if it is not over the plan's assets."""
+    if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
+        raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
+    renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
+    _same_assets(job.folder, plan, renderer)
+    return renderer
+
+
+def _silent(line: str) -> None:
+    """What is left out of a folder of assets was said when the dataset was begun."""
+
+
+def num_shards(plan: Mapping) -> int:
+    """How many shards a plan has."""
+    return -(-plan["pairs"] // plan["shard_size"])
+
+
+def shard_range(plan: Mapping, shard: int) -> range:
+    """The recipe numbers of a shard."""
+    return range(shard * plan["shard_size"], min((shard + 1) * plan["shard_size"], plan["pairs"]))
+
+
+def read_plan(folder: Path) -> dict:
+    """dataset.json of a folder; InputError if there is none or it is not one."""
+    path = folder / NAME
+    try:
+        plan = json.loads(path.read_text(encoding="utf-8"))
+        if plan["format"] != FORMAT:
+            raise InputError(f"{path}: expected format {FORMAT}, got {plan['format']}; use another version")
+        if min(plan["pairs"], plan["shard_size"]) < 1 or not set(SETTINGS) < set(plan):
+            raise KeyError("settings")
+    except FileNotFoundError as error:
+        raise InputError(f"{folder}: expected a rendered dataset, found no {NAME}; check the path") from error
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: expected the plan of a dataset, got damage ({error})") from error
+    return plan
+
+
+def begin(
+    folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
+) -> Job:
+    """Write dataset.json of a new dataset, or check that an old one can go on.
+
+    given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
+    options go to make in this process.
+
+    Raises:
+        InputError: something lies in the folder, or the dataset was made by other settings or assets.
+    """
+    folder = Path(os.path.abspath(folder))
+    data = None if data is None else Path(os.path.abspath(data))
+    job = Job(folder=folder, data=data, make=make)
+    if resume:
+        old = read_plan(folder)
+        for name, value in given.items():
+            if old[name] != value:
+                raise _differs(folder, name.replace("_", " "), old[name], value)
+        for name, value in _versions().items():
+            if old.get(name) != value:
+                raise _differs(folder, name.replace("_", " "), old.get(name), value)
+        _open(job, old, **options)
+        return job
+    _refuse_occupied(folder)
+    own = {} if data is not None else {"procedural_maps": PROCEDURAL, "procedural_shapes": PROCEDURAL}
+    if given.get("kind") == "map":
+        own["procedural_shapes"] = 0
+    settings = {**SETTINGS, **own, **given}
+    renderer = make(settings, data, **options)
+    pairs = renderer.count if settings["pairs"] is None else settings["pairs"]
+    if not 1 <= pairs <= renderer.count:
+        raise InputError(
+            f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
+            f"{len(renderer.shapes)} shapes give, got {pairs}"
+        )
+    plan = {
+        "format": FORMAT,
+        **_versions(),
+        **settings,
+        "pairs": pairs,
+        "maps": [asdict(one) for one in renderer.maps],
+        "shapes": [asdict(one) for one in renderer.shapes],
+    }
+    shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n")
+    return job
+
+
+def _versions() -> dict[str, object]:
+    """Of whatever would make other pairs of the same settings."""
+    return {
+        "anyprobe_version": __version__,
+        "recipe_version": RECIPE_VERSION,
+        "procedural_version": PROCEDURAL_VERSION,
+    }
+
+
+def _differs(folder: Path, name: str, old: object, new: object) -> InputError:
+    return InputError(
+        f"{folder.name}: --resume expected {name} {old}, as the dataset was begun, got {new}; "
+        "give the same or another folder"
+    )
+
+
+def _same_assets(folder: Path, plan: Mapping, renderer: Renderer) -> None:
+    for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
+        names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
+        got = {one.id: one.name for one in notes}
+        for key in sorted(names.keys() ^ got.keys()):
+            name = names.get(key) or got[key]
+            expected, came = (
+                (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
+            )
+            raise InputError(
+                f"{folder.name}: expected {expected}, as the dataset was begun, got {came}; "
+                "give the same assets or another folder"
+            )
+
+
+def _refuse_occupied(folder: Path) -> None:
+    if not folder.exists():
+        return
+    if (folder / NAME).exists():
+        raise InputError(
+            f"{folder}: expected a new folder, got a dataset; go on with it by --resume, or choose another"
+        )
+    if not folder.is_dir():
+        raise InputError(f"{folder}: expected a new folder, got a file; choose another")
+    if any(path for path in folder.iterdir() if not shards.is_temporary(path)):
+        raise InputError(f"{folder}: expected a new or empty folder, got one with files; choose another")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a dataset against a second writer, until the block or the process ends."""
+    try:
+        import fcntl
+    except ImportError:  # Windows: the user sees to it
+        yield
+        return
+    with open(folder / NAME, "rb+") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(
+                f"{folder.name}: expected one writer, but another process renders into it; wait for it"
+            ) from error
+        except OSError:  # a shared file system without locks
+            pass
+        yield
+
+
+def check_space(job: Job, missing: Sequence[int]) -> int:
+    """Bytes that the missing shards will need, by those that are there; OutputError if they do not fit."""
+    plan = job.plan
+    done = [shard for shard in range(num_shards(plan)) if shard not in set(missing)][:20]
+    each = float(BYTES_PER_PAIR[plan["kind"]])
+    if done:
+        paths = [shards.tar_path(job.folder, shard) for shard in done]
+        each = sum(p.stat().st_size for p in paths) / sum(len(shard_range(plan, s)) for s in done)
+    needed = int(each * sum(len(shard_range(plan, shard)) for shard in missing))
+    free = shutil.disk_usage(job.folder).free
+    if needed > free:
+        raise OutputError(
+            f"{job.folder}: expected {needed / 1e9:.1f} GB of free space for {len(missing)} shards, "
+            f"got {free / 1e9:.1f}; free some, or ask for fewer --pairs in another folder"
+        )
+    return needed
+
+
+def render_shard(job: Job, shard: int, tell: Callable[[int], None]) -> None:
+    """Render one shard; tell(n) after each pair. Any process on any machine may do this."""
+    renderer = job.renderer()
+
+    def samples():
+        for count, index in enumerate(shard_range(job.plan, shard), 1):
+            yield renderer.sample(renderer.recipe(index))
+            tell(count)
+
+    shards.write_shard(job.folder, shard, samples())
+
+
+def render_missing(job: Job, engine: Callable, watch: Callable[[int, int], None]) -> None:
+    """Render what is missing with engine(work, tasks, watch), see local_engine and ray_engine.
+
+    watch(shard, pairs done in it) tells the progress.
+    """
+    with locked(job.folder):
+        shards.remove_temporaries(job.folder)
+        missing = job.missing()
+        check_space(job, missing)
+        try:
+            engine(partial(render_shard, job), missing, watch)
+        finally:
+            with suppress(OSError):
+                shards.remove_temporaries(job.folder)
+        left = job.missing()
+    if left:
+        raise OutputError(
+            f"{job.folder}: expected shard {left[0]} here after it was rendered, found none; "
+            "every machine must see the folder under this path"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Status:
+    """How far a dataset is."""
+
+    shards: int
+    shards_done: int
+    pairs: int
+    pairs_done: int
+    bytes: int
+    groups: dict[str, int]
+    missing: list[int]
+
+
+def status(folder: Path) -> Status:
+    """Count what is there, by the indices."""
+    plan, groups, pairs, size, missing = read_plan(folder), Counter(), 0, 0, []
+    for shard in range(num_shards(plan)):
+        if not shards.is_done(folder, shard):
+            missing.append(shard)
+            continue
+        index = shards.read_index(folder, shard)
+        groups.update(index.groups)
+        pairs, size = pairs + index.pairs, size + index.size
+    return Status(
+        shards=num_shards(plan),
+        shards_done=num_shards(plan) - len(missing),
+        pairs=plan["pairs"],
+        pairs_done=pairs,
+        bytes=size,
+        groups=dict(groups),
+        missing=missing,
+    )

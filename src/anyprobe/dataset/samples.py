@@ -1,0 +1,180 @@
+"""Sample (noun): a pair as named bytes, as it stands in a shard; and who renders it."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.dataset.pair import MapPair, Pair, render_map_pair, render_pair
+from anyprobe.dataset.plan import full_plan
+from anyprobe.dataset.recipe import Recipe
+from anyprobe.dataset.stock import load_stock
+from anyprobe.errors import InputError
+
+CONDITIONS = ("clean", "world")
+
+ARRAYS = {
+    "object": {"photo.png": ((128, 128, 4), "uint8"), "irradiance.png": ((128, 128, 3), "uint8")},
+    "map": {"ldr.png": ((64, 128, 3), "uint8"), "ln_radiance.npy": ((64, 128, 3), "float16")},
+}
+"""By kind, the shape and type of each array of a sample; json stands beside them."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sample:
+    """A pair's name, its parts (photo.png and so on) in their order, and what it is counted under."""
+
+    key: str
+    parts: dict[str, bytes]
+    groups: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AssetNote:
+    """What dataset.json says of a map or shape."""
+
+    id: str
+    name: str
+    licence: str
+
+
+class Renderer(Protocol):
+    """Recipes by number and the sample of each; opened anew in every process."""
+
+    count: int
+    maps: list[AssetNote]
+    shapes: list[AssetNote]
+
+    def recipe(self, index: int) -> Recipe:
+        """Recipe number index."""
+
+    def sample(self, recipe: Recipe) -> Sample:
+        """Its pair, the same bytes every time."""
+
+
+Report = Callable[[str], None] | None
+
+
+class StockRenderer:
+    """Renders every combination of the assets of a folder, and of our own."""
+
+    def __init__(self, settings: Mapping, data: Path | None, report: Report = None) -> None:
+        self.kind = settings["kind"]
+        self.stock = load_stock(
+            data,
+            settings["split"],
+            procedural_maps=settings["procedural_maps"],
+            procedural_shapes=settings["procedural_shapes"],
+            report=report,
+        )
+        conditions = CONDITIONS.index(settings["conditions"])
+        self.plan = full_plan(self.stock, self.kind, conditions, settings["seed"])
+        self.count = self.plan.count
+        self.maps = _notes(self.stock.maps)
+        self.shapes = _notes(self.stock.shapes) if self.kind == "object" else []
+
+    def recipe(self, index: int) -> Recipe:
+        """Recipe number index of the plan."""
+        return self.plan.recipe(index)
+
+    def sample(self, recipe: Recipe) -> Sample:
+        """Its pair."""
+        if recipe.kind == "object":
+            return encode_pair(render_pair(recipe, self.stock))
+        return encode_map_pair(render_map_pair(recipe, self.stock))
+
+
+def encode_pair(pair: Pair) -> Sample:
+    """photo.png (RGBA), irradiance.png and json of an object's pair."""
+    fields = {
+        "shape_id": pair.recipe.shape_id,
+        "shape": pair.shape_name,
+        "specular": bool(pair.specular),
+        "alpha": float(pair.material.alpha),
+        "f0": _numbers(pair.material.f0),
+        "albedo": _numbers(pair.material.albedo),
+    }
+    return Sample(
+        key=pair.recipe.key,
+        parts={
+            "photo.png": _png(pair.photo),
+            "irradiance.png": _png(pair.irradiance),
+            "json": _json(pair, fields),
+        },
+        groups=("specular" if pair.specular else "diffuse", _place(pair)),
+    )
+
+
+def encode_map_pair(pair: MapPair) -> Sample:
+    """ldr.png, ln_radiance.npy and json of a map's pair."""
+    array = io.BytesIO()
+    np.save(array, np.ascontiguousarray(pair.ln_radiance, np.float16))
+    return Sample(
+        key=pair.recipe.key,
+        parts={"ldr.png": _png(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
+        groups=(_place(pair),),
+    )
+
+
+def decode(name: str, data: bytes) -> np.ndarray | dict:
+    """A part as it was before encoding, by the end of its name; InputError if it is none."""
+    try:
+        if name.endswith(".npy"):
+            return np.load(io.BytesIO(data), allow_pickle=False)
+        if name.endswith(".png"):
+            return np.asarray(Image.open(io.BytesIO(data), formats=["PNG"]))
+        return json.loads(data)
+    except (OSError, SyntaxError, ValueError, EOFError) as error:
+        what = " ".join(str(error).split())[:80] or type(error).__name__
+        raise InputError(f"{name}: expected a readable file, got damage ({what}); render it again") from error
+
+
+def same(name: str, first: bytes, second: bytes) -> bool:
+    """Whether two parts hold the same values bit for bit, however they were packed."""
+    if first == second:
+        return True
+    a, b = decode(name, first), decode(name, second)
+    if isinstance(a, dict) or isinstance(b, dict):
+        return a == b
+    return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
+
+
+def _png(image: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(image)).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+def _json(pair: Pair | MapPair, more: dict) -> bytes:
+    recipe = pair.recipe
+    fields = {
+        "recipe": recipe.to_hex(),
+        "kind": recipe.kind,
+        "conditions": CONDITIONS[recipe.conditions],
+        "map_id": recipe.map_id,
+        "map": pair.map_name,
+        "indoor": bool(pair.indoor),
+        "view": recipe.view,
+        "map_from_camera": [_numbers(row) for row in pair.map_from_camera],
+        "gain": _numbers(pair.gain),
+    }
+    return json.dumps({**fields, **more}, allow_nan=False).encode()
+
+
+def _numbers(values) -> list[float]:
+    return [float(value) for value in values]
+
+
+def _place(pair: Pair | MapPair) -> str:
+    return "indoor" if pair.indoor else "outdoor"
+
+
+def _notes(assets: Mapping) -> list[AssetNote]:
+    return [AssetNote(id=i, name=assets[i].name, licence=assets[i].licence) for i in sorted(assets)]
