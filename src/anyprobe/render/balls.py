@@ -15,7 +15,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import shade_specular
+from anyprobe.render.integrate import NUM_LAMPS, shade_specular
 
 BALL_SIZE = 64
 SILVER_ALPHA = 0.3
@@ -70,7 +70,7 @@ def silver(radiance: np.ndarray, size: int = BALL_SIZE) -> np.ndarray:
     """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = ball_normals(size)
     wo, _, _ = _lookups(size)
-    pyramid = build_pyramid(radiance, side=PYRAMID_SIDE)
+    pyramid = build_pyramid(radiance, side=PYRAMID_SIDE, lamps=NUM_LAMPS)
     _, s1, ss = shade_specular(pyramid, normals, wo, SILVER_ALPHA, hammersley(NUM_SAMPLES))
     return _picture(SILVER_F0 * s1 + (1 - SILVER_F0) * ss, size)
 
