@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anyprobe.core.response import MEAN_CURVE, inverse_response
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.pair import render_map_pair, render_pair
+from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair, render_pair
 from anyprobe.dataset.plan import balanced_recipes, full_plan
-from anyprobe.dataset.recipe import Recipe, digest
+from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
 from anyprobe.dataset.stock import Stock, load_stock
 from anyprobe.errors import InputError
 from anyprobe.light.environment import rotate
@@ -174,6 +175,22 @@ def test_the_stored_rotation_and_gain_give_the_map(stock) -> None:
     np.testing.assert_allclose(pair.radiance, again * pair.gain, rtol=1e-6)
 
 
+def test_photo_and_map_have_one_exposure() -> None:
+    """In a white world an object sends back its albedo times the map, up to the camera's curve."""
+    white = Stock(
+        [_map("0" * 8, False, np.ones((64, 128, 3), np.float32))],
+        [ShapeAsset(id="0" * 8, name="ball", licence="own", mesh=sphere(16))],
+    )
+    plan = full_plan(white)
+    for index in range(8):
+        pair = render_pair(plan.recipe(index), white)
+        seen = inverse_response(pair.photo[pair.photo[..., 3] > 0][:, :3].mean(axis=0) / 255.0, MEAN_CURVE)
+        albedo = pair.material.f0 + (1 - pair.material.f0) * pair.material.albedo
+        ratio = seen / (albedo * pair.radiance.mean(axis=(0, 1)))
+        assert (ratio > 0.5).all()
+        assert (ratio < 1.6).all()
+
+
 def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:
     clean, worldly = (
         [render_pair(full_plan(stock, conditions=c).recipe(i), stock) for i in range(count)]
@@ -200,3 +217,23 @@ def test_own_assets_depend_on_seed_and_split_alone() -> None:
 def test_an_asset_that_is_not_there_is_one_line(stock) -> None:
     with pytest.raises(InputError, match="map 00c0ffee: expected one of the 3 maps given"):
         render_pair(RECIPE, stock)
+
+
+def test_viewpoints_are_spread_evenly_over_the_upper_hemisphere() -> None:
+    """23 directions of 2 pi / 23 sr each: mean height 1/2, and none nearer to another than 0.6 of a cap's width."""
+    angles = np.array([fibonacci_viewpoint(index) for index in range(VIEWPOINTS)])
+    yaw, elevation = angles.T
+    assert ((elevation > 0) & (elevation < np.pi / 2)).all()
+    d = np.stack(
+        [np.cos(elevation) * np.sin(yaw), np.sin(elevation), np.cos(elevation) * np.cos(yaw)], axis=1
+    )
+    np.testing.assert_allclose(d.mean(axis=0), [0, 0.5, 0], atol=0.05)
+    apart = np.arccos(np.clip(d @ d.T, -1, 1)) + 9 * np.eye(VIEWPOINTS)
+    assert apart.min() > 0.6 * 2 * np.arccos(1 - 1 / VIEWPOINTS)
+
+
+def test_material_numbers_say_what_the_material_is(stock) -> None:
+    for material in range(8):
+        pair = render_pair(replace(full_plan(stock).recipe(0), material=material), stock)
+        assert (pair.material.alpha >= 0.5) == (not pair.specular) == bool(material & 1)
+        assert (np.max(pair.material.albedo) == 0) == bool(material & 2)
