@@ -19,7 +19,7 @@ from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.procedural_light import room
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import shade
+from anyprobe.render.integrate import NUM_LAMPS, shade
 from anyprobe.render.rivals import grey_mirror, uniform_irradiance
 from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import frame_object, see
@@ -42,7 +42,8 @@ def main(path: Path) -> None:
     surface = see(mesh, camera)
     map_from_camera = camera.world_from_camera.astype(np.float32)
     n, wo = surface.normals @ map_from_camera.T, surface.wo @ map_from_camera.T
-    pyramid, u = build_pyramid(room(np.random.default_rng(17))), hammersley(1024)
+    radiance, u = room(np.random.default_rng(17)), hammersley(1024)
+    pyramid, lit = build_pyramid(radiance), build_pyramid(radiance, lamps=NUM_LAMPS)
 
     def everywhere(shader):
         some = [shader(n[i : i + CHUNK], wo[i : i + CHUNK]) for i in range(0, len(n), CHUNK)]
@@ -52,7 +53,7 @@ def main(path: Path) -> None:
         material = Material(albedo=np.array([0.72, 0.76, 0.68]), f0=np.full(3, 0.05), alpha=alpha)
 
         def shader(n, wo):
-            shading = shade(pyramid, n, wo, alpha, u)
+            shading = shade(lit, n, wo, alpha, u)
             return np.stack([shading.radiance(material), shading.irradiance], axis=1)
 
         return np.moveaxis(everywhere(shader), 1, 0)
