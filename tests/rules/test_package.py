@@ -22,6 +22,7 @@ def long_files(root: Path) -> dict[str, int]:
 
 def nameless(root: Path) -> list[str]:
     found = (p for p in root.rglob("*") if p.suffix == ".py" or p.is_dir())
+    found = (p for p in found if "node_modules" not in p.parts)  # others' names
     return sorted(str(p.relative_to(root)) for p in found if NAMELESS & set(p.stem.lower().split("_")))
 
 

@@ -1,4 +1,4 @@
-"""Whole files or none: write beside the target, then rename.
+"""Whole files or none, one or a set: write beside the target, then rename.
 
 A reader never meets a half-written result, and a failed or interrupted run
 leaves the old file as it was.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -44,3 +45,55 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # already renamed, or never made
             temporary.unlink()
+
+
+@contextmanager
+def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield an empty folder to write files to; when the block ends well all of them move into `folder`.
+
+    Older files of the same names are replaced; if any move fails they come back, and none of the
+    new ones stays. Missing folders are made.
+
+    Raises:
+        OutputError: the folder cannot be made or written; its message never names the scratch folder.
+    """
+    folder, scratch = Path(folder), ""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".anyprobe-") as scratch:
+            new, old = Path(scratch) / "new", Path(scratch) / "old"
+            new.mkdir()
+            old.mkdir()
+            yield new
+            _replace_all(sorted(new.iterdir()), folder, old)
+    except OutputError as error:
+        if not scratch:
+            raise
+        raise OutputError(str(error).replace(str(Path(scratch) / "new"), str(folder))) from error
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: expected a folder that can be written, got {error.strerror or error}; "
+            "choose another with -o"
+        ) from error
+
+
+def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
+    """Move files into folder, what they replace into `old`; undo everything if one fails."""
+    placed: list[Path] = []
+    try:
+        for file in files:
+            target = folder / file.name
+            if target.is_dir():
+                raise OutputError(
+                    f"{target}: expected a file to replace, got a folder; choose another with -o"
+                )
+            if target.exists():
+                os.replace(target, old / file.name)
+            placed.append(target)
+            os.replace(file, target)
+    except BaseException:
+        for target in placed:
+            target.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):  # there was no older one
+                os.replace(old / target.name, target)
+        raise

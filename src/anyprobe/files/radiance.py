@@ -91,9 +91,13 @@ def write_hdr(path: str | os.PathLike[str], radiance: np.ndarray) -> None:
 
     Each pixel keeps 8 bits of its largest channel: the error is at most 1/255 of it.
     """
-    radiance = check_radiance(radiance)
-    height, width = radiance.shape[:2]
-    rgbe = _float_to_rgbe(radiance)
+    write_hdr_picture(path, check_radiance(radiance))
+
+
+def write_hdr_picture(path: str | os.PathLike[str], picture: np.ndarray) -> None:
+    """The same for a picture of any shape [H, W, 3], finite and >= 0: the face of a cube, say."""
+    height, width = picture.shape[:2]
+    rgbe = _float_to_rgbe(picture)
     header = f"#?RADIANCE\nSOFTWARE=anyprobe\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
     pieces = [header]
     if width in RLE_WIDTHS:

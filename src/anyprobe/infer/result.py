@@ -12,6 +12,8 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
+from anyprobe.export.light import origin_of
+from anyprobe.export.targets import export
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import write_png
 from anyprobe.files.radiance import write_exr, write_hdr
@@ -114,6 +116,29 @@ class Light:
         else:
             raise OutputError(f"{path}: expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}")
         return path
+
+    def export(
+        self,
+        target: str,
+        folder: str | Path = "export",
+        stem: str = "light",
+        *,
+        world_from_camera: np.ndarray | None = None,
+        exposure_ev: float = 0.0,
+    ) -> list[Path]:
+        """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
+
+        All files, named <stem>_<target>, or none; anyprobe.export.targets.export has the rest.
+        """
+        return export(
+            self.radiance,
+            target,
+            folder,
+            stem,
+            world_from_camera=world_from_camera,
+            exposure_ev=exposure_ev,
+            origin=origin_of(self.sidecar()),
+        )
 
 
 def _numbers(array: np.ndarray) -> list:

@@ -82,6 +82,15 @@ def find_main_light(radiance: np.ndarray) -> MainLight:
     A map with no lobe (black, or the same everywhere) gives irradiance 0; its
     direction is +Y, the fallback that WebXR asks for.
     """
+    return split_main_light(radiance)[0]
+
+
+def split_main_light(radiance: np.ndarray) -> tuple[MainLight, np.ndarray]:
+    """The main light and the map [H, 2H, 3] without it, for renderers that are given both.
+
+    What the main light counts is taken out, no more: its pixels become L_ring, so that on a
+    plane that faces the light E of the map = E of the rest + irradiance, channel by channel.
+    """
     height = radiance.shape[0]
     d = pixel_directions(height)
     solid_angles = np.broadcast_to(pixel_solid_angles(height), d.shape[:2])
@@ -106,21 +115,25 @@ def find_main_light(radiance: np.ndarray) -> MainLight:
     mean = energy @ d[source]
     length = float(np.linalg.norm(mean))
     if length <= 1e-6 * total:  # rounding alone, or light from all around: no direction
-        return MainLight(
+        none = MainLight(
             direction=np.array([0.0, 1.0, 0.0], np.float32),
             irradiance=np.zeros(3, np.float32),
             color=np.ones(3, np.float32),
             solid_angle=0.0,
             confidence=confidence,
         )
+        return none, radiance.copy()
     direction = mean / length
     cosine = np.maximum(d[source] @ direction, 0.0)
     perpendicular = np.maximum((cosine * solid_angles[source]) @ excess, 0.0)
     peak = perpendicular.max()  # 0 when a channel or two fall below the ring and the rest are level
-    return MainLight(
+    light = MainLight(
         direction=direction.astype(np.float32),
         irradiance=perpendicular.astype(np.float32),
         color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),
         solid_angle=float(solid_angles[lobe].sum()),
         confidence=confidence,
     )
+    rest = radiance.copy()
+    rest[source] -= np.where(perpendicular > 0, excess, 0.0)  # a channel without light stays whole
+    return light, np.maximum(rest, 0.0)

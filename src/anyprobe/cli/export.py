@@ -1,0 +1,99 @@
+"""anyprobe export: one light in, the files of three.js, Blender, Unity and the others out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from anyprobe.errors import InputError
+from anyprobe.export.light import origin_of
+from anyprobe.export.targets import TARGETS, find_target
+
+
+def export(
+    light: Annotated[
+        Path, typer.Argument(metavar="LIGHT", help="Map that estimate wrote: .exr (all of it) or .hdr.")
+    ],
+    to: Annotated[
+        str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")
+    ],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the files.")] = Path("export"),
+    world_from_camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="YAW,ELEVATION[,ROLL]",
+            help="How the camera stood, degrees: turned left, raised (looking down), rolled; or a rotation "
+            "matrix, nine numbers row by row. Without it the export is in the camera's frame.",
+        ),
+    ] = None,
+    exposure: Annotated[float, typer.Option(help="Stops; 1 doubles the light.")] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object per target on stdout.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+) -> None:
+    """Write a light for other programs: <stem>_<target>.*, with a .json each that says how it lies."""
+    from anyprobe.export import targets
+    from anyprobe.files.radiance import read_radiance
+
+    names = list(dict.fromkeys(TARGETS if to == "all" else to.split(",")))
+    for name in names:
+        find_target(name)
+    rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
+    radiance = read_radiance(light)
+    origin = _origin(light)
+    for name in names:
+        written = targets.export(
+            radiance,
+            name,
+            out,
+            light.stem,
+            world_from_camera=rotation,
+            exposure_ev=exposure,
+            origin=origin,
+        )
+        if as_json:
+            print(json.dumps({"target": name, "files": [str(path) for path in written]}), flush=True)
+        elif not quiet:
+            print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
+
+
+def parse_rotation(text: str) -> np.ndarray:
+    """YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
+    from anyprobe.core.frames import world_from_camera
+
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) == 9 and np.isfinite(values).all():
+        return np.reshape(values, (3, 3))
+    if len(values) in (2, 3) and np.isfinite(values).all():
+        return world_from_camera(*np.radians(values))
+    raise InputError(
+        f"--world-from-camera: expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
+        "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down"
+    )
+
+
+def _origin(light: Path) -> dict[str, Any]:
+    """What the .json beside the map says of its photo and model; nothing where there is none."""
+    path = light.with_name(f"{light.stem.removesuffix('_ambient')}.json")
+    if not path.is_file():
+        return {}
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # not ours, then: the map itself is all that an export needs
+        return {}
+    if not isinstance(said, dict):
+        return {}
+    turned = said.get("map", {})
+    if isinstance(turned, dict) and turned.get("rolled_quarters_right"):
+        raise InputError(
+            f"{light}: expected a map with the front in its centre, got one exported for "
+            f"{said.get('target')}; export from the file that estimate wrote"
+        )
+    return origin_of(said)

@@ -1,0 +1,182 @@
+"""ExportedLight (noun): what every target is written from, and the sidecar that goes with each.
+
+Two sets of everything: `full` is the whole light; `ambient` is the light without its main lobe,
+for renderers that are given a directional light as well. With both full and a directional light
+the main light would count twice.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.export.frames import Frame
+from anyprobe.export.sh_layouts import webxr
+from anyprobe.files.radiance import HALF_MAX, write_exr, write_hdr
+from anyprobe.light.environment import check_radiance, rotate
+from anyprobe.light.harmonics import project
+from anyprobe.light.main_light import MainLight, split_main_light
+
+SCALE = (
+    "relative: linear Rec. 709 radiance in the photo's exposure units times 2^exposure_ev; "
+    "1 is what the camera's curve maps to white"
+)
+SH_DEFINITION = (
+    "27 numbers, r g b of each of nine coefficients of radiance in the order and with the signs of "
+    "WebXR and three.js; axes x right, y up, z back whatever the target's are"
+)
+
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings")
+"""What an export keeps of the estimate's sidecar: not its SH and main light, which turn with the map."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedLight:
+    """A light in the frame it is exported in: right-handed, +X right, +Y up, -Z in front.
+
+    radiance: [H, 2H, 3], ambient: the same without the main light.
+    sh_full, sh_ambient: [9, 3], of radiance.
+    name: what the names of all files begin with.
+    origin: what the estimate's own sidecar said, carried along.
+    """
+
+    radiance: np.ndarray
+    ambient: np.ndarray
+    main: MainLight
+    sh_full: np.ndarray
+    sh_ambient: np.ndarray
+    name: str
+    world_from_camera: np.ndarray
+    exposure_ev: float
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def main_angle_deg(self) -> float:
+        """Diameter of the disc that has the main light's solid angle."""
+        cosine = 1.0 - min(self.main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
+        return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def prepare(
+    radiance: np.ndarray,
+    name: str,
+    *,
+    world_from_camera: np.ndarray | None = None,
+    exposure_ev: float = 0.0,
+    origin: Mapping[str, Any] | None = None,
+) -> ExportedLight:
+    """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the main light.
+
+    Raises:
+        InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
+        InvalidEnvironment: not a map.
+    """
+    if not name or name.startswith(".") or name != Path(name).name or "\\" in name or not name.isprintable():
+        raise InputError(f"name: expected a file name without its suffix, got {name!r}; rename the map")
+    if not abs(exposure_ev) <= 30:
+        raise InputError(f"exposure: expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light")
+    turn = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, dtype=np.float64)
+    if turn.shape != (3, 3) or not (
+        np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) and np.linalg.det(turn) > 0
+    ):
+        raise InputError(
+            f"world_from_camera: expected a [3, 3] rotation matrix, got {' '.join(str(turn).split())}; "
+            "a mirrored or scaled one would bend the light"
+        )
+    radiance = check_radiance(radiance, name)
+    if not np.array_equal(turn, np.eye(3)):
+        radiance = np.maximum(rotate(radiance, turn), 0.0)
+    radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
+    main, ambient = split_main_light(radiance)
+    return ExportedLight(
+        radiance=radiance,
+        ambient=ambient,
+        main=main,
+        sh_full=project(radiance),
+        sh_ambient=project(ambient),
+        name=name,
+        world_from_camera=turn,
+        exposure_ev=float(exposure_ev),
+        origin=dict(origin or {}),
+    )
+
+
+def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
+    """What an estimate's sidecar says of where the light comes from."""
+    return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
+
+
+def numbers(values: Any) -> Any:
+    """Array to lists of plain numbers of seven digits, ready for JSON and for text files."""
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim == 0:
+        return float(f"{values + 0.0:.7g}")
+    return [numbers(value) for value in values]
+
+
+def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
+    """The main light as WebXR's XRLightEstimate names it: towards it, w = 0; intensity with w = 1."""
+    x, y, z = numbers(light.main.direction)
+    r, g, b = numbers(light.main.irradiance)
+    return {
+        "primaryLightDirection": {"x": x, "y": y, "z": z, "w": 0.0},
+        "primaryLightIntensity": {"x": r, "y": g, "z": b, "w": 1.0},
+    }
+
+
+def sidecar(light: ExportedLight, target: str, frame: Frame, more: Mapping[str, Any]) -> dict[str, Any]:
+    """What every export says about itself, ready for JSON; `more` is the target's own."""
+    return {
+        "target": target,
+        "frame": frame.text,
+        "map": {"u": frame.u, "v": frame.v, "row_0": "up", "rolled_quarters_right": frame.quarters},
+        "world_from_camera": numbers(light.world_from_camera),
+        "scale": SCALE,
+        "exposure_ev": light.exposure_ev,
+        "clipped_energy": 0.0,
+        **primary_light(light),
+        "main_light": {
+            "unit": "irradiance of a plane that faces it; white Lambert there sends irradiance / pi",
+            "direction_in_target": numbers(frame.from_ours(light.main.direction)),
+            "angle_deg": round(light.main_angle_deg, 3),
+            "confidence": round(float(light.main.confidence), 4),
+        },
+        "sh": {
+            "definition": SH_DEFINITION,
+            "full": numbers(webxr(light.sh_full)),
+            "ambient": numbers(webxr(light.sh_ambient)),
+        },
+        **more,
+        "origin": dict(light.origin),
+    }
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write JSON; every number in it is finite."""
+    path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def write_maps(light: ExportedLight, folder: Path, frame: Frame, suffix: str) -> None:
+    """<name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
+
+    .exr holds halfs, or floats where halfs would clip, so that nothing is lost.
+    """
+    for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
+        path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
+        if suffix == ".hdr":
+            write_hdr(path, rolled)
+        else:
+            attributes = {"frame": f"{frame.text}; u = {frame.u}, v = {frame.v}", "scale": SCALE}
+            write_exr(path, rolled, half=bool(rolled.max() <= HALF_MAX), attributes=attributes)
+
+
+def template(name: str, light: ExportedLight) -> str:
+    """A text of the templates folder, "@NAME@" with its quotes made the name as a string literal."""
+    text = (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+    return text.replace('"@NAME@"', json.dumps(light.name))

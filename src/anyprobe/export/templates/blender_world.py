@@ -1,0 +1,79 @@
+"""Makes Blender's World and a Sun of the light that lies beside this file.
+
+    blender scene.blend --python NAME_blender.py
+    or in Blender: Scripting > Open > this file > Run
+
+The camera sees the whole map; everything else is lit by the map without its main light, and by a
+Sun in its place. Front of the photo is +Y. Run it again to replace what it made.
+"""
+
+import json
+from pathlib import Path
+
+import bpy
+from mathutils import Vector
+
+NAME = "@NAME@"
+
+
+def folder_of_the_light():
+    """Where the maps lie: beside this file, also when it runs in the text editor."""
+    candidates = [Path(__file__).parent] if "__file__" in globals() else []
+    candidates += [Path(bpy.path.abspath(text.filepath)).parent for text in bpy.data.texts if text.filepath]
+    for folder in candidates:
+        if (folder / f"{NAME}.json").is_file():
+            return folder.resolve()
+    raise FileNotFoundError(f"{NAME}.json: open this script from the folder it was written to")
+
+
+def load_map(path):
+    image = bpy.data.images.load(str(path), check_existing=True)
+    for space in ("Linear Rec.709", "Linear"):  # the name before Blender 4
+        try:
+            image.colorspace_settings.name = space
+            break
+        except TypeError:
+            continue
+    return image
+
+
+def make_world(folder):
+    world = bpy.data.worlds.get(NAME) or bpy.data.worlds.new(NAME)
+    world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    nodes.clear()
+    output = nodes.new("ShaderNodeOutputWorld")
+    mix = nodes.new("ShaderNodeMixShader")
+    rays = nodes.new("ShaderNodeLightPath")
+    links.new(rays.outputs["Is Camera Ray"], mix.inputs[0])
+    links.new(mix.outputs[0], output.inputs["Surface"])
+    for slot, suffix in ((1, "_ambient"), (2, "")):
+        picture = nodes.new("ShaderNodeTexEnvironment")
+        picture.image = load_map(folder / f"{NAME}{suffix}.exr")
+        background = nodes.new("ShaderNodeBackground")
+        links.new(picture.outputs["Color"], background.inputs["Color"])
+        links.new(background.outputs[0], mix.inputs[slot])
+    bpy.context.scene.world = world
+
+
+def make_sun(light):
+    old = bpy.data.objects.get(NAME)
+    if old is not None:
+        bpy.data.objects.remove(old)
+    rgb = [light["primaryLightIntensity"][axis] for axis in "xyz"]
+    strength = max(rgb)
+    if strength <= 0:
+        return
+    sun = bpy.data.lights.new(NAME, "SUN")
+    sun.energy = strength
+    sun.color = [value / strength for value in rgb]
+    sun.angle = light["main_light"]["angle_deg"] * 3.14159265 / 180
+    lamp = bpy.data.objects.new(NAME, sun)
+    towards = Vector(light["main_light"]["direction_in_target"])
+    lamp.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
+    bpy.context.scene.collection.objects.link(lamp)
+
+
+here = folder_of_the_light()
+make_world(here)
+make_sun(json.loads((here / f"{NAME}.json").read_text(encoding="utf-8")))

@@ -1,0 +1,129 @@
+"""anyprobe export and Light.export, from outside."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.two_phase import two_phase
+
+from anyprobe.errors import InputError
+from anyprobe.export.targets import TARGETS, export
+from anyprobe.files.radiance import read_radiance
+from anyprobe.infer.result import Light
+
+
+@pytest.fixture
+def light_path(work):
+    light = Light(radiance=two_phase(32), info={"photo": "vase.png", "model": "paper-0"})
+    light.save(work / "light" / "vase.json")
+    return light.save(work / "light" / "vase.exr")
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_target_writes_what_its_sidecar_lists(target, tmp_path):
+    paths = export(two_phase(32), target, tmp_path / "out", "my vase")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [path.name for path in paths]
+    said = json.loads((tmp_path / "out" / f"my vase_{target}.json").read_text())
+    assert said["files"] == [path.name for path in paths]
+    assert said["target"] == target
+    assert said["scale"].startswith("relative")
+    assert said["exposure_ev"] == 0
+    assert len(said["sh"]["full"]) == len(said["sh"]["ambient"]) == 27
+    assert said["primaryLightDirection"]["w"] == 0
+    assert said["primaryLightIntensity"]["w"] == 1
+    for path in paths:
+        assert path.name.startswith(f"my vase_{target}") or path.suffix == ".cs"
+        if path.suffix in (".py", ".js", ".html"):
+            assert "@NAME@" not in path.read_text()
+            assert f'"my vase_{target}"' in path.read_text()
+
+
+def test_command_writes_all_targets(command, light_path, work):
+    done = command("export", light_path, "--to", "all", "-o", "out", "--json")
+    assert done.status == 0
+    lines = [json.loads(line) for line in done.out.splitlines()]
+    assert [line["target"] for line in lines] == list(TARGETS)
+    assert sorted(name for line in lines for name in line["files"]) == sorted(
+        str(path.relative_to(work)) for path in (work / "out").iterdir()
+    )
+    said = json.loads((work / "out" / "vase_three.json").read_text())
+    assert said["origin"]["photo"] == "vase.png"
+    assert said["origin"]["model"] == "paper-0"
+
+
+def test_hdr_without_sidecar(command, work):
+    Light(radiance=two_phase(32)).save(work / "vase.hdr")
+    done = command("export", "vase.hdr", "--to", "three,usd")
+    assert done.status == 0
+    assert len(done.err.splitlines()) == 2
+    said = json.loads((work / "export" / "vase_usd.json").read_text())
+    assert said["origin"] == {}
+
+
+def test_camera_that_looked_down(command, light_path, work):
+    """Raised by 90 degrees it looks straight down: the map's front is the world's -Y, the last row."""
+    assert command("export", light_path, "--to", "usd", "--world-from-camera", "0,90", "-q").status == 0
+    turned = read_radiance(work / "export" / "vase_usd.exr")
+    front = two_phase(32)[15:17, 31:33].mean(axis=(0, 1))
+    np.testing.assert_allclose(turned[-1].mean(axis=0), front, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--to", "maya"), ("expected one of three, blender", "'maya'")),
+        (("--to", ""), ("expected one of three",)),
+        (("--to", "usd", "--world-from-camera", "1,2,3,4"), ("YAW,ELEVATION", "'1,2,3,4'")),
+        (("--to", "usd", "--world-from-camera", "1,0,0,0,1,0,0,0,-1"), ("rotation", "mirrored")),
+        (("--to", "usd", "--exposure", "99"), ("stops from -30 to 30",)),
+        (("--to", "usd", "--exposure", "nan"), ("stops from -30 to 30",)),
+    ],
+)
+def test_bad_options(command, light_path, work, arguments, words):
+    complaint = command("export", light_path, *arguments).complaint
+    for word in words:
+        assert word in complaint
+    assert not (work / "export").exists()
+
+
+def test_missing_map(command, work):
+    assert "no such file" in command("export", "none.exr", "--to", "usd").complaint
+
+
+@pytest.mark.parametrize("name", ["vase_three.hdr", "vase_three_ambient.hdr"])
+def test_map_that_is_an_export_already(command, light_path, work, name):
+    assert command("export", light_path, "--to", "three", "-q").status == 0
+    complaint = command("export", work / "export" / name, "--to", "usd").complaint
+    assert "exported for three" in complaint
+
+
+def test_bad_light_leaves_older_files(work):
+    before = export(two_phase(32), "three", work, "vase")
+    held = {path: path.read_bytes() for path in before}
+    with pytest.raises(InputError):
+        export(two_phase(32)[:, :40], "three", work, "vase")
+    assert {path: path.read_bytes() for path in work.iterdir()} == held
+
+
+def test_values_above_half_stay_in_exr(work):
+    radiance = two_phase(32)
+    radiance[3, 4] = 1e6
+    paths = export(radiance, "blender", work)
+    file = next(path for path in paths if path.suffix == ".exr" and "ambient" not in path.name)
+    assert read_radiance(file).max() == pytest.approx(1e6)
+
+
+@pytest.mark.parametrize("stem", ["a/b", "..", ".hidden", "a\nb"])
+def test_name_that_no_file_can_have(work, stem):
+    with pytest.raises(InputError, match="expected a file name"):
+        export(two_phase(32), "three", work, stem)
+    assert list(work.iterdir()) == []
+
+
+def test_light_exports_itself(work):
+    light = Light(radiance=two_phase(32), info={"photo": "vase.png"})
+    paths = light.export("webxr", "out", "vase")
+    assert [path.name for path in paths] == ["vase_webxr.estimate.json", "vase_webxr.json"]
+    assert json.loads(paths[1].read_text())["origin"]["photo"] == "vase.png"

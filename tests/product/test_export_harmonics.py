@@ -1,0 +1,165 @@
+"""SH in every consumer's layout, by closed forms and by summing pixels."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.two_phase import probe_directions, two_phase
+
+from anyprobe.core.frames import normalize
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.export.light import prepare
+from anyprobe.export.sh_layouts import irradiance, planar, polynomial, unity, webxr
+from anyprobe.export.targets import export
+from anyprobe.light.harmonics import irradiance as irradiance_at
+from anyprobe.light.harmonics import project, sh_basis
+from anyprobe.light.main_light import split_main_light
+
+N = probe_directions(60)
+
+
+def polynomials(n: np.ndarray) -> np.ndarray:
+    """1, y, z, x, xy, yz, 3z^2 - 1, xz, x^2 - y^2: [N, 3] -> [N, 9]."""
+    x, y, z = n.T
+    return np.stack([x * 0 + 1, y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y], axis=-1)
+
+
+def true_irradiance(radiance: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """E(n) by summing all pixels: [N, 3]."""
+    height = radiance.shape[0]
+    d = pixel_directions(height).astype(np.float64)
+    cosine = np.maximum(np.einsum("nc,hwc->nhw", n, d), 0) * pixel_solid_angles(height)
+    return np.einsum("nhw,hwc->nc", cosine, radiance)
+
+
+def test_uniform_radiance():
+    light = prepare(np.ones((32, 64, 3), np.float32), "even")
+    np.testing.assert_allclose(light.sh_full[0], 3.5449077, rtol=1e-6)
+    np.testing.assert_allclose(light.sh_full[1:], 0, atol=1e-6)
+    np.testing.assert_allclose(irradiance_at(light.sh_full, N.astype(np.float32)), np.pi, rtol=1e-5)
+    np.testing.assert_allclose(unity(light.sh_full)[:, 0], 1, rtol=1e-6)
+    np.testing.assert_allclose(unity(light.sh_full)[:, 1:], 0, atol=1e-6)
+    np.testing.assert_allclose(irradiance(light.sh_full)[0] * 0.28209479, np.pi, rtol=1e-6)
+
+
+def test_prefiltered_polynomial_is_not_irradiance_over_pi():
+    sh = project(two_phase())
+    wanted = irradiance_at(sh, N.astype(np.float32)) / np.pi
+    np.testing.assert_allclose(polynomials(N) @ polynomial(sh), wanted, atol=1e-6)
+    np.testing.assert_allclose(sh_basis(N) @ irradiance(sh) / np.pi, wanted, atol=1e-6)
+
+
+def test_unity_is_mirrored():
+    """In Unity's left-handed axes the same irradiance at the same normal."""
+    sh = project(two_phase())
+    there = N * (1, 1, -1)
+    np.testing.assert_allclose(
+        polynomials(there) @ unity(sh).T, irradiance_at(sh, N.astype(np.float32)) / np.pi, atol=1e-6
+    )
+
+
+def test_orders_of_27():
+    sh = np.arange(27.0).reshape(9, 3)
+    assert webxr(sh)[:6].tolist() == [0, 1, 2, 3, 4, 5]
+    assert planar(sh)[:4].tolist() == [0, 3, 6, 9]
+    assert planar(sh)[9] == 1
+
+
+def room_with_lamp(rng: np.random.Generator) -> np.ndarray:
+    d = pixel_directions(64)
+    radiance = 0.3 + 0.2 * d[..., 1:2] + 0.02 * rng.random((64, 128, 3), np.float32)
+    lamp = d @ normalize(np.array([0.5, 0.6, 0.4], np.float32)) > np.cos(0.1)
+    radiance[lamp] += (20, 16, 10)
+    return radiance.astype(np.float32)
+
+
+def test_full_is_not_ambient_plus_main_light(rng):
+    radiance = room_with_lamp(rng)
+    main, ambient = split_main_light(radiance)
+    facing = main.direction[None].astype(np.float64)
+    left = true_irradiance(radiance, facing) - true_irradiance(ambient, facing)
+    np.testing.assert_allclose(left[0], main.irradiance, rtol=1e-4)
+    whole = N[N @ facing[0] > 0.25]  # the lamp stands above these planes' horizon
+    left = true_irradiance(radiance, whole) - true_irradiance(ambient, whole)
+    np.testing.assert_allclose(left, (whole @ facing[0])[:, None] * main.irradiance, rtol=0.02)
+
+
+def test_ambient_keeps_what_is_not_the_main_light(rng):
+    """Nothing below zero, nothing outside the lamp touched, an even map left alone."""
+    radiance = room_with_lamp(rng)
+    main, ambient = split_main_light(radiance)
+    assert ambient.min() >= 0
+    assert ambient.max() < 1
+    away = pixel_directions(64) @ main.direction < np.cos(0.4)
+    np.testing.assert_array_equal(ambient[away], radiance[away])
+    even = np.full((16, 32, 3), 0.5, np.float32)
+    none, same = split_main_light(even)
+    assert none.irradiance.tolist() == [0, 0, 0]
+    np.testing.assert_array_equal(same, even)
+
+
+def test_a_channel_without_main_light_is_left_whole():
+    """A red lamp on blue: blue is darker there than around, and stays so."""
+    radiance = np.full((32, 64, 3), 0.2, np.float32)
+    radiance[..., 2] = 1
+    radiance[8:11, 20:24] = (90, 0.5, 0.1)
+    main, ambient = split_main_light(radiance)
+    assert main.irradiance[2] == 0
+    np.testing.assert_array_equal(ambient[..., 2], radiance[..., 2])
+
+
+@pytest.mark.parametrize(
+    ("target", "names"),
+    [
+        ("webxr", {"primaryLightDirection", "primaryLightIntensity", "sphericalHarmonicsCoefficients"}),
+        (
+            "arcore",
+            {
+                "environmentalHdrMainLightDirection",
+                "environmentalHdrMainLightIntensity",
+                "environmentalHdrAmbientSphericalHarmonics",
+            },
+        ),
+        (
+            "arkit",
+            {
+                "ambientIntensity",
+                "primaryLightDirection",
+                "primaryLightIntensity",
+                "sphericalHarmonicsCoefficients",
+            },
+        ),
+    ],
+)
+def test_estimate_names_and_numbers(target, names, tmp_path, rng):
+    radiance = room_with_lamp(rng)
+    paths = export(radiance, target, tmp_path)
+    said = json.loads(paths[0].read_text())
+    assert set(said) == names
+    main, ambient = split_main_light(radiance)
+    sh = project(ambient)
+    coefficients = next(value for key, value in said.items() if "armonics" in key)
+    wanted = {"webxr": sh.ravel(), "arcore": sh.ravel(), "arkit": 1000 * sh.T.ravel()}[target]
+    np.testing.assert_allclose(coefficients, wanted, rtol=1e-5, atol=1e-5)
+    if target == "webxr":
+        assert said["primaryLightDirection"]["w"] == 0
+        assert said["primaryLightIntensity"]["w"] == 1
+        assert said["primaryLightIntensity"]["y"] == pytest.approx(main.irradiance[1], rel=1e-5)
+    if target == "arkit":
+        grey = export(np.ones((16, 32, 3), np.float32), target, tmp_path, "grey")
+        assert json.loads(grey[0].read_text())["ambientIntensity"] == pytest.approx(1000, rel=1e-5)
+
+
+def test_sidecar_holds_both_sets(tmp_path, rng):
+    radiance = room_with_lamp(rng)
+    said = json.loads(next(p for p in export(radiance, "unity", tmp_path) if p.suffix == ".json").read_text())
+    np.testing.assert_allclose(said["sh"]["full"], project(radiance).ravel(), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        said["sh"]["ambient"], project(split_main_light(radiance)[1]).ravel(), rtol=1e-5, atol=1e-6
+    )
+    given = np.reshape(said["unity"]["sh_ambient"], (3, 9))
+    np.testing.assert_allclose(given, unity(project(split_main_light(radiance)[1])), rtol=1e-5, atol=1e-6)
+    direction = said["unity"]["light_direction"]
+    assert direction[2] == -said["primaryLightDirection"]["z"]
