@@ -1,0 +1,146 @@
+"""The filter over time: still where the scene is, quick where the light moves, closed forms between."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.evaluate.metrics import color_angle_deg
+from anyprobe.light.filtering import blur_cap
+from anyprobe.light.temporal import OFFSET, Smoothing, Steadied, step
+from anyprobe.render.balls import ball_normals, silver
+
+HEIGHT, BALL = 16, 12
+FRAME_NOISE = 0.05
+"""Of ln radiance; a silver ball's colours then tremble by about one degree."""
+
+
+def lamp_map(direction) -> np.ndarray:
+    """[16, 32, 3]: a warm lamp 30 degrees across in a blue room."""
+    d = pixel_directions(HEIGHT)
+    toward = np.asarray(direction, float) / np.linalg.norm(direction)
+    lamp = (d @ toward > np.cos(np.radians(15)))[..., None] * np.array([20.0, 16.0, 12.0])
+    return (np.array([0.3, 0.35, 0.45]) + lamp).astype(np.float32)
+
+
+LEFT, RIGHT = lamp_map([-1, 1, 0.5]), lamp_map([1, 1, 0.5])
+
+
+def noisy(radiance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Noise in blobs half a radian across, coloured, FRAME_NOISE of ln radiance."""
+    blobs = blur_cap(rng.normal(size=radiance.shape).astype(np.float32), 0.25)
+    return radiance * np.exp(FRAME_NOISE / blobs.std() * blobs)
+
+
+def run(frames, dts) -> list[Steadied]:
+    state, states = None, []
+    for frame, dt in zip(frames, dts, strict=True):
+        state = step(state, frame, dt)
+        states.append(state)
+    return states
+
+
+def tremble(maps: list[np.ndarray]) -> float:
+    """Root mean square over time of the silver ball's colour angle [degrees] from its mean in time."""
+    balls = np.array([silver(one, BALL) for one in maps])
+    inside = ball_normals(BALL)[1]
+    angles = [color_angle_deg(ball, balls.mean(axis=0), inside) for ball in balls]
+    return float(np.sqrt(np.mean(np.square(angles))))
+
+
+@pytest.mark.parametrize("fps", [15, 30])
+def test_still_scene_is_still(rng, fps):
+    frames = [noisy(LEFT, rng) for _ in range(4 * fps)]
+    states = run(frames, [1 / fps] * len(frames))
+    assert tremble(frames[-fps:]) > 0.4
+    assert tremble([state.radiance for state in states[-fps:]]) < 0.1
+    assert states[-1].noise == pytest.approx(FRAME_NOISE, rel=0.2)
+
+
+@pytest.mark.parametrize("fps", [10, 15, 30])
+@pytest.mark.parametrize("still_before_s", [0.5, 4.0])
+def test_moved_lamp_is_followed_within_half_a_second(rng, fps, still_before_s):
+    before = round(still_before_s * fps)
+    frames = [noisy(LEFT, rng) for _ in range(before)] + [noisy(RIGHT, rng) for _ in range(fps // 2)]
+    shown = silver(run(frames, [1 / fps] * len(frames))[-1].radiance, BALL)
+    left, right = silver(LEFT, BALL), silver(RIGHT, BALL)
+    assert np.linalg.norm(shown - right) < 0.1 * np.linalg.norm(left - right)
+
+
+def test_slow_drift_is_followed_though_each_frame_hides_in_the_noise(rng):
+    """The whole light fades by 40 % a second, 1.7 % a frame, under noise of 5 % a frame."""
+    fps, seconds, rate = 30, 3, 0.5
+    true = [LEFT * np.exp(-rate * i / fps).astype(np.float32) for i in range(fps * seconds)]
+    states = run([noisy(one, rng) for one in true], [1 / fps] * len(true))
+    behind = np.log((states[-1].radiance + OFFSET) / (true[-1] + OFFSET)).mean()
+    assert behind / rate < 0.3  # seconds; the noise band over the rate
+
+
+def test_uneven_frames_give_what_even_ones_do(rng):
+    """The same second and a half after a step, cut into 45 even or 45 uneven pieces."""
+    uneven = rng.uniform(0.2, 1.8, size=45)
+    uneven *= 1.5 / uneven.sum()
+    frames = [LEFT] * 60 + [RIGHT] * 45
+    even_end = run(frames, [1 / 30] * 105)[-1].radiance
+    uneven_end = run(frames, [1 / 30] * 60 + list(uneven))[-1].radiance
+    np.testing.assert_allclose(uneven_end, even_end, rtol=0.02)
+
+
+def test_young_average_is_the_mean_of_what_came(rng):
+    """Without motion the first frames count alike, so that one bad start does not linger."""
+    frames = [noisy(LEFT, rng) for _ in range(60)]
+    state = run(frames, [1 / 30] * 60)[-1]
+    mean = np.log(np.array(frames) + OFFSET).mean(axis=0)
+    assert np.abs(state.steady - mean).std() < 3 * FRAME_NOISE / np.sqrt(60)
+
+
+def test_one_bad_frame_is_not_shown():
+    bad = np.full_like(LEFT, 400.0)
+    states = run([LEFT] * 30 + [bad] + [LEFT] * 5, [1 / 30] * 36)
+    for state in states:
+        np.testing.assert_allclose(state.radiance, LEFT, rtol=1e-4)
+    assert [state.held for state in states[29:33]] == [False, True, False, False]
+
+
+def test_cut_starts_anew_at_its_second_frame():
+    other = np.full_like(LEFT, 30.0)
+    states = run([LEFT] * 30 + [other] * 3, [1 / 30] * 33)
+    np.testing.assert_allclose(states[30].radiance, LEFT, rtol=1e-4)
+    np.testing.assert_allclose(states[31].radiance, other, rtol=1e-4)
+    assert states[31].age_s == 0
+
+
+def test_black_stays_black():
+    states = run([np.zeros_like(LEFT)] * 5, [1 / 30] * 5)
+    assert states[-1].radiance.max() < 1e-6
+
+
+def test_step_is_pure(rng):
+    state = run([noisy(LEFT, rng) for _ in range(5)], [1 / 30] * 5)[-1]
+    kept = [np.copy(array) for array in (state.steady, state.fast, state.last)]
+    frame = noisy(RIGHT, rng)
+    first, second = step(state, frame, 0.04), step(state, frame, 0.04)
+    np.testing.assert_array_equal(first.steady, second.steady)
+    for array, copy in zip((state.steady, state.fast, state.last), kept, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.1, np.nan, np.inf])
+def test_time_must_go_on(dt):
+    state = step(None, LEFT, 1 / 30)
+    with pytest.raises(ValueError, match="dt_s > 0"):
+        step(state, LEFT, dt)
+
+
+def test_slower_memory_is_stiller(rng):
+    frames = [noisy(LEFT, rng) for _ in range(60)]
+    ends = []
+    for still_s in (0.1, 3.0):
+        state = None
+        shown = []
+        for frame in frames:
+            state = step(state, frame, 1 / 30, Smoothing(still_s=still_s))
+            shown.append(state.radiance)
+        ends.append(tremble(shown[-20:]))
+    assert ends[1] < 0.5 * ends[0]
