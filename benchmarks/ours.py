@@ -16,7 +16,7 @@ from anyprobe.render.compiled import compile_kernel
 from anyprobe.render.integrate import NUM_LAMPS, shade_diffuse, shade_specular
 from anyprobe.scatter.brdf import Material
 
-COUNTS = (4, 8, 16, 32, 64, 128, 256, 512)
+COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
 """Samples a point that are tried."""
 
 

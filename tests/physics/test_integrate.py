@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from anyprobe.core.frames import normalize, reflect, rotation_x, rotation_y, rotation_z
+from anyprobe.core.frames import normalize, reflect, rotation_x, rotation_y, rotation_z, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
-from anyprobe.core.sampling import hammersley
+from anyprobe.core.sampling import hammersley, square_to_ggx_normal
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade, shade_diffuse, shade_specular
 from anyprobe.scatter.brdf import Material, evaluate
@@ -161,6 +161,19 @@ def test_light_from_under_the_table(alpha):
     shading = shade(build_pyramid(floor, side=64), n, wo, alpha, hammersley(1024))
     for term in (shading.irradiance, shading.specular, shading.grazing, shading.diffuse):
         assert np.abs(term).max() < 6e-3  # what the coarse levels smear; a lost horizon gives 0.1
+
+
+@pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
+def test_irradiance_is_not_the_mean_over_the_papers_samples(alpha):
+    """Eq. 5: h with density D (n.h), wi = reflect(wo, h), the plain mean of what is above the horizon."""
+    n, wo = views((0.0, 45.0, 80.0))
+    got, _, _ = shade_specular(smooth_pyramid(), n, wo, alpha, hammersley(1024))
+    for p in range(len(n)):
+        h = world_from_local(square_to_ggx_normal(hammersley(1 << 14), alpha), n[p])
+        facing = h @ wo[p] > 0
+        wi = reflect(wo[p][None], h[facing])
+        above = wi @ n[p] > 0
+        np.testing.assert_allclose(got[p], smooth_radiance(wi[above]).mean(axis=0), rtol=0.01)
 
 
 def test_irradiance_at_alpha_one_is_the_hemisphere_mean():

@@ -10,9 +10,12 @@ from anyprobe.core.sampling import (
     cosine_hemisphere_to_square,
     ggx_normal_pdf,
     ggx_normal_to_square,
+    ggx_visible_normal_pdf,
+    ggx_visible_normal_to_square,
     hammersley,
     square_to_cosine_hemisphere,
     square_to_ggx_normal,
+    square_to_ggx_visible_normal,
     square_to_uniform_hemisphere,
     uniform_hemisphere_pdf,
     uniform_hemisphere_to_square,
@@ -20,7 +23,7 @@ from anyprobe.core.sampling import (
 
 ALPHAS = (0.05, 0.3, 1.0)
 VIEWS_DEG = (0, 45, 75)
-NUM_TESTS = 3 + len(ALPHAS) + 2 * len(VIEWS_DEG)
+NUM_TESTS = 3 + 3 * len(ALPHAS) + 2 * len(VIEWS_DEG)
 
 
 @pytest.fixture
@@ -66,6 +69,35 @@ def test_ggx_sampler_against_its_density(alpha, rng):
     assert_follows_pdf(
         lambda u: square_to_ggx_normal(u, alpha), lambda h: ggx_normal_pdf(h, alpha), rng, NUM_TESTS
     )
+
+
+def view(angle_deg, azimuth_deg=130.0):
+    """wo in the local frame, tilted by angle_deg from n = +Z."""
+    angle, azimuth = np.radians(angle_deg), np.radians(azimuth_deg)
+    return np.array([np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)])
+
+
+@pytest.mark.parametrize("alpha", ALPHAS)
+@pytest.mark.parametrize("view_deg", [20, 80])
+def test_visible_normals_against_their_density(alpha, view_deg, rng):
+    wo = view(view_deg)
+    assert_follows_pdf(
+        lambda u: square_to_ggx_visible_normal(u, wo, alpha),
+        lambda h: ggx_visible_normal_pdf(h, wo, alpha),
+        rng,
+        NUM_TESTS,
+    )
+
+
+@pytest.mark.parametrize("alpha", [0.01, *ALPHAS])
+@pytest.mark.parametrize("view_deg", [0.0, 60.0, 89.0])
+def test_visible_normal_inverse(alpha, view_deg, rng):
+    u, wo = rng.random((2000, 2)), view(view_deg)
+    h = square_to_ggx_visible_normal(u, wo, alpha)
+    np.testing.assert_allclose(np.linalg.norm(h, axis=-1), 1, atol=1e-12)
+    assert (h @ wo > 0).all()
+    away = np.abs(ggx_visible_normal_to_square(h, wo, alpha) - u)
+    np.testing.assert_allclose(np.minimum(away, [1, 2] - away), 0, atol=1e-6)  # azimuth 0 is azimuth 1
 
 
 @pytest.mark.parametrize("alpha", [0.3, 1.0])
@@ -155,6 +187,9 @@ def test_torch_samples_differ():
     for alpha in ALPHAS:
         got = square_to_ggx_normal(torch.asarray(u), alpha).numpy()
         np.testing.assert_allclose(got, square_to_ggx_normal(u, alpha), atol=1e-12)
+    wo = view(40)
+    got = square_to_ggx_visible_normal(torch.asarray(u), torch.asarray(wo), 0.3).numpy()
+    np.testing.assert_allclose(got, square_to_ggx_visible_normal(u, wo, 0.3), atol=1e-12)
     for sample in (square_to_cosine_hemisphere, square_to_uniform_hemisphere):
         np.testing.assert_allclose(sample(torch.asarray(u)).numpy(), sample(u), atol=1e-12)
     d = square_to_uniform_hemisphere(torch.asarray(u))

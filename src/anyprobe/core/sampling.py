@@ -103,3 +103,51 @@ def ggx_normal_pdf(h, alpha):
     cosine = xp.clip(h[..., 2], 0.0, None)
     d = cosine**2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
     return alpha**2 * cosine / (np.pi * d * d)
+
+
+def square_to_ggx_visible_normal(u, wo, alpha):
+    """Microfacet normals h that the eye at wo sees, with density G1 D (wo.h) / (n.wo) (Heitz 2018).
+
+    Drawn as in Dupuy and Benyoub 2023: stretched by alpha, the facets are a hemisphere, and what wo
+    sees of it mirrors wo into a spherical cap. [..., 2], [..., 3] -> [..., 3]; wo above the horizon.
+    """
+    xp = array_namespace(u)
+    return xp.stack(ggx_visible_normal_xyz(u, wo[..., 0], wo[..., 1], wo[..., 2], alpha), axis=-1)
+
+
+def _stretch(x, y, z, alpha):
+    """(alpha x, alpha y, z) made a unit vector."""
+    xp = array_namespace(z)
+    x, y = alpha * x, alpha * y
+    inverse = 1.0 / xp.sqrt(x * x + y * y + z * z)
+    return x * inverse, y * inverse, z * inverse
+
+
+def ggx_visible_normal_xyz(u, wo_x, wo_y, wo_z, alpha):
+    """square_to_ggx_visible_normal in components x, y, z [...], for compiled kernels."""
+    xp = array_namespace(u)
+    eye_x, eye_y, eye_z = _stretch(wo_x, wo_y, wo_z, alpha)
+    cap_z = (1.0 - u[..., 1]) * (1.0 + eye_z) - eye_z
+    sine = xp.sqrt(xp.clip(1.0 - cap_z * cap_z, 0.0, None))
+    x, y, _ = _polar(cap_z, sine, 2.0 * np.pi * u[..., 0])
+    return _stretch(x + eye_x, y + eye_y, cap_z + eye_z, alpha)
+
+
+def ggx_visible_normal_to_square(h, wo, alpha):
+    """Inverse of square_to_ggx_visible_normal."""
+    xp = array_namespace(h)
+    eye = xp.stack(_stretch(wo[..., 0], wo[..., 1], wo[..., 2], alpha), axis=-1)
+    facet = xp.stack(_stretch(h[..., 0], h[..., 1], h[..., 2], 1.0 / alpha), axis=-1)
+    cap = 2.0 * xp.sum(eye * facet, axis=-1, keepdims=True) * facet - eye
+    phi = xp.atan2(cap[..., 1], cap[..., 0]) / (2.0 * np.pi)
+    return xp.stack([phi - xp.floor(phi), 1.0 - (cap[..., 2] + eye[..., 2]) / (1.0 + eye[..., 2])], axis=-1)
+
+
+def ggx_visible_normal_pdf(h, wo, alpha):
+    """Density [1/sr] of square_to_ggx_visible_normal: G1(wo) D(h) (wo.h) / (n.wo), with Smith's G1."""
+    xp = array_namespace(h)
+    d = h[..., 2] ** 2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
+    distribution = xp.where(h[..., 2] > 0, alpha**2 / (np.pi * d * d), 0.0 * d)
+    facing = xp.clip(xp.sum(h * wo, axis=-1), 0.0, None)
+    a2 = alpha**2
+    return distribution * facing * 2.0 / (wo[..., 2] + xp.sqrt(a2 + (1.0 - a2) * wo[..., 2] ** 2))

@@ -42,8 +42,8 @@ def _budget(alpha: float) -> tuple[int, int]:
     if alpha < 0.12:
         return 128, 16
     if alpha < 0.3:
-        return 64, 48
-    return 40, 96
+        return 64, 32
+    return 40, 48
 
 
 @lru_cache(maxsize=4)
@@ -66,8 +66,9 @@ class Illuminator:
         self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)) for radiance in maps]
         self.pyramids = [build_pyramid(radiance, lamps=NUM_LAMPS).to(device) for radiance in self.maps]
         self.maps = [radiance.to(device) for radiance in self.maps]
-        wrap = compile_kernel if compiled else (lambda function: function)
-        self._specular, self._diffuse, self._look = wrap(shade_specular), wrap(shade_diffuse), wrap(_look)
+        self.wrap = compile_kernel if compiled else (lambda function: function)
+        kernels = (shade_specular, shade_diffuse, _look)
+        self._specular, self._diffuse, self._look = (self.wrap(kernel) for kernel in kernels)
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)

@@ -6,6 +6,7 @@ with exactly the pairs it would have seen.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.render.reflectance import normal_to_reflectance_xy, straight_on_normal
 from anyprobe.render.surface import pixel_rays
+from anyprobe.scatter.brdf import Material
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,6 +56,7 @@ class PairSource:
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
         self.config, self.illuminator, self.surfaces = config, illuminator, surfaces
         self.device = illuminator.device
+        self._places, self._tone = illuminator.wrap(reflectance_places), illuminator.wrap(response)
         self._groups: dict[int, list[LitMaterial]] = {}
         self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
@@ -93,30 +96,22 @@ class PairSource:
             return _column(values, self.device)
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        wo = _rays(column(tan_half), size)
-        n = normals.permute(0, 2, 3, 1)
-        terms = torch.stack([lit.terms for lit in chosen])
-        specular_xy = normal_to_reflectance_xy(straight_on_normal(n, wo))
-        specular = F.grid_sample(terms[:, :9], specular_xy, mode="bilinear", align_corners=False)
-        diffuse = F.grid_sample(
-            terms[:, 9:], normal_to_reflectance_xy(n), mode="bilinear", align_corners=False
-        )
-        f0, albedo = column([m.f0 for m in materials]), column([m.albedo for m in materials])
-        radiance = f0 * specular[:, 3:6] + (1 - f0) * specular[:, 6:9] + albedo * (1 - f0) * diffuse
+        wo = pixel_wo(column(tan_half), size)
+        radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
 
         shots = [draw_shot(rng) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
-        photos = take_photos(shots, radiance * gain, mask, see_behind(light, wo), rng)
+        photos = take_photos(shots, radiance * gain, mask, see_behind(light, wo), rng, self._tone)
         cut_out = np.stack([disturb_mask(one, rng) for one in mask[:, 0].cpu().numpy() > 0])
         photo_mask = torch.from_numpy(cut_out[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
         return Batch(
             photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
-            irradiance=response(specular[:, :3] * gain, MEAN_CURVE) * mask,
-            ldr=response(light, MEAN_CURVE),
+            irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
+            ldr=self._tone(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
         )
@@ -131,13 +126,42 @@ class PairSource:
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
 
+def reflectance_places(n: torch.Tensor, wo: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Where normals n seen along wo, [B, S, S, 3], lie in the specular and in the diffuse reflectance maps."""
+    return normal_to_reflectance_xy(straight_on_normal(n, wo)), normal_to_reflectance_xy(n)
+
+
+def shade(
+    chosen: list[LitMaterial],
+    materials: list[Material],
+    normals: torch.Tensor,
+    wo: torch.Tensor,
+    places: Callable = reflectance_places,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
+
+    places: reflectance_places, or the same compiled.
+
+    Returns:
+        radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
+    """
+    specular_xy, diffuse_xy = places(normals.permute(0, 2, 3, 1), wo)
+    terms = torch.stack([lit.terms for lit in chosen])
+    specular = F.grid_sample(terms[:, :9], specular_xy, mode="bilinear", align_corners=False)
+    diffuse = F.grid_sample(terms[:, 9:], diffuse_xy, mode="bilinear", align_corners=False)
+    f0 = _column([m.f0 for m in materials], terms.device)
+    albedo = _column([m.albedo for m in materials], terms.device)
+    radiance = f0 * specular[:, 3:6] + (1 - f0) * specular[:, 6:9] + albedo * (1 - f0) * diffuse
+    return radiance, specular[:, :3]
+
+
 def _column(values, device) -> torch.Tensor:
     """One number or three a pair, [B, C, 1, 1]."""
     values = np.asarray(values, np.float32)
     return torch.from_numpy(values.reshape(len(values), -1, 1, 1)).to(device)
 
 
-def _rays(tan_half: torch.Tensor, size: int) -> torch.Tensor:
+def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
     """pixel_rays of a batch, tan_half [B, 1, 1, 1]: wo [B, S, S, 3], in planes like the normals."""
     unit = torch.from_numpy(pixel_rays(1.0, size)).permute(2, 0, 1).to(tan_half.device)
     slope = unit[:2] / unit[2:]
@@ -161,12 +185,14 @@ def take_photos(
     mask: torch.Tensor,
     background: torch.Tensor,
     rng: np.random.Generator,
+    tone: Callable = response,
 ) -> torch.Tensor:
     """What `camera.take_photo` does to one photo, for a batch: display values [B, 3, S, S] in steps of 1/255.
 
     Args:
         radiance, background: [B, 3, S, S] in exposure units before white balance.
         mask: [B, 1, S, S] of the objects.
+        tone: response, or the same compiled.
     """
     device = radiance.device
     scene = torch.lerp(background, radiance, mask) * _column([shot.white_balance for shot in shots], device)
@@ -179,7 +205,7 @@ def take_photos(
     )
     generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
     display = torch.randn(scene.shape, generator=generator, device=device)
-    display.mul_(_column([shot.noise for shot in shots], device)).add_(response(scene, curves))
+    display.mul_(_column([shot.noise for shot in shots], device)).add_(tone(scene, curves))
     display.clip_(0, 1).mul_(255).round_()
     for one, shot in zip(display, shots, strict=True):
         if shot.jpeg_quality is not None:

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, is_torch_array
 
 from anyprobe.core.frames import dot, orthonormal_basis
-from anyprobe.core.sampling import cosine_hemisphere_xyz, ggx_normal_xyz
+from anyprobe.core.sampling import cosine_hemisphere_xyz, ggx_visible_normal_xyz
 from anyprobe.light.octahedral import Pyramid, lookup_rgb
 from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
@@ -69,9 +69,8 @@ def _lod(pdf, num_samples: int, pyramid: Pyramid):
     return 0.5 * xp.log2(1.0 / (num_samples * xp.clip(pdf, 1e-9, None) * texel)) + LOD_BIAS
 
 
-def _carry(local: tuple, n) -> list:
-    """World components [P, S] of local ones [1 or P, S] at normals n [P, 3]."""
-    t, b = orthonormal_basis(n)
+def _carry(local: tuple, t, b, n) -> list:
+    """World components [P, S] of local ones [1 or P, S] in the frames t, b, n [P, 3]."""
     return [local[0] * t[:, k, None] + local[1] * b[:, k, None] + local[2] * n[:, k, None] for k in range(3)]
 
 
@@ -83,9 +82,13 @@ def _against(v: list, a):
 def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     """Importance-weighted irradiance (Eq. 5), S1 and Ss.
 
-    Samples follow the paper: h with density D (n.h), wi = reflect(wo, h), so that
-    pdf(wi) = D (n.h) / (4 wo.h). Those below the horizon or seen from behind
-    (n.wi <= 0 or wo.h <= 0) weigh zero in Eq. 4 and are left out of Eq. 5's mean.
+    The paper draws h with density D (n.h). Here h follows the normals that the eye sees, pdf(wi) =
+    D G1 / (4 n.wo), which needs half to a quarter of the samples on rough metal. Eq. 5's mean is over the
+    paper's samples; each of ours counts by the quotient of the densities,
+
+        D (n.h) / (4 wo.h)  /  (D G1 / (4 n.wo))  =  (n.h) (n.wo) / (G1 (wo.h)).
+
+    Samples below the horizon (n.wi <= 0) weigh zero in Eq. 4 and are left out of Eq. 5's mean.
     All vectors are kept in components [P, S]: compiled, one loop over samples without memory
     between its parts.
 
@@ -97,33 +100,32 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
         irradiance, S1, Ss: [P, 3] each.
     """
     xp = array_namespace(n, wo, u)
-    local = ggx_normal_xyz(u[None], alpha)
-    h = _carry(local, n)
-    wo_dot_h = _against(h, wo)
-    wi = [2.0 * wo_dot_h * h[k] - wo[:, k, None] for k in range(3)]
-    n_dot_h = xp.clip(local[2], 1e-6, None)
     n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # seen at 90 degrees: no 0/0
+    t, b = orthonormal_basis(n)
+    local = ggx_visible_normal_xyz(u[None], dot(t, wo), dot(b, wo), n_dot_wo, alpha)
+    n_dot_h = xp.clip(local[2], 1e-6, None)
+    h = _carry(local, t, b, n)
+    wo_dot_h = xp.clip(_against(h, wo), 1e-6, None)
+    wi = [2.0 * wo_dot_h * h[k] - wo[:, k, None] for k in range(3)]
     n_dot_wi = _against(wi, n)
-    kept = xp.astype((n_dot_wi > 0) & (wo_dot_h > 0), n.dtype)
-    pdf = ggx_distribution(n_dot_h, alpha) * n_dot_h / (4.0 * xp.clip(wo_dot_h, 1e-4, None))
+    kept = xp.astype(n_dot_wi > 0, n.dtype)
+    a2 = alpha * alpha
+    shadow = n_dot_wo + xp.sqrt(a2 + (1.0 - a2) * n_dot_wo**2)  # 2 (n.wo) / G1
+    pdf = ggx_distribution(n_dot_h, alpha) / (2.0 * shadow)
     light = lookup_rgb(pyramid, *wi, _lod(pdf, u.shape[0], pyramid))
-    # D V (n.wi) / pdf, the Fresnel term left out
-    weight = (
-        4.0
-        * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha)
-        * xp.clip(n_dot_wi, 0.0, None)
-        * xp.clip(wo_dot_h, 0.0, None)
-        / n_dot_h
-    ) * kept
+    # D V (n.wi) / pdf, the Fresnel term left out: G / G1
+    above = xp.clip(n_dot_wi, 0.0, None)
+    weight = 2.0 * shadow * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * above
     grazing = weight * schlick_weight(wo_dot_h)
-    count = xp.clip(xp.sum(kept, axis=1), 1.0, None)[:, None]
-    irradiance = xp.stack([xp.sum(channel * kept, axis=1) for channel in light], axis=-1) / count
+    share = 0.5 * n_dot_h * shadow / wo_dot_h * kept  # Eq. 5's weight of each sample
+    total = xp.clip(xp.sum(share, axis=1), 1e-6, None)[:, None]
+    irradiance = xp.stack([xp.sum(channel * share, axis=1) for channel in light], axis=-1) / total
     specular = xp.stack([xp.mean(channel * weight, axis=1) for channel in light], axis=-1)
     weak = xp.stack([xp.mean(channel * grazing, axis=1) for channel in light], axis=-1)
     if pyramid.lamps is None:
         return irradiance, specular, weak
     lit = _lamps_specular(pyramid, n, wo, alpha)
-    return irradiance + lit[0] * (u.shape[0] / count), specular + lit[1], weak + lit[2]
+    return irradiance + lit[0] * (u.shape[0] / total), specular + lit[1], weak + lit[2]
 
 
 def _lamp_cosines(pyramid: Pyramid, n, wo):
@@ -138,8 +140,10 @@ def _lamp_cosines(pyramid: Pyramid, n, wo):
 
 def _gather(weight, flux) -> Any:
     """Sum over lamps: [P, K] times flux [K, 3] to [P, 3]."""
-    xp = array_namespace(weight)
-    return xp.stack([xp.sum(weight * flux[None, :, k], axis=1) for k in range(3)], axis=-1)
+    if is_torch_array(weight):
+        return weight @ flux  # compiled, a third of the time of nine sums
+    # a matrix product of NumPy's differs in the last bit from processor to processor
+    return np.stack([np.sum(weight * flux[None, :, k], axis=1) for k in range(3)], axis=-1)
 
 
 def _lamps_specular(pyramid: Pyramid, n, wo, alpha):
@@ -166,7 +170,7 @@ def shade_diffuse(pyramid: Pyramid, n, wo, u):
     """Dd [P, 3] by cosine sampling: the mean of (1 - s) L."""
     xp = array_namespace(n, wo, u)
     local = cosine_hemisphere_xyz(u[None])
-    wi = _carry(local, n)
+    wi = _carry(local, *orthonormal_basis(n), n)
     pdf = local[2] / np.pi + xp.zeros_like(wi[0])
     wo_dot_h = xp.sqrt(xp.clip(0.5 + 0.5 * _against(wi, wo), 0.0, None))  # half of the angle between them
     rest = 1.0 - schlick_weight(wo_dot_h)
