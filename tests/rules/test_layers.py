@@ -13,7 +13,7 @@ import anyprobe
 
 SOURCE = Path(anyprobe.__file__).parent
 
-ORDER = "errors core light scatter render files export nets dataset infer evaluate train cli __init__".split()
+ORDER = "errors core light scatter render files export nets dataset infer relight evaluate train cli __init__".split()
 """A part may import itself and the parts before it."""
 
 ONLY = {
@@ -25,6 +25,8 @@ ONLY = {
     "typer": {"cli"},
     "rich": {"cli", "train"},
     "ray": {"dataset"},
+    "mitsuba": {"relight"},
+    "drjit": {"relight"},
 }
 """Packages that not every part may import."""
 

@@ -12,6 +12,7 @@ from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
+from anyprobe.cli.relight import relight
 from anyprobe.cli.train import train, weights
 from anyprobe.errors import AnyprobeError
 
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (estimate, export, evaluate, doctor, train, weights):
+for command in (estimate, relight, export, evaluate, doctor, train, weights):
     app.command()(command)
 app.add_typer(data, name="data")
 

@@ -16,10 +16,16 @@ from anyprobe.export.light import origin_of
 from anyprobe.export.targets import export
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import write_png
+from anyprobe.files.meshes import read_mesh
 from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.main_light import MainLight, find_main_light
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.picture import draw_mesh
+from anyprobe.render.surface import frame_object
+from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.presets import material_named
 
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
@@ -75,6 +81,33 @@ class Light:
                 "build it with anyprobe.core.frames"
             )
         return replace(self, radiance=rotate(self.radiance, rotation))
+
+    def render(
+        self,
+        mesh: Mesh | str | Path,
+        material: Material | str = "chrome",
+        *,
+        size: int = 256,
+        fov_deg: float = 30.0,
+        world_from_camera: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """A mesh under this light: [S, S, 4] linear radiance in the light's units, and coverage.
+
+        render.picture.draw_mesh has the details; core.response makes display values of it.
+
+        Args:
+            mesh: of render.shapes or render.mesh, or a mesh file; +Y up, inside the unit sphere.
+            material: of scatter.brdf, or a name of scatter.presets.
+            size: pixels along a side. fov_deg: that the unit sphere fills.
+            world_from_camera: [3, 3], the world being the light's frame; unless given the camera
+                looks along -Z as the photo's did.
+        """
+        mesh = mesh if isinstance(mesh, Mesh) else read_mesh(mesh)
+        material = material if isinstance(material, Material) else material_named(material)
+        camera = frame_object(
+            mesh, np.eye(3) if world_from_camera is None else world_from_camera, fov_deg, size=size
+        )
+        return draw_mesh(mesh, camera, self.radiance, material)
 
     def sidecar(self) -> dict[str, Any]:
         """Everything but the pixels, ready for JSON; lists of plain numbers."""

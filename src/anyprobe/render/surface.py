@@ -16,12 +16,15 @@ class Camera:
 
     world_from_camera: [3, 3] rotation; position: [3] in the world.
     tan_half: tangent of half the field of view.
+    center: x right, y up of the picture's centre on the plane at depth 1; elsewhere than at 0, 0 it
+        is a window of a larger picture, whose pixels it shares.
     """
 
     world_from_camera: np.ndarray
     position: np.ndarray
     tan_half: float
     size: int = 128
+    center: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,10 +40,10 @@ class Surface:
     tan_half: float
 
 
-def pixel_rays(tan_half: float, size: int) -> np.ndarray:
+def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
     """wo [S, S, 3] of every pixel: from the point towards the eye, camera frame."""
-    x = (np.arange(size) + 0.5) / size * 2 - 1
-    right, up = np.meshgrid(x * tan_half, -x * tan_half)
+    x = ((np.arange(size) + 0.5) / size * 2 - 1) * tan_half
+    right, up = np.meshgrid(center[0] + x, center[1] - x)
     ray = np.stack([-right, -up, np.ones_like(right)], axis=-1)
     return (ray / np.linalg.norm(ray, axis=-1, keepdims=True)).astype(np.float32)
 
@@ -82,12 +85,12 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     projected = _project(mesh.positions, camera.world_from_camera, camera.position)
     screen = np.stack(
         [
-            (projected[:, 0] / camera.tan_half + 1) * size / 2,
-            (1 - projected[:, 1] / camera.tan_half) * size / 2,
+            ((projected[:, 0] - camera.center[0]) / camera.tan_half + 1) * size / 2,
+            (1 - (projected[:, 1] - camera.center[1]) / camera.tan_half) * size / 2,
         ],
         axis=-1,
     )
-    triangle, weights, pixel = _cover(screen[mesh.faces], size)
+    triangle, weights, pixel = cover(screen[mesh.faces], size)
     inverse_depth = projected[:, 2][mesh.faces[triangle]]
     weights = weights * inverse_depth
     depth_key = weights.sum(axis=1)
@@ -98,7 +101,7 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     hit = nearest[seen]
     barycentric = weights[hit] / depth_key[hit][:, None]
     normals = (mesh.normals[triangle[hit]] * barycentric[:, :, None]).sum(axis=1) @ camera.world_from_camera
-    wo = pixel_rays(camera.tan_half, size).reshape(-1, 3)[seen]
+    wo = pixel_rays(camera.tan_half, size, camera.center).reshape(-1, 3)[seen]
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     facing = (normals * wo).sum(axis=1, keepdims=True)
     normals = np.where(facing < 0.01, normals + (0.02 - facing) * wo, normals)
@@ -113,7 +116,7 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     )
 
 
-def _cover(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cover(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pixel centres inside each triangle: (triangle [K], barycentric weights [K, 3], pixel [K]).
 
     Triangles are taken in classes of bounding-box size, each class in one array operation.

@@ -1,0 +1,143 @@
+"""anyprobe relight: a virtual object beside the real one, lit by the estimate."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from anyprobe.errors import InputError, OutputError
+from anyprobe.infer.runtime import DEFAULT_MODEL
+
+STRIP = ("chrome", "gold", "plastic", "matte", "photo")
+"""What --strip shows after the photo."""
+
+
+class Renderer(StrEnum):
+    """Who draws the object."""
+
+    auto = "auto"
+    own = "own"
+    mitsuba = "mitsuba"
+
+
+def relight(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
+    name: Annotated[
+        str, typer.Option("--object", help="ball, vase, pebble, block, solid, or a .glb, .obj or .ply file.")
+    ] = "ball",
+    material: Annotated[
+        str, typer.Option(help="chrome, gold, plastic, matte, or photo: the real object's own.")
+    ] = "chrome",
+    at: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")
+    ] = None,
+    size: Annotated[float, typer.Option(help="Its largest extent over the real object's.")] = 0.8,
+    turn: Annotated[float, typer.Option(help="About its vertical axis, degrees.")] = 0.0,
+    pitch: Annotated[
+        float | None,
+        typer.Option(help="How far the camera looks down, degrees; else level, or as the base asks."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="The picture; <stem>_relit.png unless given.")
+    ] = None,
+    strip: Annotated[
+        bool, typer.Option("--strip", help=f"The photo, then the object of {', '.join(STRIP)}.")
+    ] = False,
+    before: Annotated[bool, typer.Option("--before", help="The photo and the result side by side.")] = False,
+    renderer: Annotated[
+        Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")
+    ] = Renderer.auto,
+    mask: Annotated[Path | None, typer.Option(help="Mask image, white = object.")] = None,
+    box: Annotated[
+        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")
+    ] = None,
+    fov: Annotated[
+        float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
+    ] = None,
+    light: Annotated[
+        Path | None, typer.Option(help="An .exr or .hdr map in the camera's frame, instead of an estimate.")
+    ] = None,
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+) -> None:
+    """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
+    from anyprobe.files.images import write_png
+    from anyprobe.infer.photo import load_photo
+    from anyprobe.relight.objects import open_object
+    from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
+    from anyprobe.scatter.presets import material_named
+
+    corners = numbers(box, 4, "--box", "X0,Y0,X1,Y1", "40,30,220,260")
+    foot = numbers(at, 2, "--at", "X,Y", "400,380")
+    if corners is not None and mask is not None:
+        raise InputError("--mask and --box: expected one of them, got both")
+    if material != PHOTO_MATERIAL:
+        material_named(material, PHOTO_MATERIAL)
+    out = out or photo.with_name(f"{photo.stem}_relit.png")
+    if out.suffix.lower() != ".png":
+        raise OutputError(f"{out}: expected the name of a .png, got {out.suffix or 'no suffix'}")
+    if out.resolve() in {given.resolve() for given in (photo, mask, light) if given is not None}:
+        raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
+    traced = uses_mitsuba(renderer)
+    mesh = open_object(name)
+    taken = load_photo(photo, mask=mask, box=corners, fov_deg=fov)
+    radiance = _radiance(taken, light, model)
+    stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
+    shadow = stage.shadow(radiance)
+    names = STRIP if strip else (material,)
+    pictures = [stage.relit(radiance, one, renderer, shadow) for one in names]
+    if strip or before:
+        pictures.insert(0, taken.rgb)
+    write_png(out, np.concatenate(pictures, axis=1))
+    spot = stage.view.pixels(stage.placement.foot)
+    told = {
+        "photo": str(photo),
+        "picture": str(out),
+        "object": name,
+        "materials": list(names),
+        "renderer": "mitsuba" if traced else "own",
+        "foot_px": [round(float(v), 1) for v in spot],
+        "pitch_deg": round(stage.placement.pitch_deg, 2),
+        "long_fov_deg": round(float(taken.long_fov_deg), 2),
+        "warnings": list(taken.warnings),
+    }
+    if as_json:
+        print(json.dumps(told))
+    elif not quiet:
+        print(
+            f"{out}: {name} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
+            f"{told['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
+            file=sys.stderr,
+        )
+
+
+def _radiance(photo, light: Path | None, model: str) -> np.ndarray:
+    if light is not None:
+        from anyprobe.files.radiance import read_radiance
+
+        return read_radiance(light)
+    from anyprobe.infer.estimate import Estimator
+
+    return Estimator(model).from_photo(photo).radiance
+
+
+def numbers(text: str | None, count: int, option: str, form: str, example: str) -> tuple[float, ...] | None:
+    """The numbers of an option such as X,Y; None where it is absent."""
+    if text is None:
+        return None
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if len(found) != count or not np.isfinite(found).all():
+        raise InputError(
+            f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}"
+        )
+    return found

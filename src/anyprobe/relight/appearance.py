@@ -1,0 +1,64 @@
+"""The real object's material, as far as one photo and an estimate of its light tell it.
+
+A ball of each of a few widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
+as a metal its f0 is the one whose ball has the object's mean colour: the shading is linear in either, so
+this is one division a channel. Of those the one is taken whose luminances, sorted, are nearest to the
+object's in display values: shape is not known, so where on the object they lie does not count. A light
+whose colour was taken for the object's, or the other way round, cannot be found out this way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.response import inverse_response, response
+from anyprobe.core.sampling import hammersley
+from anyprobe.infer.photo import Photo
+from anyprobe.light.octahedral import build_pyramid
+from anyprobe.render.balls import ball_normals
+from anyprobe.render.integrate import NUM_LAMPS, shade
+from anyprobe.scatter.brdf import Material
+
+ALPHAS = (0.05, 0.15, 0.35, 0.8)
+DIELECTRIC_F0 = 0.045
+LEAST_METAL_F0 = 0.2
+BALL = 24
+NUM_QUANTILES = 32
+
+
+def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
+    """The best of the materials above for the masked pixels under a map [H, 2H, 3] of the camera's frame."""
+    seen = photo.rgb[photo.mask > 0.9]
+    seen = photo.rgb[photo.mask > 0.5] if len(seen) == 0 else seen
+    mean = inverse_response(seen).mean(axis=0)
+    quantiles = np.quantile(luminance(seen), _levels())
+    pyramid, u = build_pyramid(radiance, side=64, lamps=NUM_LAMPS), hammersley(64)
+    n, _ = ball_normals(BALL)
+    wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
+    best, least = None, np.inf
+    for alpha in ALPHAS:
+        ball = shade(pyramid, n, wo, alpha, u)
+        for material in _candidates(ball, mean, alpha):
+            shown = luminance(response(ball.radiance(material)))
+            error = float(np.square(np.quantile(shown, _levels()) - quantiles).mean())
+            if error < least:
+                best, least = material, error
+    return best
+
+
+def _candidates(ball, mean: np.ndarray, alpha: float):
+    """A dielectric and, unless it would hardly reflect, a metal with the mean colour [3]."""
+    specular, grazing, diffuse = (
+        np.maximum(part.mean(axis=0), 1e-6) for part in (ball.specular, ball.grazing, ball.diffuse)
+    )
+    coat = DIELECTRIC_F0 * specular + (1 - DIELECTRIC_F0) * grazing
+    albedo = (mean - coat) / ((1 - DIELECTRIC_F0) * diffuse)
+    yield Material(albedo=np.clip(albedo, 0.01, 0.95), f0=np.full(3, DIELECTRIC_F0), alpha=alpha)
+    f0 = (mean - grazing) / np.maximum(specular - grazing, 1e-6)
+    if f0.max() > LEAST_METAL_F0:
+        yield Material(albedo=np.zeros(3), f0=np.clip(f0, 0.05, 1.0), alpha=alpha)
+
+
+def _levels() -> np.ndarray:
+    return (np.arange(NUM_QUANTILES) + 0.5) / NUM_QUANTILES

@@ -1,0 +1,175 @@
+"""The same picture by Mitsuba 3: paths, so that the mesh shadows itself and the ground lights it."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import lru_cache
+from glob import glob
+
+import numpy as np
+
+from anyprobe.core.frames import normalize, orthonormal_basis
+from anyprobe.core.sampling import hammersley
+from anyprobe.errors import MissingExtra
+from anyprobe.relight import mitsuba_material
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import Camera
+from anyprobe.scatter.brdf import Material
+
+LLVM = "/usr/lib/*/libLLVM-*.so"
+OLDEST_LLVM = 17
+"""Older ones end the whole process on machines with AVX-512."""
+
+TURN = np.diag([-1.0, 1.0, -1.0])
+"""Half a turn about +Y: Mitsuba's map has +Z in its middle, ours -Z."""
+
+NUM_PATHS = 256
+PATHS_AT_ONCE = 1 << 20
+MAX_DEPTH = 6
+GROUND_RADII = 30.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ground:
+    """A Lambert disc that a mesh stands on, so far only in the path tracer.
+
+    foot, up: [3], a point of it and its normal. radius: of the disc. albedo: [3] in [0, 1].
+    """
+
+    foot: np.ndarray
+    up: np.ndarray
+    radius: float
+    albedo: np.ndarray
+
+
+@lru_cache(maxsize=1)
+def open_mitsuba():
+    """The module `mitsuba`, its variant llvm_ad_rgb set.
+
+    An LLVM that does not fit ends the process, so that another process tries it first.
+
+    Raises:
+        MissingExtra: Mitsuba or an LLVM that fits is not installed.
+    """
+    if "DRJIT_LIBLLVM_PATH" not in os.environ:
+        versions = {int(m[1]): p for p in glob(LLVM) if (m := re.search(r"libLLVM-(\d+)\.so$", p))}
+        if versions and max(versions) >= OLDEST_LLVM:
+            os.environ["DRJIT_LIBLLVM_PATH"] = versions[max(versions)]
+    trial = (
+        "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr; "
+        "assert dr.sum(mi.Float([1, 2, 3]))[0] == 6"
+    )
+    if subprocess.run([sys.executable, "-c", trial], capture_output=True, check=False).returncode:
+        raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "relight", "path tracing")
+    import mitsuba as mi
+
+    if mi.variant() != "llvm_ad_rgb":
+        mi.set_variant("llvm_ad_rgb")
+    mitsuba_material.register(mi)
+    return mi
+
+
+def trace_mesh(
+    mesh: Mesh,
+    camera: Camera,
+    radiance: np.ndarray,
+    material: Material,
+    ground: Ground | None = None,
+    num_paths: int = NUM_PATHS,
+) -> np.ndarray:
+    """render.picture.draw_mesh by paths: the same arguments and the same [S, S, 4].
+
+    Args:
+        ground: what it stands on; it lights the mesh and is mirrored in it, but is not in the picture.
+        num_paths: a pixel, rounded up to a power of two.
+    """
+    mi = open_mitsuba()
+    alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}
+    scene = {**alone, "light": _environment(mi, radiance)}
+    if ground is not None:
+        scene["ground"] = _disc(mi, ground)
+    alone, scene = mi.load_dict(alone), mi.load_dict(scene)
+    tracer = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH})
+    pixels = camera.size**2
+    total, count, paths = np.zeros((pixels, 3)), np.zeros(pixels), 1 << (num_paths - 1).bit_length()
+    each = max(1, min(paths, 1 << max(0, (PATHS_AT_ONCE // pixels).bit_length() - 1)))
+    jitter = hammersley(paths)
+    for start in range(0, paths, each):
+        direction = _rays(camera, jitter[start : start + each])
+        pixel = np.tile(np.arange(pixels), each)
+        hit = np.array(alone.ray_intersect_preliminary(_mi_rays(mi, camera.position, direction)).is_valid())
+        if not hit.any():
+            continue
+        sampler = mi.load_dict({"type": "independent", "sample_count": 1})
+        sampler.seed(start, int(hit.sum()))
+        color, _, _ = tracer.sample(scene, sampler, _mi_rays(mi, camera.position, direction[hit]))
+        color, where = np.nan_to_num(np.array(color).T), pixel[hit]
+        total += np.stack([np.bincount(where, color[:, k], pixels) for k in range(3)], axis=-1)
+        count += np.bincount(where, minlength=pixels)
+    picture = np.zeros((pixels, 4), np.float32)
+    picture[:, :3] = total / np.maximum(count, 1)[:, None]
+    picture[:, 3] = count / paths
+    return picture.reshape(camera.size, camera.size, 4)
+
+
+def _rays(camera: Camera, jitter: np.ndarray) -> np.ndarray:
+    """World directions [K * S * S, 3] through points jitter [K, 2] of every pixel."""
+    step = 2 * camera.tan_half / camera.size
+    column, row = np.meshgrid(np.arange(camera.size), np.arange(camera.size))
+    x = camera.center[0] - camera.tan_half + step * (column.ravel() + jitter[:, :1])
+    y = camera.center[1] + camera.tan_half - step * (row.ravel() + jitter[:, 1:])
+    rays = normalize(np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3))
+    return rays @ camera.world_from_camera.T
+
+
+def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
+    origin = np.broadcast_to(origin, direction.shape)
+    return mi.RayDifferential3f(mi.Point3f(*origin.T.copy()), mi.Vector3f(*direction.T.copy()))
+
+
+def _bsdf(material: Material) -> dict:
+    albedo, f0 = ([float(c) for c in np.broadcast_to(part, 3)] for part in (material.albedo, material.f0))
+    return {"type": mitsuba_material.NAME, "albedo": albedo, "f0": f0, "alpha": float(material.alpha)}
+
+
+def _shape(mi, mesh: Mesh, material: Material):
+    """Our triangles with the normals of their corners: every corner a vertex of its own."""
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(_bsdf(material))
+    count = len(mesh.faces)
+    made = mi.Mesh("mesh", 3 * count, count, has_vertex_normals=True, props=properties)
+    parameters = mi.traverse(made)
+    parameters["vertex_positions"] = mesh.positions[mesh.faces].astype(np.float32).ravel()
+    parameters["vertex_normals"] = mesh.normals.astype(np.float32).ravel()
+    parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
+    parameters.update()
+    return made
+
+
+def _environment(mi, radiance: np.ndarray) -> dict:
+    """Our map [H, 2H, 3], exactly: Mitsuba's rows run from pole to pole, so 2H + 1 of them, read
+    between ours, hold the same bilinear function."""
+    height = radiance.shape[0]
+    rows = np.clip(np.arange(2 * height + 1) / 2.0 - 0.5, 0, height - 1)
+    low, high = np.floor(rows).astype(int), np.ceil(rows).astype(int)
+    bitmap = mi.Bitmap(np.ascontiguousarray((radiance[low] + radiance[high]) / 2.0, np.float32))
+    to_world = np.eye(4)
+    to_world[:3, :3] = TURN
+    return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(to_world)}
+
+
+def _disc(mi, ground: Ground) -> dict:
+    across, along = orthonormal_basis(ground.up)
+    to_world = np.eye(4)
+    to_world[:3, :3] = np.stack([across, along, ground.up], axis=1) @ np.diag([ground.radius] * 2 + [1.0])
+    to_world[:3, 3] = ground.foot - 1e-4 * ground.up  # below the mesh's own lowest faces
+    albedo = {"type": "rgb", "value": [float(c) for c in np.clip(ground.albedo, 0, 0.95)]}
+    return {
+        "type": "disk",
+        "to_world": mi.ScalarTransform4f(to_world),
+        "bsdf": {"type": "diffuse", "reflectance": albedo},
+    }

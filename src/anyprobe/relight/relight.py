@@ -1,0 +1,130 @@
+"""A virtual object beside the real one of a photo, lit by the estimate of its light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.response import inverse_response
+from anyprobe.errors import InputError, MissingExtra
+from anyprobe.infer.photo import Photo
+from anyprobe.relight.appearance import material_from_photo
+from anyprobe.relight.compose import Window, cast_shadow, lay_over, window_around
+from anyprobe.relight.ground import Placement, View, place_beside, view_of
+from anyprobe.relight.path_traced import GROUND_RADII, Ground, open_mitsuba, trace_mesh
+from anyprobe.relight.shadow import GroundShadow, sky_irradiance
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.picture import draw_mesh
+from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.presets import material_named
+
+RENDERERS = ("auto", "own", "mitsuba")
+
+PHOTO_MATERIAL = "photo"
+"""The real object's own, as far as the photo tells it (relight.appearance)."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Arrangement:
+    """Where the virtual object stands, in the units of relight.ground.
+
+    size: its largest extent over the real object's. at: x, y of its foot in the photo [px], None for
+    beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
+    down, None for level or as far as the object's base asks.
+    """
+
+    size: float = 0.8
+    at: tuple[float, float] | None = None
+    turn_deg: float = 0.0
+    pitch_deg: float | None = None
+
+
+class Stage:
+    """A photo with a place on its ground; renders many materials and lights of one object."""
+
+    def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
+        arrangement = arrangement or Arrangement()
+        if not 0.02 <= arrangement.size <= 20:
+            raise InputError(f"--size: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+        self.photo = photo
+        self.view: View
+        self.view, pitch_deg = view_of(photo, arrangement.pitch_deg)
+        self.placement: Placement = place_beside(
+            mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
+        )
+        self.window: Window = window_around(self.placement, self.view)
+
+    def shadow(self, radiance: np.ndarray) -> GroundShadow:
+        """The object's shadow under a map [H, 2H, 3] of the camera's frame."""
+        spot = self.placement
+        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance)
+
+    def relit(
+        self,
+        radiance: np.ndarray,
+        material: str | Material,
+        renderer: str = "auto",
+        shadow: GroundShadow | None = None,
+    ) -> np.ndarray:
+        """The photo with the object in it, [H, W, 3] display values in [0, 1].
+
+        Args:
+            radiance: [H, 2H, 3], camera frame, the photo's exposure units.
+            material: a name that material() takes, or a Material.
+            renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
+            shadow: what shadow(radiance) gave, where it is at hand.
+        """
+        if isinstance(material, str):
+            material = self.material(material, radiance)
+        shadow = shadow or self.shadow(radiance)
+        if uses_mitsuba(renderer):
+            ground = self._ground(radiance)
+            drawn = trace_mesh(self.placement.mesh, self.window.camera, radiance, material, ground)
+        else:
+            drawn = draw_mesh(self.placement.mesh, self.window.camera, radiance, material)
+        picture = cast_shadow(self.photo, self.view, shadow)
+        return lay_over(picture, drawn, self.window, self.photo, behind=self._behind())
+
+    def material(self, name: str, radiance: np.ndarray) -> Material:
+        """A material of scatter.presets, or "photo": the real object's own under a map."""
+        if name == PHOTO_MATERIAL:
+            return material_from_photo(self.photo, radiance)
+        return material_named(name, PHOTO_MATERIAL)
+
+    def _behind(self) -> bool:
+        """Whether the real object's base is nearer to the camera, that is lower in the picture."""
+        foot_row = self.view.pixels(self.placement.mesh.positions)[:, 1].max()
+        base_row = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))[-1] + 1
+        return bool(foot_row < base_row - 1)
+
+    def _ground(self, radiance: np.ndarray) -> Ground:
+        """A ground whose radiance under the map is what the photo shows around the object's foot."""
+        foot, reach = self.placement.foot, 2 * self.placement.radius
+        rows, columns = np.mgrid[0 : self.view.height, 0 : self.view.width] + 0.5
+        away = np.linalg.norm(self.view.on_ground(columns, rows) - foot, axis=-1)
+        near = (away < reach) & (self.photo.mask < 0.05)
+        seen = self.photo.rgb[near] if near.any() else self.photo.rgb[-1]
+        irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
+        albedo = np.clip(np.pi * inverse_response(seen).mean(axis=0) / irradiance, 0.0, 0.95)
+        radius = GROUND_RADII * self.placement.radius
+        return Ground(foot=foot, up=self.view.up, radius=radius, albedo=albedo)
+
+
+def uses_mitsuba(renderer: str) -> bool:
+    """Whether a renderer of RENDERERS is Mitsuba here and now.
+
+    Raises:
+        InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
+    """
+    if renderer not in RENDERERS:
+        raise InputError(f"--renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")
+    if renderer == "own":
+        return False
+    try:
+        open_mitsuba()
+    except MissingExtra:
+        if renderer == "mitsuba":
+            raise
+        return False
+    return True

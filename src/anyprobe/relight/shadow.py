@@ -1,0 +1,130 @@
+"""The shadow of a mesh on the ground under a whole map: contact shadow and main light's at once.
+
+    ratio(p) = integral of L V(p, wi) cos dwi / integral of L cos dwi      (over the sky above the ground)
+
+is what is left of a Lambert ground's irradiance at p, a channel. The integrals are sums over directions
+with density L cos (luminance). Light is distant: the points of the ground that the mesh hides
+from wi are its projection along wi, rasterised, so one drawing a direction serves every p.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import orthonormal_basis
+from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.core.sampling import hammersley
+from anyprobe.light.filtering import irradiance_map
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import cover
+
+NUM_DIRECTIONS = 192
+GRID = 256
+REACH = 5.0
+"""Half the side of the shaded square of ground, in radii of the object."""
+
+FADE = 0.75
+"""From this share of the reach on, the shadow is faded to nothing at the edge."""
+
+LEAST_COSINE = 0.05
+"""Lower light (under 3 degrees) throws its shadow past the reach, and carries hardly any irradiance."""
+
+
+def sample_sky(
+    radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Directions above the ground with density L cos.
+
+    Args:
+        radiance: [H, 2H, 3]. up: [3], in the map's frame.
+    Returns:
+        directions: [N, 3]. weights: [N, 3], each direction's share of the ground's irradiance a
+        channel; they sum to 1, and to 0 where a channel is black.
+    """
+    height = radiance.shape[0]
+    # pixels cut into 4 x 4, so that cos and the horizon are right in those the horizon crosses
+    v, u = ((np.arange(4 * n) + 0.5) / (4 * n) for n in (height, 2 * height))
+    uv = np.stack(np.meshgrid(u, v), axis=-1)
+    d = uv_to_direction(uv)
+    cosine = d @ up
+    light = np.repeat(np.repeat(radiance, 4, axis=0), 4, axis=1)
+    sine = np.sin(np.pi * v)[:, None]
+    power = luminance(light) * np.where(cosine > LEAST_COSINE, cosine, 0.0) * sine
+    rows = np.cumsum(power.sum(axis=1))
+    if not rows[-1] > 0:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    numbers = hammersley(count).astype(np.float64)
+    row = np.searchsorted(rows, numbers[:, 0] * rows[-1], side="right")
+    columns = np.cumsum(power[row], axis=1)
+    column = np.array(
+        [
+            np.searchsorted(one, x * one[-1], side="right")
+            for one, x in zip(columns, numbers[:, 1], strict=True)
+        ]
+    )
+    row, column = np.minimum(row, len(v) - 1), np.minimum(column, len(u) - 1)
+    color = light[row, column].astype(np.float64)
+    weights = color / luminance(color)[:, None]
+    return d[row, column], weights / np.maximum(weights.sum(axis=0), 1e-12)
+
+
+class GroundShadow:
+    """What is left of the ground's irradiance around a mesh; a square of the ground, drawn once."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        foot: np.ndarray,
+        radius: float,
+        up: np.ndarray,
+        radiance: np.ndarray,
+        count: int = NUM_DIRECTIONS,
+        grid: int = GRID,
+    ) -> None:
+        """Args: the mesh stands at foot [3] on the plane up . (x - foot) = 0; one frame for all."""
+        self.foot, self.up = foot, up
+        self.side, self.across = orthonormal_basis(up)
+        self.reach = REACH * radius
+        self.grid = grid
+        self.ratio = self._draw(mesh, radiance, count)  # [G, G, 3]
+
+    def _draw(self, mesh: Mesh, radiance: np.ndarray, count: int) -> np.ndarray:
+        relative = mesh.positions - self.foot
+        height = relative @ self.up
+        left = np.ones((self.grid * self.grid, 3))
+        for direction, weight in zip(*sample_sky(radiance, self.up, count), strict=True):
+            landed = relative - (height / (direction @ self.up))[:, None] * direction
+            corners = self._cells(landed)[mesh.faces]
+            hidden = cover(corners, self.grid)[2]
+            shadow = np.zeros(self.grid * self.grid, bool)
+            shadow[hidden] = True
+            left[shadow] -= weight
+        left = left.reshape(self.grid, self.grid, 3)
+        at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
+        inward = np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
+        return 1.0 - (1.0 - np.clip(left, 0.0, 1.0)) * inward
+
+    def _cells(self, relative: np.ndarray) -> np.ndarray:
+        """Column and row on the grid [..., 2] of points relative to the foot."""
+        at = np.stack([relative @ self.side, relative @ self.across], axis=-1)
+        return (at / self.reach + 1) * self.grid / 2
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """The ratio [P, 3] in [0, 1] at points [P, 3] of the ground; exactly 1 outside the square."""
+        cell = self._cells(points - self.foot) - 0.5
+        inside = np.isfinite(cell).all(axis=-1) & ((cell >= 0) & (cell < self.grid - 1)).all(axis=-1)
+        ratio = np.ones((len(points), 3))
+        cell = cell[inside]
+        low = np.floor(cell).astype(int)
+        x, y = (cell - low).T[..., None]
+        column, row = low.T
+        upper = self.ratio[row, column] * (1 - x) + self.ratio[row, column + 1] * x
+        lower = self.ratio[row + 1, column] * (1 - x) + self.ratio[row + 1, column + 1] * x
+        ratio[inside] = upper * (1 - y) + lower * y
+        return ratio
+
+
+def sky_irradiance(radiance: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """E [3] on the ground of a map, its normal up."""
+    return bilinear(irradiance_map(radiance), direction_to_uv(np.asarray(up, np.float32)[None]))[0]

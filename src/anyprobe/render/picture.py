@@ -1,0 +1,64 @@
+"""A picture of a mesh under a map: linear radiance and coverage, split-sum shading, soft edges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from anyprobe.core.sampling import hammersley
+from anyprobe.light.octahedral import build_pyramid
+from anyprobe.render.integrate import NUM_LAMPS, shade
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import Camera, see
+from anyprobe.scatter.brdf import Material
+
+NUM_SAMPLES = 64
+SUPERSAMPLE = 3
+CHUNK = 4096
+
+
+def draw_mesh(
+    mesh: Mesh,
+    camera: Camera,
+    radiance: np.ndarray,
+    material: Material,
+    num_samples: int = NUM_SAMPLES,
+    supersample: int = SUPERSAMPLE,
+) -> np.ndarray:
+    """The mesh as the camera sees it; distant light, nothing shadows anything.
+
+    A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their
+    normals.
+
+    Args:
+        camera: in the mesh's frame.
+        radiance: [H, 2H, 3] linear, in the same frame.
+    Returns:
+        [S, S, 4] float32: linear radiance in the map's units, 0 where nothing is, and coverage in [0, 1].
+        The radiance is the object's own, not multiplied by the coverage.
+    """
+    size = camera.size
+    fine = see(mesh, replace(camera, size=size * supersample))
+    row, column = np.nonzero(fine.mask)
+    pixel = row // supersample * size + column // supersample
+    count = np.bincount(pixel, minlength=size * size)
+    seen = np.nonzero(count)[0]
+    n, wo = (_mean_direction(v, pixel, size * size)[seen] for v in (fine.normals, fine.wo))
+    turn = np.asarray(camera.world_from_camera, np.float32).T
+    n, wo = n @ turn, wo @ turn
+    pyramid, u = build_pyramid(np.asarray(radiance, np.float32), lamps=NUM_LAMPS), hammersley(num_samples)
+    picture = np.zeros((size * size, 4), np.float32)
+    picture[:, 3] = count / supersample**2
+    for some in np.array_split(np.arange(len(seen)), max(1, -(-len(seen) // CHUNK))):
+        if len(some):
+            shading = shade(pyramid, n[some], wo[some], material.alpha, u)
+            picture[seen[some], :3] = shading.radiance(material)
+    return picture.reshape(size, size, 4)
+
+
+def _mean_direction(vectors: np.ndarray, pixel: np.ndarray, count: int) -> np.ndarray:
+    """Unit means [count, 3] of the vectors [P, 3] that fall into each pixel [P]."""
+    total = np.stack([np.bincount(pixel, vectors[:, k], count) for k in range(3)], axis=-1)
+    length = np.linalg.norm(total, axis=-1, keepdims=True)
+    return (total / np.maximum(length, 1e-12)).astype(np.float32)

@@ -1,0 +1,108 @@
+"""What a mesh leaves of the ground's light: closed forms for a ball, lamps and places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anyprobe.core.frames import rotation_x
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.relight.shadow import GroundShadow, sample_sky, sky_irradiance
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.shapes import sphere
+
+RADIUS = 0.5
+UP = np.array([0.0, 1.0, 0.0])
+FOOT = np.array([0.3, -2.0, -4.0])
+
+
+def ball(up: np.ndarray = UP) -> Mesh:
+    """A ball of RADIUS that touches the ground at FOOT."""
+    mesh = sphere(24)
+    return Mesh(
+        positions=mesh.positions * RADIUS + FOOT + RADIUS * up, faces=mesh.faces, normals=mesh.normals
+    )
+
+
+def lamp_map(direction, color=(60.0, 60.0, 60.0), radius_deg: float = 4.0) -> np.ndarray:
+    toward = np.asarray(direction, float) / np.linalg.norm(direction)
+    inside = pixel_directions(64) @ toward > np.cos(np.radians(radius_deg))
+    return (inside[..., None] * np.asarray(color)).astype(np.float32)
+
+
+def around(shadow: GroundShadow, distance: float, count: int = 64) -> np.ndarray:
+    """Points of the ground on a circle around FOOT."""
+    angle = np.arange(count) * 2 * np.pi / count
+    circle = np.cos(angle)[:, None] * shadow.side + np.sin(angle)[:, None] * shadow.across
+    return FOOT + distance * circle
+
+
+@pytest.mark.parametrize("distance", [0.6, 1.0, 2.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+def test_ball_under_an_even_sky_hides_its_form_factor(distance, tilt):
+    """A ball of radius r, all above the horizon, seen from D away at height h, hides (h / D) (r / D)^2."""
+    up = rotation_x(tilt) @ UP
+    even = np.ones((32, 64, 3), np.float32)
+    shadow = GroundShadow(ball(up), FOOT, RADIUS, up, even, count=1024, grid=128)
+    squared = (distance * RADIUS) ** 2 + RADIUS**2
+    hidden = 1 - shadow.at(around(shadow, distance * RADIUS)).mean()
+    assert hidden == pytest.approx(RADIUS**3 / squared**1.5, rel=0.05)
+
+
+def test_point_of_contact_is_black():
+    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, np.ones((32, 64, 3), np.float32))
+    assert shadow.at(FOOT[None]).max() < 0.1
+
+
+@pytest.mark.parametrize("direction", [(1, 1, 0), (-1, 2, 1), (0.2, 1, -1.0)])
+def test_small_light_throws_the_shadow_where_its_rays_land(direction):
+    toward = np.asarray(direction) / np.linalg.norm(direction)
+    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, lamp_map(toward))
+    centre = FOOT + RADIUS * UP - RADIUS / toward[1] * toward  # of the ball, along the ray to the ground
+    across = np.cross(toward, UP) / np.linalg.norm(np.cross(toward, UP))
+    assert shadow.at(centre[None]).max() < 0.02
+    assert shadow.at((centre + 0.8 * RADIUS * across)[None]).max() < 0.05
+    assert shadow.at((centre + 1.2 * RADIUS * across)[None]).min() > 0.95
+    opposite = FOOT - 2 * (centre - FOOT)
+    assert shadow.at(opposite[None]).min() == 1
+
+
+def test_wider_light_throws_a_softer_shadow():
+    """The width of the edge of a far shadow grows with the lamp."""
+    toward = np.array([1.0, 0.7, 0.0]) / np.linalg.norm([1.0, 0.7, 0.0])
+    partly = []
+    for radius_deg in (3.0, 12.0):
+        shadow = GroundShadow(ball(), FOOT, RADIUS, UP, lamp_map(toward, radius_deg=radius_deg))
+        partly.append(((shadow.ratio > 0.1) & (shadow.ratio < 0.9)).sum())
+    assert partly[1] > 2 * partly[0]
+
+
+def test_shadow_has_the_other_lights_color():
+    """A red lamp and a blue one: where the red one is hidden, blue is left."""
+    red, blue = np.array([1.0, 1, 0]), np.array([-1.0, 1, 0])
+    light = lamp_map(red, (60, 0, 0)) + lamp_map(blue, (0, 0, 60))
+    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, light, count=512)
+    left = shadow.at((FOOT + RADIUS * UP - RADIUS * red)[None])[0]
+    assert left[0] < 0.05
+    assert left[2] > 0.95
+
+
+def test_directions_share_the_irradiance(rng):
+    """A sum over the sky's samples is the integral: of 1, and of the direction's x."""
+    light = rng.gamma(0.5, 1.0, (32, 64, 3)).astype(np.float32)
+    directions, weights = sample_sky(light, UP, 4096)
+    np.testing.assert_allclose(weights.sum(axis=0), 1, rtol=1e-9)
+    d = pixel_directions(32)
+    power = light * (np.maximum(d[..., 1], 0) * np.sqrt(1 - d[..., 1] ** 2))[..., None]
+    expected = np.einsum("hwc,hwk->ck", power, d) / power.sum(axis=(0, 1))[:, None]
+    np.testing.assert_allclose(weights.T @ directions, expected, atol=0.03)
+    assert (directions @ UP > 0).all()
+
+
+def test_black_map_throws_no_shadow():
+    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, np.zeros((16, 32, 3), np.float32))
+    assert shadow.ratio.min() == 1
+
+
+def test_even_sky_lights_the_ground_with_pi():
+    np.testing.assert_allclose(sky_irradiance(np.ones((32, 64, 3), np.float32), UP), np.pi, rtol=1e-3)

@@ -1,0 +1,254 @@
+"""anyprobe relight and Light.render: where the object stands, what changes, what does not, what is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import ball_photo, made_map
+
+import anyprobe
+from anyprobe.core.response import response
+from anyprobe.files.images import read_image
+from anyprobe.infer.photo import load_photo
+from anyprobe.light.filtering import irradiance_map
+from anyprobe.relight.appearance import material_from_photo
+from anyprobe.relight.objects import OBJECTS, open_object
+from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.shadow import REACH
+from anyprobe.render.shapes import sphere
+from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.presets import MATERIALS
+
+WIDTH, HEIGHT, DIAMETER = 240, 160, 60
+WHITE = Material(albedo=np.ones(3), f0=np.zeros(3), alpha=1.0)
+
+
+@pytest.fixture
+def photo():
+    return load_photo(ball_photo((60, 90), DIAMETER, HEIGHT, WIDTH))
+
+
+@pytest.fixture
+def stage(photo):
+    return Stage(photo, sphere(24))
+
+
+# Light.render
+
+
+def test_render_is_linear_radiance_and_coverage():
+    light = anyprobe.Light(radiance=np.full((16, 32, 3), 0.5, np.float32))
+    metal = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.1)
+    picture = light.render(sphere(24), metal, size=32)
+    assert picture.shape == (32, 32, 4)
+    inside = picture[..., 3] == 1
+    assert 0.55 < inside.mean() < np.pi / 4
+    np.testing.assert_allclose(picture[10:22, 10:22, :3], 0.5, rtol=0.02)  # the white furnace
+    assert picture[0, 0].max() == 0
+
+
+def test_render_agrees_with_lambert():
+    """A white Lambert ball sends E(n) / pi to a far camera; but for the Schlick term's grazing sheen."""
+    light = anyprobe.Light(radiance=made_map())
+    picture = light.render(sphere(48), WHITE, size=32, fov_deg=2.0)
+    middle = irradiance_map(made_map())[8, 16] / np.pi  # near the horizon, in front: the far side
+    behind = irradiance_map(made_map())[7:9][:, [0, -1]].mean(axis=(0, 1)) / np.pi
+    np.testing.assert_allclose(picture[14:18, 14:18, :3].mean(axis=(0, 1)), behind, rtol=0.03)
+    assert np.abs(behind / middle - 1).max() > 0.1  # the two can be told apart
+
+
+def test_render_turns_with_the_camera():
+    """A camera on the lamp's side sees the lit side."""
+    light = anyprobe.Light(radiance=made_map())
+    half_turn = np.diag([-1.0, 1.0, -1.0])
+    toward = light.render(sphere(24), "matte", size=24)[..., :3].sum()
+    away = light.render(sphere(24), "matte", size=24, world_from_camera=half_turn)[..., :3].sum()
+    assert toward > 1.3 * away  # the lamp is behind the camera, z = 0.5
+
+
+# Where it stands
+
+
+@pytest.mark.parametrize(("center_x", "side"), [(60, 1), (180, -1)])
+def test_object_stands_beside_on_the_same_row(center_x, side):
+    photo = load_photo(ball_photo((center_x, 90), DIAMETER, HEIGHT, WIDTH))
+    stage = Stage(photo, sphere(24), Arrangement(size=0.8))
+    pixels = stage.view.pixels(stage.placement.mesh.positions)
+    assert pixels[:, 1].max() == pytest.approx(90 + DIAMETER / 2, abs=1.0)
+    assert (pixels[:, 0].mean() - center_x) * side > DIAMETER / 2
+    assert np.ptp(pixels[:, 0]) == pytest.approx(0.8 * DIAMETER, rel=0.1)
+    left, right = pixels[:, 0].min(), pixels[:, 0].max()
+    assert left >= 0
+    assert right <= WIDTH
+    assert (left > center_x + DIAMETER / 2) if side > 0 else (right < center_x - DIAMETER / 2)
+
+
+def test_foot_is_where_it_was_asked(photo):
+    stage = Stage(photo, sphere(24), Arrangement(at=(170, 140), pitch_deg=10))
+    np.testing.assert_allclose(stage.view.pixels(stage.placement.foot), [170, 140], atol=1e-6)
+    assert stage.placement.foot @ stage.view.up == pytest.approx(-1)
+    heights = stage.placement.mesh.positions @ stage.view.up + 1
+    assert heights.min() == pytest.approx(0, abs=1e-6)
+
+
+def test_further_is_smaller(photo):
+    sizes = []
+    for row in (110, 150):
+        mesh = Stage(photo, sphere(24), Arrangement(at=(170, row), pitch_deg=15)).placement.mesh
+        sizes.append(np.ptp(Stage(photo, sphere(24)).view.pixels(mesh.positions)[:, 0]))
+    assert sizes[0] < 0.8 * sizes[1]
+
+
+@pytest.mark.parametrize("name", list(OBJECTS))
+def test_objects_of_our_own_stand_on_their_base(photo, name):
+    mesh = open_object(name)
+    assert np.linalg.norm(mesh.positions, axis=1).max() <= 1.001
+    Stage(photo, mesh)
+
+
+def test_real_object_in_front_hides_the_virtual_one(photo):
+    foot = 90 + DIAMETER // 2 - 12
+    stage = Stage(photo, sphere(24), Arrangement(at=(75, foot), size=1.0, pitch_deg=15))
+    picture = stage.relit(made_map(), "gold", "own")
+    inside = photo.mask > 0.99
+    np.testing.assert_array_equal(picture[inside], photo.rgb[inside])
+    assert (picture != photo.rgb).any()
+
+
+# What changes
+
+
+def test_far_pixels_keep_their_bits(photo, stage):
+    picture = stage.relit(made_map(), "gold", "own")
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
+    away = np.linalg.norm(stage.view.on_ground(columns, rows) - stage.placement.foot, axis=-1)
+    away = np.where(np.isfinite(away), away, np.inf)  # above the horizon
+    left, top, side = stage.window.left, stage.window.top, stage.window.size
+    drawn = (columns > left) & (columns < left + side) & (rows > top) & (rows < top + side)
+    far = (away > 1.5 * REACH * stage.placement.radius) & ~drawn
+    assert far.mean() > 0.4
+    np.testing.assert_array_equal(picture[far], photo.rgb[far])
+    np.testing.assert_array_equal(picture[photo.mask == 1], photo.rgb[photo.mask == 1])
+    near = (away < stage.placement.radius) & ~drawn | drawn
+    assert (picture[near] != photo.rgb[near]).any(axis=-1).mean() > 0.5
+
+
+def test_white_object_shows_the_light_through_the_camera(photo, stage):
+    """Under an even light of 0.5 a white furnace's ball is response(0.5)."""
+    metal = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.05)
+    picture = stage.relit(np.full((16, 32, 3), 0.5, np.float32), metal, "own")
+    middle = stage.view.pixels(stage.placement.mesh.positions.mean(axis=0)).astype(int)
+    np.testing.assert_allclose(picture[middle[1], middle[0]], response(np.full(3, 0.5)), atol=0.01)
+
+
+def test_shadow_lies_away_from_the_lamp(photo):
+    """The made map's lamp is at the upper left behind the camera: the shadow falls to the right."""
+    stage = Stage(photo, sphere(24), Arrangement(at=(140, 130), size=0.6, pitch_deg=25))
+    darker = stage.shadow(made_map())
+    offset = 1.4 * stage.placement.radius * np.array([1.0, 0, 0])
+    right, left = (
+        darker.at(stage.placement.foot[None] + offset),
+        darker.at(stage.placement.foot[None] - offset),
+    )
+    assert right.mean() < left.mean() - 0.2
+
+
+def test_material_of_the_photo_is_found_again():
+    """A red Lambert-like ball under a known map: its albedo to a tenth."""
+    albedo = np.array([0.6, 0.2, 0.1])
+    truth = Material(albedo=albedo, f0=np.full(3, 0.045), alpha=0.8)
+    light = anyprobe.Light(radiance=made_map())
+    drawn = light.render(sphere(32), truth, size=80, fov_deg=5.0)
+    photo = load_photo(np.dstack([response(drawn[..., :3]), drawn[..., 3]]).astype(np.float32))
+    found = material_from_photo(photo, made_map())
+    np.testing.assert_allclose(found.albedo, albedo, rtol=0.1)
+    assert found.alpha == 0.8
+
+
+# The command
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_writes_the_picture_and_says_where(command, work, photo_path):
+    done = command(
+        "relight", photo_path, "--object", "vase", "--material", "gold", "--renderer", "own", "--json"
+    )
+    assert done.status == 0, done.err
+    told = json.loads(done.out)
+    assert told["picture"] == str(photo_path.with_name("ball_relit.png"))
+    assert told["renderer"] == "own"
+    assert read_image(told["picture"]).rgb.shape == (96, 128, 3)
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
+    done = command("relight", photo_path, "--strip", "--renderer", "own", "-o", "strip.png")
+    assert done.status == 0, done.err
+    picture = read_image(work / "strip.png").rgb
+    assert picture.shape == (96, 6 * 128, 3)
+    parts = np.split(picture, 6, axis=1)
+    with Image.open(photo_path) as opened:
+        np.testing.assert_allclose(parts[0], np.asarray(opened)[..., :3] / 255, atol=1e-6)
+    for one, other in zip(parts, parts[1:], strict=False):
+        assert np.abs(one - other).max() > 0.02
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--object", "bunni"), ("ball, vase", "'bunni'")),
+        (("--object", "absent.glb"), ("mesh file", "found none")),
+        (("--material", "glass"), ("chrome, gold", "'glass'")),
+        (("--at", "12"), ("X,Y", "'12'")),
+        (("--at", "nan,4"), ("X,Y", "'nan,4'")),
+        (("--at", "60,2"), ("above the horizon",)),
+        (("--size", "0"), ("0.02 to 20",)),
+        (("--pitch", "-50"), ("below the horizon",)),
+        (("-o", "out.jpg"), (".png", ".jpg")),
+    ],
+)
+@pytest.mark.usefixtures("networks_opened_once")
+def test_bad_option_is_refused_in_one_line(command, work, photo_path, arguments, words):
+    complaint = command("relight", photo_path, "--renderer", "own", *arguments).complaint
+    for word in words:
+        assert word in complaint
+    assert sorted(path.name for path in photo_path.parent.iterdir()) == ["ball.png"]
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_photo_is_never_replaced(command, work, photo_path):
+    before = photo_path.read_bytes()
+    assert "replace an input" in command("relight", photo_path, "-o", photo_path).complaint
+    assert photo_path.read_bytes() == before
+
+
+# Mitsuba
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["gold", "plastic", "matte"])
+def test_paths_agree_with_our_shading_on_a_ball(name):
+    """Nothing shadows a ball: Mitsuba's picture is ours but for noise and the mean over a pixel."""
+    mitsuba = pytest.importorskip("anyprobe.relight.path_traced")
+    try:
+        mitsuba.open_mitsuba()
+    except anyprobe.MissingExtra as reason:
+        pytest.skip(str(reason))
+    from anyprobe.render.picture import draw_mesh
+    from anyprobe.render.surface import frame_object
+
+    mesh, light = sphere(48), made_map()
+    material = replace(MATERIALS[name], alpha=max(MATERIALS[name].alpha, 0.35))  # even over a pixel
+    camera = frame_object(mesh, np.eye(3), 30.0, size=24)
+    ours = draw_mesh(mesh, camera, light, material, num_samples=512)
+    theirs = mitsuba.trace_mesh(mesh, camera, light, material, num_paths=1024)
+    np.testing.assert_allclose(theirs[..., 3], ours[..., 3], atol=0.17)  # of 9 points and of 1024
+    inside = (ours[..., 3] == 1) & (theirs[..., 3] == 1)
+    difference = (ours - theirs)[inside][:, :3]
+    mean = theirs[inside][:, :3].mean(axis=0)
+    np.testing.assert_allclose(difference.mean(axis=0) / mean, 0, atol=0.01)
+    assert np.sqrt(np.square(difference).mean()) < 0.06 * mean.mean()
