@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import platform
-import resource
-import sys
+import re
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -62,19 +62,13 @@ def best_time(call: Callable[[], Any], *, repetitions: int = 7, seconds: float =
             return float(best)
 
 
-def rss_mb() -> float:
-    """Memory that this process holds now [MB]; where there is no /proc, its peak."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except OSError:
-        return peak_rss_mb()
-    return pages * resource.getpagesize() / 1e6
-
-
-def peak_rss_mb() -> float:
-    """The most memory that this process ever held [MB]."""
-    unit = 1.0 if sys.platform == "darwin" else 1024.0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+def held_mb() -> float:
+    """Memory that this process and its workers hold now [MB], shared pages once each; needs Linux's /proc."""
+    total = 0
+    for process in (os.getpid(), *(child.pid for child in active_children())):
+        rollup = Path(f"/proc/{process}/smaps_rollup").read_text(encoding="ascii")
+        total += int(re.search(r"^Pss: +([0-9]+) kB", rollup, re.MULTILINE).group(1))
+    return total * 1024 / 1e6
 
 
 def cpu_model() -> str:

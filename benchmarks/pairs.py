@@ -4,63 +4,87 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import replace
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from measure import peak_rss_mb, rss_mb
+from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.pairs import LN_RANGE, PairSource
+from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
 from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
 from anyprobe.dataset.stock import Stock, load_stock
-from anyprobe.train.config import RUNS
+from anyprobe.dataset.stream import stream
+from anyprobe.train.config import RUNS, RunConfig
 from anyprobe.train.loop import make_pairs
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""
 
 
-def open_source(
-    data: Path | None, device: str, compiled: bool, quick: bool, cache: Path, threads: int
-) -> PairSource:
-    """The pairs that `anyprobe train paper` learns from; quick: six maps and shapes of our own, fewer views."""
-    warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
-    torch.set_num_threads(threads)
-    config = RUNS["paper"]()
-    if quick:
-        config = replace(
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Setup:
+    """Where and how pairs are made.
+
+    data: folder with hdri and meshes, None for assets of our own; quick: six maps and shapes, fewer views.
+    cores: as many processes of one thread each on the CPU; a GPU is fed by this process.
+    """
+
+    data: Path | None
+    device: str
+    compiled: bool
+    quick: bool
+    cache: Path
+    cores: int
+
+    @property
+    def workers(self) -> int:
+        """Processes beside this one."""
+        return self.cores if self.device == "cpu" else 0
+
+    def config(self) -> RunConfig:
+        """What `anyprobe train paper` learns from."""
+        config = RUNS["paper"]()
+        if not self.quick:
+            return config
+        return replace(
             config,
             surfaces=replace(config.surfaces, views=1, procedural=6),
             light=replace(config.light, procedural=6),
         )
-    return make_pairs(config, data, cache, device, compiled)
+
+    def open_source(self) -> PairSource:
+        """The pairs themselves."""
+        warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
+        return make_pairs(self.config(), self.data, self.cache, self.device, self.compiled)
+
+    def batches(self, last: int) -> Iterator[Batch]:
+        """Batches 0 to last - 1, by the workers."""
+        return stream(self.open_source, 0, last, self.workers)
 
 
-def _finish(source: PairSource) -> None:
-    if source.device.startswith("cuda"):
-        torch.cuda.synchronize()
-
-
-def count_pairs(source: PairSource, seconds: float) -> tuple[int, float]:
+def count_pairs(batches: Iterator[Batch], config: PairConfig, seconds: float) -> tuple[int, float]:
     """Pairs made in whole periods of the pool's renewal for at least so many seconds, and the seconds."""
-    period = max(1, source.config.group * source.config.reuse // source.config.batch)
-    for step in range(2 * period):  # compiles, fills the pool
-        source.batch(step)
-    _finish(source)
-    step, start = 2 * period, time.perf_counter()
+    period = max(1, config.group * config.reuse // config.batch)
+    for _ in range(4 * period):  # compiles, fills every worker's pool
+        next(batches)
+    steps, start = 0, time.perf_counter()
     while True:
         for _ in range(period):
-            source.batch(step)
-            step += 1
-        _finish(source)
+            last = next(batches)
+            steps += 1
+        if last.photo.is_cuda:
+            torch.cuda.synchronize()
         elapsed = time.perf_counter() - start
         if elapsed >= seconds:
-            return (step - 2 * period) * source.config.batch, elapsed
+            return steps * config.batch, elapsed
 
 
 def straight_pair(recipe: Recipe, stock: Stock) -> tuple[np.ndarray, ...]:
@@ -74,8 +98,9 @@ def straight_pair(recipe: Recipe, stock: Stock) -> tuple[np.ndarray, ...]:
     return pair.photo, pair.irradiance, ldr, np.clip(np.log(np.clip(pair.radiance, 1e-6, None)), *LN_RANGE)
 
 
-def count_straight_pairs(stock: Stock, seconds: float) -> tuple[int, float]:
-    """Pairs of straight_pair in so many seconds, over all of the stock, and the seconds."""
+def count_straight_pairs(data: Path | None, seconds: float) -> tuple[int, float]:
+    """Pairs of straight_pair in so many seconds, over all of small_stock, and the seconds."""
+    stock = small_stock(data)
     map_ids, shape_ids = list(stock.maps), list(stock.shapes)
 
     def one(k: int) -> None:
@@ -107,57 +132,55 @@ def small_stock(data: Path | None) -> Stock:
     return Stock(maps[:4], shapes[:8])
 
 
-def measure_speed(
-    data: Path | None, device: str, compiled: bool, quick: bool, cache: Path, threads: int, seconds: float
-) -> dict[str, Any]:
+def measure_speed(setup: Setup, seconds: float) -> dict[str, Any]:
     """The pairs part's line."""
-    source = open_source(data, device, compiled, quick, cache, threads)
-    pairs, elapsed = count_pairs(source, seconds)
-    straight, straight_elapsed = count_straight_pairs(small_stock(data), seconds / 3)
-    speed, straight_speed = pairs / elapsed, straight / straight_elapsed
+    config = setup.config()
+    pairs, elapsed = count_pairs(setup.batches(10**9), config.pairs, seconds)
+    with ProcessPoolExecutor(setup.cores, mp_context=get_context("spawn")) as pool:
+        runs = [pool.submit(count_straight_pairs, setup.data, seconds / 3) for _ in range(setup.cores)]
+        straight = [run.result() for run in runs]
+    speed, straight_speed = pairs / elapsed, sum(count / spent for count, spent in straight)
     return {
         "part": "pairs",
-        "device": device,
-        "assets": "our own" if data is None else f"{data.name} and our own",
-        "maps": len(source.illuminator.pyramids),
-        "surfaces": len(source.surfaces.normals),
-        "batch": source.config.batch,
+        "device": setup.device,
+        "workers": setup.workers,
+        "assets": "our own" if setup.data is None else f"{setup.data.name} and our own",
+        "batch": config.pairs.batch,
         "pairs": pairs,
         "seconds": round(elapsed, 2),
         "pairs_per_second": round(speed, 2),
-        "straight_pairs": straight,
+        "straight_pairs": sum(count for count, _ in straight),
         "straight_pairs_per_second": round(straight_speed, 3),
         "speedup": round(speed / straight_speed, 2),
     }
 
 
-def measure_memory(
-    data: Path | None, device: str, compiled: bool, quick: bool, cache: Path, threads: int, pairs: int
-) -> dict[str, Any]:
-    """The memory part's line: resident memory while `pairs` pairs go by, none of them kept."""
-    source = open_source(data, device, compiled, quick, cache, threads)
-    batch = source.config.batch
-    period = max(1, source.config.group * source.config.reuse // batch)
-    for step in range(2 * period):
-        source.batch(step)
-    steps = max(2, -(-pairs // batch))
+def measure_memory(setup: Setup, pairs: int) -> dict[str, Any]:
+    """The memory part's line: what this process and its workers hold while `pairs` pairs go by, none kept."""
+    config = setup.config().pairs
+    warm = 4 * max(1, config.group * config.reuse // config.batch)
+    steps = max(2, -(-pairs // config.batch))
     marks = set(np.linspace(0, steps, min(MEMORY_POINTS, steps) + 1).astype(int).tolist())
-    made, held = [0], [rss_mb()]
+    batches = setup.batches(warm + steps)
+    for _ in range(warm):
+        next(batches)
+    made, held = [0], [held_mb()]
     for step in range(1, steps + 1):
-        source.batch(2 * period + step - 1)
+        next(batches)
         if step in marks:
-            made.append(step * batch)
-            held.append(rss_mb())
+            made.append(step * config.batch)
+            held.append(held_mb())
     slope = float(np.polyfit(made, held, 1)[0])
     result = {
         "part": "memory",
-        "device": device,
-        "pairs": steps * batch,
-        "rss_start_mb": round(held[0], 1),
-        "rss_end_mb": round(held[-1], 1),
-        "peak_mb": round(peak_rss_mb(), 1),
+        "device": setup.device,
+        "workers": setup.workers,
+        "pairs": steps * config.batch,
+        "start_mb": round(held[0], 1),
+        "end_mb": round(held[-1], 1),
+        "peak_mb": round(max(held), 1),
         "growth_mb_per_10000_pairs": round(slope * 1e4, 2),
     }
-    if device.startswith("cuda"):
+    if setup.device == "cuda":
         result["gpu_peak_mb"] = round(torch.cuda.max_memory_allocated() / 1e6, 1)
     return result

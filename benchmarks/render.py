@@ -19,7 +19,7 @@ import torch
 from ball import ALPHAS, KINDS, SIZE
 from equal_error import Effort, compare
 from measure import cpu_model, in_fresh_process
-from pairs import measure_memory, measure_speed
+from pairs import Setup, measure_memory, measure_speed
 from report import Report
 
 from anyprobe.errors import AnyprobeError, InputError
@@ -59,7 +59,14 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 def lines(options: argparse.Namespace, device: str) -> Iterator[dict[str, Any]]:
     """Every result in turn."""
     parts = options.only or PARTS
-    common = (options.data, device, not options.eager, options.quick, options.cache, options.threads)
+    setup = Setup(
+        data=options.data,
+        device=device,
+        compiled=not options.eager,
+        quick=options.quick,
+        cache=options.cache,
+        cores=options.threads,
+    )
     if "equal-error" in parts:
         effort = Effort.quick() if options.quick else Effort()
         yield from compare(
@@ -73,9 +80,9 @@ def lines(options: argparse.Namespace, device: str) -> Iterator[dict[str, Any]]:
             effort=effort,
         )
     if "pairs" in parts:
-        yield in_fresh_process(measure_speed, *common, 10.0 if options.quick else 60.0)
+        yield in_fresh_process(measure_speed, setup, 10.0 if options.quick else 60.0)
     if "memory" in parts:
-        yield in_fresh_process(measure_memory, *common, options.pairs or (2000 if options.quick else 100_000))
+        yield in_fresh_process(measure_memory, setup, options.pairs or (2000 if options.quick else 100_000))
 
 
 def _median(values: Iterable[float | None]) -> float | None:

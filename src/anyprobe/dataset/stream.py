@@ -1,0 +1,60 @@
+"""Batches made ahead by worker processes, in order, the same as one process makes.
+
+A step's arithmetic is many short loops: two processes of one thread each make more than
+twice as many pairs a second as one process of two threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from torch.utils.data import DataLoader, Dataset
+
+from anyprobe.dataset.pairs import Batch, PairSource
+
+AHEAD = 2
+"""Batches that each worker keeps ready."""
+
+
+class _Steps(Dataset):
+    """A source's batches by step number; every process opens its own source at its first batch."""
+
+    def __init__(self, open_source: Callable[[], PairSource], first: int, last: int) -> None:
+        self.open_source, self.first, self.last = open_source, first, last
+        self._source: PairSource | None = None
+
+    def __len__(self) -> int:
+        return self.last - self.first
+
+    def __getitem__(self, index: int) -> Batch:
+        if self._source is None:
+            self._source = self.open_source()
+        return self._source.batch(self.first + index)
+
+
+def stream(open_source: Callable[[], PairSource], first: int, last: int, workers: int) -> Iterator[Batch]:
+    """The batches of steps first to last - 1.
+
+    Each worker shades every lit material by itself, so that workers share nothing but the step's number.
+
+    Args:
+        open_source: picklable; gives the source on the CPU.
+        workers: processes of one thread each; 0 makes the batches here, on this process's threads.
+    """
+    steps = _Steps(open_source, first, last)
+    if workers == 0:
+        return (steps[index] for index in range(len(steps)))
+    return iter(
+        DataLoader(
+            steps,
+            batch_size=None,
+            num_workers=workers,
+            prefetch_factor=AHEAD,
+            multiprocessing_context="spawn",
+            collate_fn=_as_it_is,
+        )
+    )
+
+
+def _as_it_is(batch: Batch) -> Batch:
+    return batch

@@ -1,0 +1,49 @@
+"""Batches by worker processes: the same, in the same order, as one process makes."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+
+from anyprobe.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.stream import stream  # noqa: E402
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+
+
+def open_source(seed: int) -> PairSource:
+    torch.set_num_threads(1)
+    light = np.random.default_rng(seed).random((16, 32, 3)).astype(np.float32)
+    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
+    return PairSource(
+        Illuminator([light], compiled=False), surfaces, PairConfig(batch=2, seed=seed, group=2, pool=2)
+    )
+
+
+@pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on one core
+def test_workers_make_other_batches_than_one_process():
+    threads = torch.get_num_threads()
+    try:
+        source = open_source(3)
+        made = list(stream(partial(open_source, 3), 5, 9, workers=2))
+        assert len(made) == 4
+        for step, batch in zip(range(5, 9), made, strict=True):
+            expected = source.batch(step)
+            for name in ("photo", "irradiance", "ldr", "ln_radiance", "alpha"):
+                assert torch.equal(getattr(batch, name), getattr(expected, name)), (step, name)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def test_without_workers_this_process_makes_them():
+    made = list(stream(partial(open_source, 3), 2, 4, workers=0))
+    assert [batch.photo.shape for batch in made] == [(2, 4, 128, 128)] * 2
+
+
+def test_a_fault_in_a_worker_is_swallowed():
+    with pytest.raises(TypeError):
+        next(stream(partial(open_source, None, 1), 0, 1, workers=1))
