@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.export import blender, estimates, mitsuba, three, unity, unreal, usd
+from anyprobe.export import blender, cube, estimates, gltf, mitsuba, three, unity, unreal, usd
 from anyprobe.export.frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame
 from anyprobe.export.light import ExportedLight, prepare, sidecar, write_json
 from anyprobe.files.atomic import atomic_files
@@ -35,6 +35,10 @@ TARGETS = {
     "unreal": Target(write=unreal.write, frame=UNREAL),
     "usd": Target(write=usd.write, frame=OPENEXR),
     "mitsuba": Target(write=mitsuba.write, frame=OPENEXR),
+    "gltf": Target(write=gltf.write, frame=FRONT),
+    "cube": Target(write=cube.write_faces, frame=FRONT),
+    "ktx2": Target(write=cube.write_ktx2, frame=FRONT),
+    "dds": Target(write=cube.write_dds, frame=FRONT),
     "webxr": Target(write=estimates.write_webxr, frame=FRONT),
     "arcore": Target(write=estimates.write_arcore, frame=FRONT),
     "arkit": Target(write=estimates.write_arkit, frame=FRONT),

@@ -1,0 +1,76 @@
+"""Six square faces instead of one map: order, addressing, resampling and mips.
+
+Faces are +X, -X, +Y, -Y, +Z, -Z and addressed as OpenGL, Direct3D, KTX2 and DDS do: row 0 first in
+the file, t down, with c the direction that the cube is asked for:
+
+    face     +X   -X   +Y   -Y   +Z   -Z
+    2s - 1   -z   +z   +x   +x   +x   -x     each over the face's own |component|
+    2t - 1   -y   -y   +z   -z   -y   -y
+
+That layout is left-handed: looked at from inside, every face is the picture that is seen there only
+if c is our direction with x turned round. three.js, which does so for every cube it loads, and all
+programs that keep left-handed cubes in a right-handed world then show our light as it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.latlong import bilinear, direction_to_uv
+
+FACES = ("px", "nx", "py", "ny", "pz", "nz")
+
+C_FROM_OURS = np.array([-1.0, 1.0, 1.0])
+"""c = (-x, y, z)."""
+
+SUPERSAMPLE = 4
+"""Reads of the map along each side of a texel; a lamp of one pixel is then not missed."""
+
+
+def face_directions(size: int) -> np.ndarray:
+    """Unit directions c of the texels' centres, [6, S, S, 3]."""
+    a = (np.arange(size) + 0.5) / size * 2 - 1
+    s, t = np.meshgrid(a, a)
+    one = np.ones_like(s)
+    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
+    c = np.stack([np.stack(face, axis=-1) for face in faces])
+    return c / np.linalg.norm(c, axis=-1, keepdims=True)
+
+
+def face_size(height: int) -> int:
+    """Side of the faces for a map of so many rows: the power of two from `height` on, 1024 at most."""
+    return min(1024, 1 << max(0, (height - 1).bit_length()))
+
+
+def cube_faces(radiance: np.ndarray, size: int) -> np.ndarray:
+    """Our map [H, 2H, 3] on six faces [6, S, S, 3] float32, every texel an average over its square."""
+    fine = face_directions(size * SUPERSAMPLE) * C_FROM_OURS
+    values = np.stack([bilinear(radiance, direction_to_uv(face)) for face in fine])
+    squares = values.reshape(6, size, SUPERSAMPLE, size, SUPERSAMPLE, 3)
+    return squares.mean(axis=(2, 4)).astype(np.float32)
+
+
+def box_mips(faces: np.ndarray) -> list[np.ndarray]:
+    """The faces [6, S, S, 3] and their halves down to 1 x 1; S a power of two."""
+    levels = [faces]
+    while levels[-1].shape[1] > 1:
+        half = levels[-1].shape[1] // 2
+        levels.append(levels[-1].reshape(6, half, 2, half, 2, 3).mean(axis=(2, 4)))
+    return levels
+
+
+def clipped_share(faces: np.ndarray, limit: float) -> float:
+    """Share of the energy of faces [6, S, S, 3] that lies above limit, weighted by solid angle."""
+    size = faces.shape[1]
+    a = (np.arange(size) + 0.5) / size * 2 - 1
+    weights = (1 + a[:, None] ** 2 + a**2) ** -1.5
+    energy = float((faces * weights[None, :, :, None]).sum())
+    lost = float((np.maximum(faces - limit, 0) * weights[None, :, :, None]).sum())
+    return lost / energy if energy > 0 else 0.0
+
+
+def to_half_rgba(faces: np.ndarray, limit: float) -> np.ndarray:
+    """[6, S, S, 3] to [6, S, S, 4] float16, clamped, alpha 1."""
+    rgba = np.ones((*faces.shape[:3], 4), np.float16)
+    rgba[..., :3] = np.minimum(faces, limit)
+    return rgba

@@ -1,0 +1,81 @@
+"""Blender runs the exported script, and imports the exported USD: what Cycles then sees and lights.
+
+bpy needs Python 3.11 and NumPy 1, so that it may live in an environment of its own: set
+ANYPROBE_BPY to that environment's python.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import support
+from support.two_phase import assert_same_way_round, probe_directions, two_phase
+
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.export.targets import export
+from anyprobe.light.main_light import find_main_light
+
+pytestmark = pytest.mark.slow
+
+SCRIPT = Path(support.__path__[0]) / "blender_recovers.py"
+D = probe_directions(24)
+N = np.array([[0, 0, 1.0], [0, 1, 0], [1, 0, 0], [-0.6, 0.8, 0], [0, -0.6, -0.8]])
+BLENDER = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+"""Blender's (x, -z, y) from ours."""
+
+
+@pytest.fixture(scope="module")
+def python():
+    found = os.environ.get("ANYPROBE_BPY", sys.executable)
+    tried = subprocess.run([found, "-c", "import bpy"], capture_output=True, text=True, check=False)
+    if tried.returncode:
+        pytest.skip("Blender as a module is needed (pip install bpy==5.0.1 for Python 3.11; ANYPROBE_BPY)")
+    return found
+
+
+def light_of(height=64):
+    radiance = 0.4 * two_phase(height)
+    radiance[12:15, 100:104] += (40, 30, 20)
+    return radiance
+
+
+def recover(python, path, folder):
+    order, answer = folder / "order.json", folder / "answer.json"
+    order.write_text(
+        json.dumps({"directions": (D @ BLENDER.T).tolist(), "normals": (N @ BLENDER.T).tolist()})
+    )
+    subprocess.run(
+        [python, str(SCRIPT), str(path), str(order), str(answer)],
+        check=True,
+        capture_output=True,
+        timeout=500,
+    )
+    return json.loads(answer.read_text())
+
+
+def irradiance(radiance):
+    d = pixel_directions(radiance.shape[0]).astype(np.float64)
+    cosine = np.maximum(np.einsum("nc,hwc->nhw", N, d), 0) * pixel_solid_angles(radiance.shape[0])
+    return np.einsum("nhw,hwc->nc", cosine, radiance)
+
+
+@pytest.mark.parametrize("target", ["blender", "usd"])
+def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
+    radiance = light_of()
+    suffix = {"blender": ".py", "usd": ".usda"}[target]
+    path = next(p for p in export(radiance, target, tmp_path, "two phase") if p.suffix == suffix)
+    found = recover(python, path, tmp_path)
+    off = (D @ find_main_light(radiance).direction) < 0.95
+    assert_same_way_round(np.array(found["seen"])[off] / 0.4, D[off], degrees=1.5)
+    main = find_main_light(radiance)
+    (sun,) = found["suns"]
+    np.testing.assert_allclose(sun["towards"], BLENDER @ main.direction, atol=1e-3)
+    if target == "blender":
+        np.testing.assert_allclose(np.multiply(sun["color"], sun["energy"]), main.irradiance, rtol=1e-3)
+        np.testing.assert_allclose(found["lit"], irradiance(radiance) / np.pi, rtol=0.06, atol=0.01)

@@ -1,0 +1,58 @@
+"""three.js in a real browser: background, environment, LightProbe and DirectionalLight of an export."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.browser import run_steps
+from support.two_phase import assert_same_way_round, probe_directions, two_phase
+
+from anyprobe.export.targets import export
+from anyprobe.light.harmonics import irradiance, project
+from anyprobe.light.main_light import split_main_light
+
+pytestmark = pytest.mark.slow
+
+D = probe_directions(24)
+
+
+def lit(url: str, radiance: np.ndarray, folder) -> dict[str, np.ndarray]:
+    export(radiance, "three", folder, "two phase")
+    seen = run_steps(
+        "three_light.mjs",
+        url,
+        {"module": "/export/two%20phase_three.js", "directions": D.tolist()},
+    )
+    return {key: value if key == "sun" else np.array(value) for key, value in seen.items()}
+
+
+def test_background_environment_and_probe_disagree(site, tmp_path):
+    radiance = two_phase(64)
+    seen = lit(site, radiance, tmp_path)
+    assert_same_way_round(seen["background"], D, degrees=2.5)
+    assert_same_way_round(
+        seen["environment"], D, degrees=6
+    )  # its prefiltered cube is 256 texels wide at most
+    sh = project(radiance)
+    np.testing.assert_allclose(seen["probe"], irradiance(sh, D.astype(np.float32)) / np.pi, atol=2e-3)
+
+
+def test_sun_and_ambient_probe_are_not_the_whole_light(site, tmp_path):
+    """A white ball's middle, facing every direction: E of the rest by SH, and of the sun by its cosine."""
+    radiance = 0.2 * two_phase(64)
+    radiance[14:17, 90:94] += (60, 50, 40)
+    seen = lit(site, radiance, tmp_path)
+    main, ambient = split_main_light(radiance)
+    np.testing.assert_allclose(seen["sun"]["position"], main.direction, atol=1e-5)
+    np.testing.assert_allclose(
+        np.multiply(seen["sun"]["color"], seen["sun"]["intensity"]), main.irradiance, rtol=1e-4
+    )
+    cosine = np.maximum(D @ main.direction, 0)[:, None]
+    wanted = (irradiance(project(ambient), D.astype(np.float32)) + cosine * main.irradiance) / np.pi
+    np.testing.assert_allclose(seen["split"], wanted, rtol=0.01, atol=2e-3)
+
+
+def test_furnace(site, tmp_path):
+    seen = lit(site, np.ones((32, 64, 3), np.float32), tmp_path)
+    for name in ("background", "environment", "rough", "probe"):
+        np.testing.assert_allclose(seen[name], 1, atol=0.01, err_msg=name)
