@@ -46,6 +46,7 @@ scene.render.image_settings.color_depth = "32"
 if path.suffix == ".py":
     runpy.run_path(str(path))
 else:
+    scene.world = bpy.data.worlds.new("imported")  # a dome is put into a world that is there, or nowhere
     bpy.ops.wm.usd_import(filepath=str(path))
 eye = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
 eye.data.angle = np.radians(1.0)

@@ -30,6 +30,9 @@ RGBD_MAX = 255.0
 GAMMA = 2.2
 """RGBD's colour is kept as a power of itself; the extension's text leaves that to its readers."""
 
+FLIPPED = (1, 0, 2, 3, 4, 5)
+"""Order that makes of faces with x turned round those of our directions, flipped from left to right."""
+
 SMALLEST_SIDE = 16
 """Side of the last mip, which holds roughness 1."""
 
@@ -48,16 +51,16 @@ def pack_rgbd(values: np.ndarray) -> np.ndarray:
 def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
     """Mips [6, S, S, 3] of our map from size down to 16, roughness 0 to 1 in even steps.
 
-    Each is the mean of L over GGX half vectors about its direction, seen from there (n = wo).
-    The directions are our own: the extension's faces are flipped, which undoes the cube's own flip.
+    Each is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The
+    faces are those of a cube asked for our own directions, each flipped about its vertical axis.
     """
     count = max(1, size.bit_length() - SMALLEST_SIDE.bit_length() + 1)
-    levels = [cube_faces(radiance, size)]
+    levels = [cube_faces(radiance, size)[list(FLIPPED)]]
     pyramid, u = build_pyramid(radiance, lamps=NUM_LAMPS), hammersley(NUM_SAMPLES)
     for i in range(1, count):
         roughness = i / (count - 1)
         side = size >> i
-        n = (face_directions(side) * (-1.0, 1.0, 1.0)).reshape(-1, 3).astype(np.float32)
+        n = face_directions(side)[:, :, ::-1].reshape(-1, 3).astype(np.float32)
         blurred = [shade_specular(pyramid, part, part, roughness**2, u)[0] for part in np.array_split(n, 24)]
         levels.append(np.concatenate(blurred).reshape(6, side, side, 3))
     return levels
