@@ -13,7 +13,7 @@ import anyprobe
 
 SOURCE = Path(anyprobe.__file__).parent
 
-ORDER = "errors core light scatter render files export nets dataset infer relight evaluate train cli __init__".split()
+ORDER = "errors core light scatter render files export nets dataset infer relight evaluate train serve cli __init__".split()
 """A part may import itself and the parts before it."""
 
 ONLY = {
@@ -27,6 +27,10 @@ ONLY = {
     "ray": {"dataset"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},
+    "fastapi": {"serve"},
+    "starlette": {"serve"},
+    "uvicorn": {"cli"},
+    "cryptography": {"serve"},
 }
 """Packages that not every part may import."""
 

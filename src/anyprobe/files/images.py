@@ -10,6 +10,8 @@ import io
 import os
 import tempfile
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +22,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.radiance import read_exr
+from anyprobe.files.radiance import exr_pixels, read_exr
 
 MAX_PIXELS = 100_000_000
 """Largest photo that is decoded; the header is looked at first."""
@@ -92,6 +94,28 @@ def read_image(source: ImageSource, name: str | None = None) -> Pixels:
         raise InvalidPhoto(
             f"{path}: cannot be read ({error.strerror or error}); check the permissions"
         ) from error
+
+
+def declared_pixels(data: bytes) -> int:
+    """Width times height that a file's header tells, nothing decoded; 0 where it is no picture.
+
+    What a header tells beyond Pillow's own bound counts as just above MAX_PIXELS.
+    """
+    if data.startswith(_EXR_MAGIC):
+        with _exr_file(data) as path:
+            return exr_pixels(path)
+    if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
+        _register_heic("photo")
+    Image.init()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with Image.open(io.BytesIO(data), formats=[f for f in PHOTO_FORMATS if f in Image.OPEN]) as image:
+                return image.width * image.height
+        except Image.DecompressionBombError:
+            return MAX_PIXELS + 1
+        except Exception:  # decoders raise whatever the bad bytes lead them to; read_image names it
+            return 0
 
 
 def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
@@ -231,11 +255,18 @@ def _exif_fov_deg(image: Image.Image) -> float | None:
     return float(np.degrees(2.0 * np.arctan(18.0 / focal_mm)))
 
 
-def _from_exr(data: bytes, name: str) -> Pixels:
-    """Linear radiance, premultiplied by A, to display values."""
-    with tempfile.TemporaryDirectory() as folder:  # the package reads streams only in newer releases
+@contextmanager
+def _exr_file(data: bytes) -> Iterator[Path]:
+    """The bytes as a file: the package reads streams only in newer releases."""
+    with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "photo.exr"
         path.write_bytes(data)
+        yield path
+
+
+def _from_exr(data: bytes, name: str) -> Pixels:
+    """Linear radiance, premultiplied by A, to display values."""
+    with _exr_file(data) as path:
         pixels = read_exr(path, name, InvalidPhoto, MAX_PIXELS)
     if not np.isfinite(pixels).all():
         raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")

@@ -214,6 +214,17 @@ def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], m
     return canvas
 
 
+def exr_pixels(path: str | os.PathLike[str]) -> int:
+    """The larger of a header's two windows, width times height; 0 where there is no such header."""
+    try:
+        with redirect_stdout(io.StringIO()), OpenEXR.File(str(path), header_only=True) as file:
+            header = file.header()
+            windows = [np.asarray(header[name], dtype=np.int64) for name in ("displayWindow", "dataWindow")]
+            return max(int(np.prod(high - low + 1)) for low, high in windows)
+    except (RuntimeError, ValueError, KeyError, TypeError):
+        return 0
+
+
 def _float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
     """Ward 1991: three mantissas under the exponent of the largest, [H, W, 3] -> [H, W, 4] uint8.
 

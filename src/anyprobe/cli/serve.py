@@ -1,0 +1,126 @@
+"""anyprobe serve: the live page and the HTTP API on this machine, or the page as static files."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+import sys
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.errors import InputError, MissingExtra
+from anyprobe.infer.runtime import DEFAULT_MODEL
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
+
+
+def serve(
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
+    https: Annotated[
+        bool, typer.Option("--https", help="Encrypt, with a certificate made now: a phone's camera needs it.")
+    ] = False,
+    static: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the page as static files into DIR, and end.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Photos at the same time; else one a core.", min=1)
+    ] = None,
+    max_mb: Annotated[int, typer.Option(help="Largest upload, MiB.", min=1, max=1024)] = 32,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ORIGIN", help="Let pages of this origin use the API; may be given again."),
+    ] = None,
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+) -> None:
+    """Serve the live page and the HTTP API; nothing leaves this machine."""
+    _need_serve()
+    from anyprobe.infer.estimate import Estimator
+    from anyprobe.serve.limits import Limits
+    from anyprobe.serve.page import Page, write_static
+
+    estimator = Estimator(model, threads=1)
+    page = Page(estimator, model)
+    if static is not None:
+        written = write_static(page, static)
+        size = sum(path.stat().st_size for path in written)
+        print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/serve.md", file=sys.stderr)
+        return
+    num_workers = (
+        workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
+    )
+    limits = Limits(max_bytes=max_mb * 2**20, workers=num_workers)
+    _listen(estimator, page, limits, host, port, https, allow_origin or [])
+
+
+def _listen(estimator, page, limits, host: str, port: int, https: bool, origins: list[str]) -> None:
+    """Run until Ctrl-C."""
+    import uvicorn
+
+    from anyprobe.serve.app import create_app
+    from anyprobe.serve.certificate import write_certificate
+
+    with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
+        only_here = host in LOOPBACK
+        hosts = [*LOOPBACK[:2], LOOPBACK[3]] if only_here else ["*"]
+        app = create_app(estimator, limits, page=page, hosts=hosts, origins=origins)
+        encrypted = {}
+        if https:
+            names = ["localhost", "127.0.0.1", *([] if only_here else [own_address()])]
+            certificate, key = write_certificate(Path(folder), list(dict.fromkeys(names)))
+            encrypted = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
+        shown = host if only_here else own_address()
+        place = f"[{shown}]" if ":" in shown else shown
+        address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
+        print(f"anyprobe: {address} (API: {address}api/), Ctrl-C ends it", file=sys.stderr, flush=True)
+        if not only_here and not https:
+            print(
+                "anyprobe: other machines get no camera over http; add --https", file=sys.stderr, flush=True
+            )
+        config = uvicorn.Config(
+            app, log_level="warning", timeout_keep_alive=5, server_header=False, **encrypted
+        )
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+def _open_port(host: str, port: int) -> socket.socket:
+    """A listening socket, or one line why there is none."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        listening = socket.socket(family, kind, protocol)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+    except OSError as error:
+        raise InputError(
+            f"{host}:{port}: cannot be listened on ({error.strerror or error}); choose another --host or --port"
+        ) from error
+    return listening
+
+
+def own_address() -> str:
+    """The address by which this machine's own network knows it; nothing is sent to find it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # a documentation address: choosing a route sends no packet
+            return str(ipaddress.ip_address(probe.getsockname()[0]))
+        except OSError:
+            return "127.0.0.1"
+
+
+def _need_serve() -> None:
+    """Say so in one line where the extra is absent."""
+    for package, module in (
+        ("fastapi", "fastapi"),
+        ("uvicorn", "uvicorn"),
+        ("python-multipart", "python_multipart"),
+    ):
+        try:
+            __import__(module)
+        except ImportError as error:
+            raise MissingExtra(package, "serve", "anyprobe serve") from error

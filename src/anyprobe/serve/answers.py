@@ -1,0 +1,135 @@
+"""What a light is sent back as: JSON, or a map in the format that was asked for."""
+
+from __future__ import annotations
+
+import base64
+import io
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from anyprobe.core.color import to_bytes
+from anyprobe.infer.photo import Photo
+from anyprobe.infer.result import Light
+from anyprobe.masks.check import object_box
+
+JSON = "application/json"
+
+LIGHT_TYPES = {
+    JSON: "json",
+    "image/x-exr": "exr",
+    "image/aces": "exr",
+    "image/vnd.radiance": "hdr",
+    "image/png": "png",
+}
+"""Media types a light can be had in, best first, and the suffix that each is written by."""
+
+MASK_TYPES = {"image/png": "png", JSON: "json"}
+
+
+def choose_type(request: Request, types: dict[str, str]) -> str:
+    """The media type to answer in: ?format= by suffix, else the best of Accept.
+
+    Raises:
+        HTTPException: 406, none of those can be had.
+    """
+    suffix = request.query_params.get("format")
+    if suffix is not None:
+        ranked = [media for media, kind in types.items() if kind == suffix]
+    else:
+        ranked = _accepted(request.headers.get("accept", "*/*"), list(types))
+    if not ranked:
+        raise HTTPException(
+            406, f"expected Accept to name one of {', '.join(types)}, or format={'|'.join(types.values())}"
+        )
+    return ranked[0]
+
+
+def light_response(light: Light, media: str, include: frozenset[str], photo: Photo | None) -> Response:
+    """A light as JSON with what was asked to be included, or as a picture file."""
+    if media != JSON:
+        return Response(light_file(light, LIGHT_TYPES[media]), media_type=media)
+    return JSONResponse(light_json(light, include, photo))
+
+
+def light_json(light: Light, include: frozenset[str], photo: Photo | None) -> dict[str, Any]:
+    """The sidecar, and arrays as {shape, dtype, base64}: little-endian float32, row by row."""
+    answer = light.sidecar()
+    if "radiance" in include:
+        answer["radiance"] = packed(light.radiance)
+    if "stages" in include:
+        answer["stages"] = {name: packed(values) for name, values in light.stages.items()}
+    if "mask" in include and photo is not None:
+        picture = base64.b64encode(mask_png(photo.mask)).decode("ascii")
+        answer["mask"] = {"media_type": "image/png", "base64": picture}
+    return answer
+
+
+def packed(values: np.ndarray) -> dict[str, Any]:
+    """An array as JSON can carry it."""
+    data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+    return {"shape": list(values.shape), "dtype": "float32", "base64": base64.b64encode(data).decode("ascii")}
+
+
+def light_file(light: Light, suffix: str) -> bytes:
+    """The file that Light.save writes."""
+    with tempfile.TemporaryDirectory() as folder:  # the writers of .exr know files only
+        return light.save(Path(folder) / f"light.{suffix}").read_bytes()
+
+
+def mask_json(photo: Photo) -> dict[str, Any]:
+    """Where the object is, without its outline."""
+    return {
+        "photo": photo.name,
+        "size": [photo.mask.shape[1], photo.mask.shape[0]],
+        "box": list(object_box(photo.mask)),
+        "share": round(float(photo.mask.mean()), 6),
+        "warnings": list(photo.warnings),
+    }
+
+
+def mask_png(mask: np.ndarray) -> bytes:
+    """A mask [H, W] as a grey PNG."""
+    return png(to_bytes(mask))
+
+
+def png(picture: np.ndarray) -> bytes:
+    """uint8 [H, W] or [H, W, 3] as PNG."""
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, format="PNG", compress_level=3)
+    return stream.getvalue()
+
+
+def zip_folder(folder: Path) -> bytes:
+    """Every file of a folder, by its path in it."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file():
+                archive.write(path, path.relative_to(folder).as_posix())
+    return stream.getvalue()
+
+
+def _accepted(header: str, known: list[str]) -> list[str]:
+    """Known media types that an Accept header allows, by its q and then by our order."""
+    weights: dict[str, float] = {}
+    for part in header.split(","):
+        media, *parameters = (piece.strip() for piece in part.lower().split(";"))
+        quality = next((p[2:] for p in parameters if p.startswith("q=")), "1")
+        try:
+            weights[media] = float(quality)
+        except ValueError:
+            weights[media] = 0.0
+
+    def weight(media: str) -> float:
+        kinds = (media, f"{media.split('/')[0]}/*", "*/*")
+        return next((weights[kind] for kind in kinds if kind in weights), 0.0)
+
+    return sorted((media for media in known if weight(media) > 0), key=weight, reverse=True)

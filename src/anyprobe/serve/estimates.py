@@ -1,0 +1,79 @@
+"""The work behind each address: bytes in, lights and pictures out, step by step so that it can stop."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.errors import InvalidEnvironment
+from anyprobe.files.images import read_image
+from anyprobe.files.radiance import read_radiance
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.photo import Photo, load_photo
+from anyprobe.infer.result import Light
+from anyprobe.serve.pool import Job
+from anyprobe.serve.uploads import Upload
+
+PAGE_LONG_PX = 2048
+"""Longer side of what /v1/photo sends back: more than a page shows."""
+
+MAP_MAX_ROWS = 2048
+"""Largest map that is exported; ours have 64."""
+
+
+def open_photo(upload: Upload, job: Job) -> Photo:
+    """The photo with its object marked, under the name it was sent with."""
+    job.step()
+    photo = load_photo(
+        upload.photo,
+        mask=upload.mask,
+        click=upload.clicks or None,
+        click_off=upload.clicks_off or None,
+        box=upload.box,
+        fov_deg=upload.fov_deg,
+    )
+    renamed = tuple(note.replace("bytes:", f"{upload.name}:", 1) for note in photo.warnings)
+    return replace(photo, name=upload.name, warnings=renamed)
+
+
+def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:
+    """What Estimator does, with a look between decoding and computing at whether it is still wanted."""
+    photo = open_photo(upload, job)
+    job.step()
+    return photo, estimator.from_photo(photo)
+
+
+def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:
+    """A photo of any known format as uint8 [H, W, 3 or 4], upright, sRGB, at most PAGE_LONG_PX long.
+
+    Returns:
+        The picture, and the field of view of its longer side [degrees] where EXIF tells it.
+    """
+    from PIL import Image
+
+    job.step()
+    pixels = read_image(data, "photo")
+    layers = [pixels.rgb] if pixels.alpha is None else [pixels.rgb, pixels.alpha[..., None]]
+    picture = Image.fromarray(np.round(np.concatenate(layers, axis=-1) * 255).astype(np.uint8))
+    picture.thumbnail((PAGE_LONG_PX, PAGE_LONG_PX), Image.Resampling.LANCZOS)
+    return np.asarray(picture), pixels.long_fov_deg
+
+
+def export_map(data: bytes, target: str, exposure_ev: float, folder: Path, job: Job) -> None:
+    """Write a map (.exr or .hdr bytes) for one target into an empty folder."""
+    from anyprobe.export.targets import export
+
+    job.step()
+    suffix = ".hdr" if data.startswith(b"#?") else ".exr"
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / f"map{suffix}"
+        path.write_bytes(data)
+        radiance = read_radiance(path)
+    if len(radiance) > MAP_MAX_ROWS:
+        raise InvalidEnvironment(
+            f"map: expected at most {MAP_MAX_ROWS} rows, got {len(radiance)}; shrink it first"
+        )
+    export(radiance, target, folder, "light", exposure_ev=exposure_ev)

@@ -1,0 +1,70 @@
+"""What the OpenAPI page says of requests that are read by hand: bodies, forms, options, errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+_FILE = {"type": "string", "format": "binary"}
+
+_OPTIONS: dict[str, str] = {
+    "box": "X0,Y0,X1,Y1 around the object, in pixels of the upright photo",
+    "click": "X,Y on the object; may be given again",
+    "click_off": "X,Y beside the object; may be given again",
+    "fov": "field of view of the photo's longer side, degrees; else EXIF's, else 65",
+}
+
+_INCLUDE = {"include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides"}
+
+
+def _error(text: str) -> dict[str, Any]:
+    schema = {"type": "object", "properties": {"error": {"type": "string"}}}
+    return {"description": text, "content": {"application/json": {"schema": schema}}}
+
+
+_ERRORS = {
+    "406": _error("Accept names nothing this can be sent as"),
+    "408": _error("the body took too long"),
+    "413": _error("too many bytes or pixels"),
+    "422": _error("the photo, the mask or an option cannot be used; the line says why"),
+    "429": _error("all places are taken; Retry-After says for how many seconds"),
+    "501": _error("the server lacks an optional package for this"),
+}
+
+
+def _upload(
+    options: dict[str, str], formats: list[str], answer: dict[str, Any], with_mask: bool
+) -> dict[str, Any]:
+    fields: dict[str, Any] = {"photo": _FILE}
+    if with_mask:
+        fields["mask"] = {**_FILE, "description": "picture of the photo's size, white on the object"}
+    fields |= {name: {"type": "string", "description": text} for name, text in options.items()}
+    form = {"schema": {"type": "object", "required": ["photo"], "properties": fields}}
+    extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
+    return {
+        "parameters": [
+            {"in": "query", "name": name, "schema": {"type": "string"}, "description": text}
+            for name, text in (options | extra).items()
+        ],
+        "requestBody": {
+            "required": True,
+            "content": {"multipart/form-data": form, "image/*": {"schema": _FILE}},
+        },
+        "responses": {"200": {"description": "done", "content": answer}, **_ERRORS},
+    }
+
+
+_ANY: dict[str, Any] = {"schema": {"type": "object"}}
+_BYTES = {"schema": _FILE}
+
+ESTIMATE = _upload(
+    _OPTIONS | _INCLUDE,
+    ["json", "exr", "hdr", "png"],
+    {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
+    with_mask=True,
+)
+MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, with_mask=True)
+PHOTO = _upload({}, [], {"image/png": _BYTES}, with_mask=False)
+EXPORT = {
+    "requestBody": {"required": True, "content": {"image/x-exr": _BYTES, "image/vnd.radiance": _BYTES}},
+    "responses": {"200": {"description": "done", "content": {"application/zip": _BYTES}}, **_ERRORS},
+}

@@ -1,0 +1,184 @@
+"""The built page: its files, the networks it runs and the example it opens with.
+
+page/ is made from web/ (docs/serve.md) and holds large files as .gz: a server sends them as they
+are, write_static unpacks them for hosts that cannot.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import hashlib
+import json
+import threading
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.responses import Response
+from starlette.exceptions import HTTPException
+
+from anyprobe import __version__
+from anyprobe.core.color import to_bytes
+from anyprobe.errors import ModelError
+from anyprobe.export.targets import TARGETS
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.images import read_image
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.photo import load_photo
+from anyprobe.infer.runtime import STAGES, weights_folder
+from anyprobe.serve.answers import light_json, mask_png, png
+from anyprobe.serve.guards import SECURITY_HEADERS
+from anyprobe.serve.pool import Job, WorkerPool
+
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".mjs": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".json": "application/json",
+    ".wasm": "application/wasm",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+    ".onnx": "application/octet-stream",
+}
+
+PACKED = ".gz"
+
+SOURCE_DIGEST = "source.txt"
+"""Names the sources that the page was built from; nothing in the page reads it."""
+
+EXAMPLE = "example/vase.png"
+EXAMPLE_FOV_DEG = 24.0
+"""Of the camera that drew it."""
+
+
+class Page:
+    """The page's files by address, and what only this installation can tell it."""
+
+    def __init__(self, estimator: Estimator, model: str, folder: Path | None = None) -> None:
+        root = folder or Path(str(resources.files("anyprobe") / "serve" / "page"))
+        self._estimator = estimator
+        self._example: dict[str, bytes] = {}
+        self._lock = threading.Lock()
+        self.files = {
+            path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*")) if path.is_file()
+        }
+        if "index.html" not in self.files:
+            raise ModelError("page: expected the built page in the package, found none; reinstall anyprobe")
+        weights = weights_folder(model)
+        self.files |= {f"weights/{stage}.onnx": weights / f"{stage}.onnx" for stage in STAGES}
+        mask = weights_folder("paper").parent / "mask" / "mask.onnx"
+        if mask.is_file():
+            self.files["weights/mask.onnx"] = mask
+
+    def config(self, *, server: bool) -> dict[str, Any]:
+        """What the page asks first: which networks there are, and whether a server is behind it."""
+        return {
+            "version": __version__,
+            "model": self._estimator.model_id,
+            "server": server,
+            "targets": list(TARGETS) if server else [],
+            "weights": {
+                Path(name).stem: f"{name}?{_digest(path)}"
+                for name, path in self.files.items()
+                if name.startswith("weights/")
+            },
+        }
+
+    def example(self, job: Job | None = None) -> dict[str, bytes]:
+        """The finished example by address: photo, mask, and the light as /v1/estimate answers it.
+
+        Made at the first call, from a picture whose alpha channel is the mask.
+        """
+        with self._lock:
+            if not self._example:
+                if job is not None:
+                    job.step()
+                pixels = read_image(self.files[EXAMPLE])
+                photo = load_photo(pixels.rgb, mask=pixels.alpha, fov_deg=EXAMPLE_FOV_DEG)
+                light = self._estimator.from_photo(photo)
+                answer = light_json(light, frozenset({"radiance", "stages"}), None)
+                self._example = {
+                    "example/photo.png": png(to_bytes(pixels.rgb)),
+                    "example/mask.png": mask_png(photo.mask),
+                    "example/light.json": json.dumps(answer | {"photo": "example"}).encode(),
+                }
+        return self._example
+
+    def unpacked(self) -> Iterator[tuple[str, bytes]]:
+        """Every file as a static host needs it: address and bytes."""
+        for name, path in self.files.items():
+            data = path.read_bytes()
+            yield (name.removesuffix(PACKED), gzip.decompress(data) if name.endswith(PACKED) else data)
+        yield "config.json", json.dumps(self.config(server=False), indent=1).encode()
+        yield from self.example().items()
+        lines = ["/*", *(f"  {name}: {value}" for name, value in SECURITY_HEADERS.items())]
+        yield "_headers", "\n".join([*lines, ""]).encode()
+
+
+def write_static(page: Page, folder: Path) -> list[Path]:
+    """Write the page for any static host into folder; each file whole or not at all."""
+    written = []
+    for name, data in page.unpacked():
+        with atomic_path(folder / name) as temporary:
+            temporary.write_bytes(data)
+        written.append(folder / name)
+    return written
+
+
+def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
+    """Serve the page at /; addresses that are not its files are 404."""
+
+    @app.get("/config.json", include_in_schema=False)
+    async def config() -> dict[str, Any]:
+        return page.config(server=True)
+
+    @app.get("/example/{name}", include_in_schema=False)
+    async def example(name: str) -> Response:
+        made = await pool.run(page.example, asyncio.Event().wait)  # others wait for it too
+        if f"example/{name}" not in made:
+            raise HTTPException(404, "there is no such page")
+        return Response(made[f"example/{name}"], media_type=MEDIA_TYPES[Path(name).suffix])
+
+    @app.get("/{name:path}", include_in_schema=False)
+    async def file(request: Request, name: str) -> Response:
+        name = "index.html" if not name else f"{name}index.html" if name.endswith("/") else name
+        return _file_response(request, page, name)
+
+
+def _file_response(request: Request, page: Page, name: str) -> Response:
+    """A file, packed where it is kept packed and the browser can unpack it; 304 where it has it."""
+    path, packed = page.files.get(name), False
+    if path is None:
+        path, packed = page.files.get(name + PACKED), True
+    if path is None:
+        raise HTTPException(404, "there is no such page")
+    tag = f'"{_digest(path)}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if name.startswith("assets/") or request.url.query == tag.strip('"'):
+        headers["Cache-Control"] = "public, max-age=31536000, immutable"  # the address names the content
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    data = path.read_bytes()
+    if packed and "gzip" in request.headers.get("accept-encoding", ""):
+        headers["Content-Encoding"] = "gzip"
+    elif packed:
+        data = gzip.decompress(data)
+    media = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
+    return Response(data, media_type=media, headers=headers)
+
+
+def _digest(path: Path) -> str:
+    """A short name for a file's content, kept while its time and size stay."""
+    stat = path.stat()
+    key = (path, stat.st_mtime_ns, stat.st_size)
+    if key not in _digests:
+        _digests[key] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return _digests[key]
+
+
+_digests: dict[tuple[Path, int, int], str] = {}

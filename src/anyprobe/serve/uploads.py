@@ -1,0 +1,137 @@
+"""What a request carries: a photo as the body or as a form's part, and options beside it."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from starlette.datastructures import FormData, QueryParams, UploadFile
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+
+from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.files.images import declared_pixels
+from anyprobe.serve.limits import Limits
+
+FORM = "multipart/form-data"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Upload:
+    """A photo and what was said about it.
+
+    Attributes:
+        photo: the file's bytes, as sent.
+        name: file name without folders, for messages; "photo" where none came.
+        mask: bytes of a mask picture.
+        box: X0, Y0, X1, Y1 in pixels of the upright photo.
+        clicks: x, y on the object, in pixels of the upright photo.
+        clicks_off: likewise beside it.
+        fov_deg: field of view of the longer side.
+        include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
+    """
+
+    photo: bytes
+    name: str = "photo"
+    mask: bytes | None = None
+    box: tuple[float, ...] | None = None
+    clicks: tuple[tuple[float, float], ...] = ()
+    clicks_off: tuple[tuple[float, float], ...] = ()
+    fov_deg: float | None = None
+    include: frozenset[str] = frozenset()
+
+
+async def read_upload(request: Request, limits: Limits) -> Upload:
+    """Read a photo and its options; options of the form win over those of the address.
+
+    Raises:
+        HTTPException: 408 too slow, 413 too many pixels.
+        InvalidPhoto, InvalidMask: no photo came, or an option cannot be read.
+    """
+    form = FormData()
+    try:
+        async with asyncio.timeout(limits.upload_s):
+            if request.headers.get("content-type", "").startswith(FORM):
+                form = await request.form(max_files=2, max_fields=32)
+                photo, name = await _file(form, "photo")
+                mask, _ = await _file(form, "mask")
+            else:
+                photo, name, mask = await request.body(), "photo", None
+    except TimeoutError as error:
+        raise HTTPException(
+            408, f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
+        ) from error
+    finally:
+        await form.close()
+    if not photo:
+        raise InvalidPhoto(
+            "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
+        )
+    for picture, called in ((photo, name), (mask, "mask")):
+        if picture and declared_pixels(picture) > limits.max_pixels:
+            raise HTTPException(
+                413,
+                f"{called}: expected at most {limits.max_pixels / 1e6:g} million pixels; shrink it first",
+            )
+    option = _Options(form, request.query_params)
+    return Upload(
+        photo=photo,
+        name=name,
+        mask=mask or None,
+        box=option.numbers("box", 4),
+        clicks=option.points("click"),
+        clicks_off=option.points("click_off"),
+        fov_deg=option.number("fov"),
+        include=option.words("include", {"radiance", "stages", "mask"}),
+    )
+
+
+async def _file(form: FormData, field: str) -> tuple[bytes, str]:
+    part = form.get(field)
+    if part is None:
+        return b"", field
+    if not isinstance(part, UploadFile):
+        fault = InvalidMask if field == "mask" else InvalidPhoto
+        raise fault(f"{field}: expected a file, got text; send it as a file part (curl -F {field}=@FILE)")
+    name = PurePosixPath((part.filename or "").replace("\\", "/")).name
+    return await part.read(), "".join(c for c in name if c.isprintable())[:120] or field
+
+
+class _Options:
+    """Text fields by name, read as what they mean."""
+
+    def __init__(self, form: FormData, query: QueryParams) -> None:
+        self._form, self._query = form, query
+
+    def texts(self, name: str) -> list[str]:
+        told = [text for text in self._form.getlist(name) if isinstance(text, str)]
+        return [text.strip() for text in told or self._query.getlist(name) if text.strip()]
+
+    def number(self, name: str) -> float | None:
+        found = self.numbers(name, 1)
+        return None if found is None else found[0]
+
+    def numbers(self, name: str, count: int) -> tuple[float, ...] | None:
+        texts = self.texts(name)
+        return _numbers(name, texts[-1], count) if texts else None
+
+    def points(self, name: str) -> tuple[tuple[float, float], ...]:
+        return tuple(_numbers(name, text, 2) for text in self.texts(name))
+
+    def words(self, name: str, known: set[str]) -> frozenset[str]:
+        found = {word.strip() for text in self.texts(name) for word in text.split(",")}
+        if found - known:
+            raise InvalidPhoto(f"{name}: expected any of {', '.join(sorted(known))}, got {found - known}")
+        return frozenset(found)
+
+
+def _numbers(name: str, text: str, count: int) -> tuple[float, ...]:
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if len(found) != count or not all(abs(number) < 1e6 for number in found):  # NaN fails too
+        shape = {1: "a number", 2: "X,Y in pixels", 4: "X0,Y0,X1,Y1 in pixels"}[count]
+        raise InvalidPhoto(f"{name}: expected {shape}, got {text[:60]!r}")
+    return found

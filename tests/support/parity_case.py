@@ -1,0 +1,75 @@
+"""A photo and Python's own answers in plain files, for the page's code to be held against."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.photo import load_photo
+from anyprobe.infer.runtime import STAGES, weights_folder
+from anyprobe.light.filtering import blur_cosine_power, irradiance_map
+from anyprobe.light.temporal import step
+from anyprobe.masks.propose import default_graph, shared_network
+from anyprobe.masks.refine import refine
+
+CLICKS = {"none": {"on": [], "off": []}, "clicks": {"on": [[200, 250]], "off": [[20, 30]]}}
+FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03]
+
+
+def _steadied(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frames with noise, a slow change, a jump and a cut, and the light after them."""
+    noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
+    gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0])[:, None, None, None]
+    frames = (radiance * gains * np.exp(noise)).astype(np.float32)
+    state = None
+    for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):
+        state = step(state, frame, seconds)
+    return frames, state.radiance
+
+
+def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, long_fov_deg: float) -> None:
+    """Write photo.rgba, mask.f32, case.json and one <name>.f32 an answer.
+
+    Args:
+        photo: [H, W, 4] uint8; its alpha marks the object.
+    """
+    loaded = load_photo(photo, fov_deg=long_fov_deg)
+    light = estimator.from_photo(loaded)
+    main = light.main_light()
+    answers = {
+        "mask": loaded.mask,
+        "crop": light.stages["photo"].transpose(2, 0, 1),
+        "camera_from_crop": light.camera_from_crop,
+        "irradiance": light.stages["irradiance"],
+        "ldr": light.stages["ldr"],
+        "ln_radiance": light.stages["ln_radiance"],
+        "radiance": light.radiance,
+        "sh9": light.sh9(),
+        "main_light": np.concatenate(
+            [main.direction, main.irradiance, main.color, [main.solid_angle, main.confidence]]
+        ),
+        "irradiance_map": irradiance_map(light.radiance),
+        "blurred": blur_cosine_power(light.radiance, 5.0),
+    }
+    rgb = photo[..., :3].astype(np.float32) / 255
+    for name, clicks in CLICKS.items():
+        cover = shared_network().propose(rgb, clicks["on"], clicks["off"]).cover
+        answers[f"mask_{name}"] = refine(rgb, cover)
+    answers["frames"], answers["steadied"] = _steadied(light.radiance)
+    for name, values in answers.items():
+        (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
+    (folder / "photo.rgba").write_bytes(photo.tobytes())
+    weights = {stage: str(weights_folder(estimator.models.name) / f"{stage}.onnx") for stage in STAGES}
+    weights["mask"] = str(default_graph())
+    case = {
+        "height": photo.shape[0],
+        "width": photo.shape[1],
+        "long_fov_deg": long_fov_deg,
+        "weights": weights,
+        "clicks": CLICKS,
+        "frame_seconds": FRAME_SECONDS,
+    }
+    (folder / "case.json").write_text(json.dumps(case))

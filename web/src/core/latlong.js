@@ -1,0 +1,67 @@
+/**
+ * The equirectangular map: H x 2H, row 0 up (+Y), the centre column is -Z.
+ *
+ * u = 0.5 + atan2(x, -z) / 2 pi and v = acos(y) / pi; pixel centres at (i + 0.5) / N.
+ * A map is a Float32Array of H * 2H * 3 numbers, row by row, channel last.
+ */
+
+/** Rows of every estimated map. */
+export const MAP_HEIGHT = 64;
+
+/** Unit direction to [u, v], each in [0, 1]. */
+export function directionToUv(x, y, z) {
+  return [0.5 + Math.atan2(x, -z) / (2 * Math.PI), Math.acos(Math.min(Math.max(y, -1), 1)) / Math.PI];
+}
+
+/** [u, v] to a unit direction; inverse of directionToUv. */
+export function uvToDirection(u, v) {
+  const phi = 2 * Math.PI * (u - 0.5);
+  const theta = Math.PI * v;
+  const sine = Math.sin(theta);
+  return [sine * Math.sin(phi), Math.cos(theta), -sine * Math.cos(phi)];
+}
+
+const directions = new Map();
+
+/** Direction of every pixel centre, H * 2H * 3 numbers; kept for the next call. */
+export function pixelDirections(height) {
+  if (!directions.has(height)) {
+    const made = new Float32Array(height * 2 * height * 3);
+    for (let row = 0; row < height; row++) {
+      for (let column = 0; column < 2 * height; column++) {
+        made.set(
+          uvToDirection((column + 0.5) / (2 * height), (row + 0.5) / height),
+          3 * (row * 2 * height + column),
+        );
+      }
+    }
+    directions.set(height, made);
+  }
+  return directions.get(height);
+}
+
+/** Solid angle [sr] of a pixel of each row, exact band integral: 2H times the sum is 4 pi. */
+export function pixelSolidAngles(height) {
+  const edge = (row) => Math.cos((Math.PI * row) / height);
+  return Float32Array.from({ length: height }, (_, row) => ((edge(row) - edge(row + 1)) * Math.PI) / height);
+}
+
+/** Read a map between its pixel centres into out[at...at + 2]; wraps in u, clamps at the poles. */
+export function bilinear(map, height, u, v, out, at) {
+  const width = 2 * height;
+  const x = u * width - 0.5;
+  const y = Math.min(Math.max(v * height - 0.5, 0), height - 1);
+  const x0 = Math.floor(x);
+  const y0 = Math.floor(y);
+  const fx = x - x0;
+  const fy = y - y0;
+  const left = ((x0 % width) + width) % width;
+  const right = (left + 1) % width;
+  const upper = y0 * width;
+  const lower = Math.min(y0 + 1, height - 1) * width;
+  for (let channel = 0; channel < 3; channel++) {
+    const above = map[3 * (upper + left) + channel] * (1 - fx) + map[3 * (upper + right) + channel] * fx;
+    const below = map[3 * (lower + left) + channel] * (1 - fx) + map[3 * (lower + right) + channel] * fx;
+    out[at + channel] = above * (1 - fy) + below * fy;
+  }
+}

@@ -1,0 +1,20 @@
+/**
+ * The camera's curve: scene radiance to display value, and back.
+ *
+ * f(x) = (1 + sigma) x^n / (x^n + sigma), the mean of the fitted family, as in anyprobe.core.response.
+ */
+
+export const EXPONENT = 0.9;
+export const SIGMA = 0.6;
+
+/** Radiance in the photo's exposure units to a display value in [0, 1]; 1 and more clips. */
+export function response(radiance) {
+  const x = Math.pow(Math.min(Math.max(radiance, 0), 1), EXPONENT);
+  return ((1 + SIGMA) * x) / (x + SIGMA);
+}
+
+/** Display value to radiance in [0, 1]. */
+export function inverseResponse(display) {
+  const y = Math.min(Math.max(display, 0), 1);
+  return Math.pow((SIGMA * y) / (1 + SIGMA - y), 1 / EXPONENT);
+}

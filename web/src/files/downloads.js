@@ -1,0 +1,61 @@
+/** What can be taken away: files made here, and exports that the server writes. */
+
+import { EXPONENT, SIGMA } from "../core/response.js";
+import { MAP_HEIGHT } from "../core/latlong.js";
+import { encodeExr } from "./exr.js";
+import { encodeHdr } from "./hdr.js";
+
+const FRAME =
+  "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
+const SCALE =
+  "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
+
+const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6)));
+
+/** Everything but the pixels, in the keys of Light.sidecar. */
+export function sidecar(result, { photo, model, longFovDeg }) {
+  const { sh9, mainLight } = result.light;
+  return {
+    photo,
+    model,
+    long_fov_deg: longFovDeg,
+    frame: FRAME,
+    scale: SCALE,
+    exposure_ev: 0,
+    response: { curve: "sigmoid", exponent: EXPONENT, sigma: SIGMA },
+    size: [2 * MAP_HEIGHT, MAP_HEIGHT],
+    sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
+    main_light: {
+      direction: numbers(mainLight.direction),
+      irradiance: numbers(mainLight.irradiance),
+      color: numbers(mainLight.color),
+      solid_angle_sr: Number(mainLight.solidAngle.toFixed(5)),
+      confidence: Number(mainLight.confidence.toFixed(4)),
+    },
+  };
+}
+
+/** Files that need no server: suffix to bytes. */
+export const OWN_FILES = {
+  exr: ({ light }) => new Blob([encodeExr(light.radiance, MAP_HEIGHT)], { type: "image/x-exr" }),
+  hdr: ({ light }) => new Blob([encodeHdr(light.radiance, MAP_HEIGHT)], { type: "image/vnd.radiance" }),
+  json: (result, about) =>
+    new Blob([`${JSON.stringify(sidecar(result, about), null, 1)}\n`], { type: "application/json" }),
+};
+
+/** An export of the server's: a zip of one target's files. */
+export async function exportTarget(result, target) {
+  const body = encodeExr(result.light.radiance, MAP_HEIGHT);
+  const answer = await fetch(new URL(`v1/export/${target}`, document.baseURI), { method: "POST", body });
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  return answer.blob();
+}
+
+/** Hand a blob to the browser's own download. */
+export function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}

@@ -1,0 +1,29 @@
+/** Light (noun): what an estimate returns, as anyprobe.infer.result.Light. */
+
+import { MAP_HEIGHT } from "../core/latlong.js";
+import { rotate } from "./environment.js";
+import { project } from "./harmonics.js";
+import { findMainLight } from "./mainLight.js";
+import { reconstruct } from "./reconstruct.js";
+
+/**
+ * @typedef {object} Light
+ * @property {Float32Array} radiance [64, 128, 3] linear Rec. 709 in the photo's exposure units, camera frame
+ * @property {Float32Array} sh9 27 radiance coefficients in the order of WebXR and three.js
+ * @property {ReturnType<typeof findMainLight>} mainLight
+ */
+
+/** What the networks said of a crop, as radiance in the photo's camera frame, never below zero. */
+export function cameraRadiance({ ldr, lnRadiance }, cameraFromCrop) {
+  const turned = rotate(reconstruct(ldr, lnRadiance), MAP_HEIGHT, cameraFromCrop);
+  return turned.map((value) => Math.max(value, 0));
+}
+
+/** A map with what renderers ask of it. */
+export function describe(radiance) {
+  return {
+    radiance,
+    sh9: project(radiance, MAP_HEIGHT),
+    mainLight: findMainLight(radiance, MAP_HEIGHT),
+  };
+}

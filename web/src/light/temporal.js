@@ -1,0 +1,76 @@
+/**
+ * Lights of a video, kept still on a still scene and quick where the light changes.
+ *
+ * The filter of anyprobe.light.temporal, where its formula stands: two exponential averages of
+ * y = ln(L + 0.01), of which the steady one is shown and chases the fast one.
+ */
+
+import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
+
+const OFFSET = 0.01;
+
+export const SMOOTHING = {
+  stillS: 3,
+  movingS: 0.02,
+  fastS: 0.035,
+  noiseS: 1,
+  leastNoise: 0.01,
+  cutLevel: 1.2,
+  calm: 3.5,
+  moved: 6,
+};
+
+const gain = (dt, time) => -Math.expm1(-dt / time);
+
+function fresh(y) {
+  return { steady: y, fast: y, last: y, noise: null, memoryS: 0, ageS: 0, held: false };
+}
+
+/**
+ * The state after one more frame; the state given stays as it is.
+ *
+ * @param {object | null} state of the last frame, null for the first
+ * @param {Float32Array} radiance [64, 128, 3] of this frame
+ * @param {number} dt seconds since the last frame, > 0
+ */
+export function step(state, radiance, dt, smoothing = SMOOTHING) {
+  const c = smoothing;
+  const y = radiance.map((value) => Math.log(value + OFFSET));
+  if (state === null) return fresh(y);
+  if (rms(y, state.fast) > c.cutLevel) return state.held ? fresh(y) : { ...state, held: true };
+  const ageS = state.ageS + dt;
+  const difference = rms(y, state.last) / Math.SQRT2;
+  let noise = difference;
+  if (state.noise !== null) {
+    const most = 3 * Math.max(state.noise, c.leastNoise);
+    noise = state.noise + gain(dt, Math.min(c.noiseS, ageS)) * (Math.min(difference, most) - state.noise);
+  }
+  const lead = gain(dt, Math.min(c.fastS, state.memoryS + dt));
+  const fast = state.fast.map((value, i) => value + lead * (y[i] - value));
+  const spread = rms(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
+  const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
+  const memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
+  const share = gain(dt, memoryS);
+  const steady = state.steady.map((value, i) => value + share * (fast[i] - value));
+  return { steady, fast, last: y, noise, memoryS, ageS, held: false };
+}
+
+/** The light to show, linear radiance. */
+export function shown(state) {
+  return state.steady.map((value) => Math.max(Math.exp(value) - OFFSET, 0));
+}
+
+/** Root mean square of a difference over the sphere and the channels. */
+function rms(a, b) {
+  const weights = pixelSolidAngles(MAP_HEIGHT);
+  const line = 2 * MAP_HEIGHT * 3;
+  let sum = 0;
+  let total = 0;
+  for (let row = 0; row < MAP_HEIGHT; row++) {
+    let squares = 0;
+    for (let i = row * line; i < (row + 1) * line; i++) squares += (a[i] - b[i]) ** 2;
+    sum += (weights[row] * squares) / line;
+    total += weights[row];
+  }
+  return Math.sqrt(sum / total);
+}

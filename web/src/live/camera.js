@@ -1,0 +1,25 @@
+/** The camera of this machine or phone. */
+
+/** @returns {Promise<MediaStream>} the camera that looks away from the user where there are two */
+export async function openCamera() {
+  if (!navigator.mediaDevices) {
+    throw new Error("Browsers give a camera to https pages and to localhost only. Start: anyprobe serve --https");
+  }
+  try {
+    return await navigator.mediaDevices.getUserMedia({
+      video: { facingMode: "environment", width: { ideal: 1280 }, height: { ideal: 720 } },
+    });
+  } catch (error) {
+    const reasons = {
+      NotAllowedError: "The camera was not allowed. Allow it beside the address, and try again.",
+      NotFoundError: "There is no camera here. Choose a photo instead.",
+      NotReadableError: "Another program holds the camera. Close it, and try again.",
+    };
+    throw new Error(reasons[error.name] ?? `The camera could not be opened (${error.message}).`);
+  }
+}
+
+export function closeCamera(video) {
+  for (const track of video.srcObject?.getTracks() ?? []) track.stop();
+  video.srcObject = null;
+}

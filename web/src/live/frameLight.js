@@ -1,0 +1,106 @@
+/** One video frame after the other to a light that stays still on a still scene. */
+
+import { drawBalls } from "../light/balls.js";
+import { cameraRadiance, describe } from "../light/light.js";
+import { shown, step } from "../light/temporal.js";
+import { cropObject } from "../photo/crop.js";
+import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+
+/** Longer side at which a frame is looked at. */
+const LONG_PX = 480;
+
+/** The mask is found anew every so many frames: objects move slower than light is wanted. */
+const MASK_EVERY = 4;
+
+/** All but the light itself is sent every so many frames. */
+const FULL_EVERY = 4;
+
+export class FrameLight {
+  /**
+   * @param {import("../networks/models.js").Models} models
+   * @param {(picture: object, clicks: object) => Promise<Float32Array>} findMask
+   * @param {{on: number[][], off: number[][]}} clicks x, y as shares of width and height
+   * @param {number} longFovDeg
+   */
+  constructor(models, findMask, clicks, longFovDeg) {
+    this.models = models;
+    this.findMask = findMask;
+    this.clicks = clicks;
+    this.longFovDeg = longFovDeg;
+    this.canvas = new OffscreenCanvas(1, 1);
+    this.context = this.canvas.getContext("2d", { willReadFrequently: true });
+    this.state = null;
+    this.count = 0;
+  }
+
+  /** New clicks: the mask is found anew at the next frame. */
+  click(clicks) {
+    this.clicks = clicks;
+    this.count = 0;
+    this.follow = null;
+  }
+
+  /**
+   * @param {ImageBitmap} bitmap closed when it has been read
+   * @param {number} time seconds
+   * @returns {Promise<object>} light, balls (now and then), box and mask of the object, milliseconds;
+   *   {lost: true} while no object is marked or seen
+   */
+  async next(bitmap, time) {
+    const start = performance.now();
+    const picture = this.#read(bitmap);
+    if (this.count++ % MASK_EVERY === 0) {
+      this.mask = await this.findMask(picture, this.#clicksIn(picture));
+      this.box = objectBox(this.mask, picture.width);
+      this.#followObject(picture);
+    }
+    const { box, mask } = this;
+    const maskMs = performance.now() - start;
+    const size = { width: picture.width, height: picture.height };
+    if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
+    const crop = cropObject(picture, mask, this.longFovDeg);
+    const stages = await this.models.light(crop.image);
+    const networksMs = performance.now() - start - maskMs;
+    const radiance = cameraRadiance(stages, crop.cameraFromCrop);
+    const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
+    this.time = time;
+    this.state = step(this.state, radiance, dt);
+    const light = describe(shown(this.state));
+    const full = this.count % FULL_EVERY === 1;
+    return {
+      light,
+      stages: full ? stages : null,
+      balls: full ? drawBalls(light.radiance) : null,
+      mask: full ? mask : null,
+      box,
+      ...size,
+      ms: { mask: maskMs, networks: networksMs, all: performance.now() - start },
+    };
+  }
+
+  #read(bitmap) {
+    const scale = Math.min(1, LONG_PX / Math.max(bitmap.width, bitmap.height));
+    const width = Math.round(bitmap.width * scale);
+    const height = Math.round(bitmap.height * scale);
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      this.canvas.width = width;
+      this.canvas.height = height;
+    }
+    this.context.drawImage(bitmap, 0, 0, width, height);
+    bitmap.close();
+    return { width, height, rgba: this.context.getImageData(0, 0, width, height).data };
+  }
+
+  /** Clicks in pixels; once an object was found, the place it is now stands for the click on it. */
+  #clicksIn({ width, height }) {
+    const pixels = (points) => points.map(([x, y]) => [x * width, y * height]);
+    return { on: this.follow ? [this.follow] : pixels(this.clicks.on), off: pixels(this.clicks.off) };
+  }
+
+  /** A click moves with the object: to the middle of its box, where that lies on it. */
+  #followObject({ width }) {
+    if (this.clicks.on.length === 0 || this.box === null) return;
+    const [x, y] = [(this.box[0] + this.box[2]) / 2, (this.box[1] + this.box[3]) / 2];
+    if (this.mask[Math.floor(y) * width + Math.floor(x)] > 0.5) this.follow = [x, y];
+  }
+}

@@ -1,0 +1,97 @@
+/** The camera's picture lit live: video in, virtual object over it, rates shown. */
+
+import { DEFAULT_LONG_FOV_DEG } from "../photo/crop.js";
+import { element, setStatus } from "../view/elements.js";
+import { readBitmap } from "../photo/open.js";
+import { LiveLight } from "./liveLight.js";
+import { closeCamera, openCamera } from "./camera.js";
+
+const RATES_EVERY_MS = 500;
+/** Longer side of the picture in which the object is clicked on. */
+const STILL_LONG_PX = 480;
+
+export class LiveSession {
+  constructor({ networks, config, stage, light, stages, editor }) {
+    Object.assign(this, { networks, config, stage, light, stages, editor });
+    this.button = element("camera");
+    this.live = null;
+  }
+
+  get running() {
+    return this.live !== null;
+  }
+
+  async start() {
+    const { video } = this.stage;
+    setStatus("Opening the camera …");
+    video.srcObject = await openCamera();
+    await video.play();
+    this.stage.showVideo();
+    this.placed = false;
+    this.button.setAttribute("aria-pressed", "true");
+    this.live = new LiveLight(video, this.networks, {
+      onLight: (answer) => this.#show(answer),
+      onFrame: () => this.stage.stage.render(),
+      onError: (error) => {
+        this.stop();
+        setStatus(error.message, true);
+      },
+    });
+    const { live } = this;
+    this.still = readBitmap(await createImageBitmap(video), STILL_LONG_PX);
+    this.editor.open(this.still);
+    const { hasMask, provider, threads } = await this.networks.open(this.config);
+    if (this.live !== live) return; // stopped meanwhile
+    this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
+    await live.start({ on: [], off: [] }, DEFAULT_LONG_FOV_DEG);
+    setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
+    element("rates").hidden = false;
+    this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
+  }
+
+  stop() {
+    if (!this.live) return;
+    this.live.stop();
+    this.live = null;
+    clearInterval(this.timer);
+    closeCamera(this.stage.video);
+    element("rates").hidden = true;
+    this.button.setAttribute("aria-pressed", "false");
+  }
+
+  /** @param {{on: number[][], off: number[][]}} clicks in pixels of the still picture */
+  click(clicks) {
+    const shares = (points) => points.map(([x, y]) => [x / this.still.width, y / this.still.height]);
+    this.placed = false;
+    return this.live.click({ on: shares(clicks.on), off: shares(clicks.off) });
+  }
+
+  #show(answer) {
+    if (answer.lost) return setStatus("No object is seen. Click on it in the picture “Object” below.");
+    if (!this.placed && answer.mask) {
+      this.stage.place(answer.width, answer.height, DEFAULT_LONG_FOV_DEG, answer.mask, answer.box);
+      this.placed = true;
+      setStatus("Live, in this browser.");
+    }
+    if (!this.placed) return;
+    this.stage.setLight(answer.light);
+    if (!answer.balls) return;
+    this.stage.stage.setMask(answer.mask);
+    const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
+    this.light.show({ light: answer.light, balls: answer.balls }, about);
+    this.stages.show(answer.stages, answer.light.radiance);
+    this.#showMask(answer);
+  }
+
+  async #showMask({ mask, width, height }) {
+    const { video } = this.stage;
+    if (!this.live || !video.srcObject) return;
+    this.still = readBitmap(await createImageBitmap(video, { resizeWidth: width, resizeHeight: height }), STILL_LONG_PX);
+    if (this.live) this.editor.showOn(this.still, mask);
+  }
+
+  #showRates() {
+    const { updates, frames } = this.live.rates();
+    element("rates").textContent = `${updates.toFixed(0)} lights/s · ${frames.toFixed(0)} frames/s · ${this.engine}`;
+  }
+}

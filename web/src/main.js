@@ -1,0 +1,115 @@
+/** The page: its elements, and what happens between them. */
+
+import { LightPanel } from "./view/lightPanel.js";
+import { MaskEditor } from "./view/maskEditor.js";
+import { ObjectTools } from "./view/objectTools.js";
+import { PhotoStage } from "./view/photoStage.js";
+import { StagesPanel } from "./view/stagesPanel.js";
+import { element, listenForPhotos, setStatus } from "./view/elements.js";
+import { Networks } from "./networks/client.js";
+import { LiveSession } from "./live/session.js";
+import { maskFromAlpha, objectBox } from "./photo/picture.js";
+import { openPhoto } from "./photo/open.js";
+import { readExample } from "./photo/example.js";
+
+const networks = new Networks(({ done, of }) => {
+  if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
+});
+const config = await (await fetch("config.json")).json();
+const stage = new PhotoStage();
+const tools = new ObjectTools(stage);
+const light = new LightPanel(config);
+const stages = new StagesPanel();
+const editor = new MaskEditor(
+  { canvas: element("mask"), cursor: element("cross"), removing: element("removing") },
+  (clicks) => (live.running ? live.click(clicks) : remask(clicks)),
+);
+const live = new LiveSession({ networks, config, stage, light, stages, editor });
+
+let opened = null;
+let turn = 0; // of what was asked for last: older answers are dropped
+
+/** Show a photo; find its object; estimate. */
+async function open(blob, name) {
+  live.stop();
+  const mine = ++turn;
+  setStatus("Opening the photo …");
+  const found = await openPhoto(blob, name, config.server);
+  if (mine !== turn) return;
+  opened = found;
+  stage.showPicture(opened.picture);
+  stages.clear();
+  editor.open(opened.picture);
+  const mask = maskFromAlpha(opened.picture) ?? (await proposal());
+  if (mine === turn) await estimate(mask);
+}
+
+/** The mask network's own proposal, or null: then a click is needed. */
+async function proposal() {
+  const { hasMask } = await networks.open(config);
+  return hasMask ? networks.ask("mask", { picture: opened.picture, clicks: editor.clicks }) : null;
+}
+
+async function remask(clicks) {
+  await attempt(async () => {
+    await networks.open(config);
+    setStatus("Finding the object …");
+    await estimate(await networks.ask("mask", { picture: opened.picture, clicks }));
+  });
+}
+
+async function estimate(mask) {
+  const mine = turn;
+  const { picture, longFovDeg } = opened;
+  editor.show(mask);
+  const box = mask && objectBox(mask, picture.width);
+  if (!box) return setStatus("Click on the object in the picture “Object” below.");
+  await networks.open(config);
+  setStatus("Estimating the light …");
+  const result = await networks.ask("estimate", { picture, mask, longFovDeg });
+  if (mine !== turn) return;
+  show(result, mask, box);
+  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser.`);
+}
+
+function show(result, mask, box) {
+  stage.place(opened.picture.width, opened.picture.height, opened.longFovDeg, mask, box);
+  stage.setLight(result.light);
+  stages.show(result.stages, result.light.radiance);
+  light.show(result, { photo: opened.name, model: config.model, longFovDeg: opened.longFovDeg });
+}
+
+/** The example comes with its answer, so that the page is finished before any network is opened. */
+async function openExample() {
+  live.stop();
+  const mine = ++turn;
+  const { picture, mask, longFovDeg, result } = await readExample();
+  if (mine !== turn) return;
+  opened = { picture, longFovDeg, name: "example" };
+  stage.showPicture(opened.picture);
+  editor.open(opened.picture);
+  editor.show(mask);
+  show(result, mask, objectBox(mask, opened.picture.width));
+  setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
+}
+
+/** Run what a user asked for; what fails becomes one line on the page. */
+async function attempt(work) {
+  try {
+    await work();
+  } catch (error) {
+    setStatus(error.message, true);
+  }
+}
+
+listenForPhotos((blob, name) => attempt(() => open(blob, name)));
+element("example").addEventListener("click", () => attempt(openExample));
+element("reset").addEventListener("click", () => {
+  if (live.running) return live.click(editor.reset());
+  editor.open(opened.picture);
+  attempt(async () => estimate(maskFromAlpha(opened.picture) ?? (await proposal())));
+});
+element("camera").addEventListener("click", () => attempt(() => (live.running ? openExample() : (++turn, live.start()))));
+tools.onFault = (error) => setStatus(error.message, true);
+await attempt(openExample);
+document.documentElement.dataset.ready = "true";

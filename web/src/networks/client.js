@@ -1,0 +1,42 @@
+/** The page's side of the networks' thread: one promise a request. */
+
+export class Networks {
+  #worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+  #waiting = new Map();
+  #count = 0;
+
+  /** @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened */
+  constructor(onProgress = () => {}) {
+    this.#worker.onmessage = ({ data }) => {
+      if (data.progress) return onProgress(data.progress);
+      const { resolve, reject } = this.#waiting.get(data.id);
+      this.#waiting.delete(data.id);
+      if (data.error === undefined) resolve(data.result);
+      else reject(new Error(data.error));
+    };
+    this.#worker.onerror = (event) => {
+      const error = new Error(event.message || "The networks' thread could not be started.");
+      for (const { reject } of this.#waiting.values()) reject(error);
+      this.#waiting.clear();
+    };
+  }
+
+  /** Ask for a task of worker.js. */
+  ask(task, given = {}, transfer = []) {
+    const id = this.#count++;
+    return new Promise((resolve, reject) => {
+      this.#waiting.set(id, { resolve, reject });
+      this.#worker.postMessage({ id, task, ...given }, transfer);
+    });
+  }
+
+  /** Open the networks once, at the first call. */
+  open(config) {
+    const base = document.baseURI;
+    const weights = Object.fromEntries(
+      Object.entries(config.weights).map(([stage, path]) => [stage, new URL(path, base).href]),
+    );
+    this.opened ??= this.ask("open", { base, weights });
+    return this.opened;
+  }
+}

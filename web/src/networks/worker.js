@@ -1,0 +1,89 @@
+/**
+ * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
+ *
+ * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}.
+ */
+
+import { describe, cameraRadiance } from "../light/light.js";
+import { drawBalls } from "../light/balls.js";
+import { cropObject } from "../photo/crop.js";
+import { flood } from "../photo/flood.js";
+import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+import { propose } from "../photo/propose.js";
+import { refine } from "../photo/refine.js";
+import { resize } from "../photo/resize.js";
+import { FrameLight } from "../live/frameLight.js";
+import { Models } from "./models.js";
+import { openRuntime } from "./runtime.js";
+
+let models = null;
+let live = null;
+
+const tasks = {
+  async open({ base, weights }) {
+    const { ort, providers, threads } = await openRuntime(base);
+    const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
+    models = await Models.open(ort, weights, { providers, onProgress });
+    return { provider: models.provider, threads, hasMask: models.hasMask };
+  },
+
+  /** The mask of a still picture from clicks; without any, the network's own proposal. */
+  mask({ picture, clicks }) {
+    return findMask(picture, clicks);
+  },
+
+  async estimate({ picture, mask, longFovDeg }) {
+    const start = performance.now();
+    checkObject(mask, picture.width);
+    const crop = cropObject(picture, mask, longFovDeg);
+    const stages = await models.light(crop.image);
+    const light = describe(cameraRadiance(stages, crop.cameraFromCrop));
+    const { cameraFromCrop, centerPx, sidePx } = crop;
+    const seconds = (performance.now() - start) / 1000;
+    return { light, stages, balls: drawBalls(light.radiance), cameraFromCrop, centerPx, sidePx, seconds };
+  },
+
+  startLive({ clicks, longFovDeg }) {
+    live = new FrameLight(models, findMaskQuickly, clicks, longFovDeg);
+  },
+
+  frame({ bitmap, time }) {
+    return live.next(bitmap, time);
+  },
+
+  clickLive({ clicks }) {
+    live.click(clicks);
+  },
+};
+
+/** The mask of a picture, its edge on the photo's own. */
+async function findMask(picture, clicks) {
+  if (!models.hasMask) return flood(picture, clicks);
+  const cover = await propose((input) => models.mask(input), picture, clicks);
+  return refine(picture, cover);
+}
+
+/** The same at one look and without refining, for video. */
+async function findMaskQuickly(picture, clicks) {
+  if (!models.hasMask) return flood(picture, clicks);
+  const cover = await propose((input) => models.mask(input), picture, clicks, { again: false });
+  const { width, height } = picture;
+  return resize(cover.values, 1, [cover.width, cover.height], [width, height]);
+}
+
+function checkObject(mask, width) {
+  const box = objectBox(mask, width);
+  if (box === null) throw new Error("No object is marked. Click on it in the picture “Object”.");
+  const across = Math.max(box[2] - box[0], box[3] - box[1]);
+  if (across < MIN_OBJECT_PX) {
+    throw new Error(`The object is ${across} pixels across; ${MIN_OBJECT_PX} are needed. Go closer.`);
+  }
+}
+
+self.onmessage = async ({ data: { id, task, ...given } }) => {
+  try {
+    self.postMessage({ id, result: await tasks[task](given) });
+  } catch (error) {
+    self.postMessage({ id, error: error.message ?? String(error) });
+  }
+};

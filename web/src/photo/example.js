@@ -1,0 +1,29 @@
+/** The finished example: a photo, and the server's own answer for it. */
+
+import { describe } from "../light/light.js";
+import { drawBalls } from "../light/balls.js";
+import { readBitmap } from "./open.js";
+
+export async function readExample() {
+  const [picture, maskPicture, told] = await Promise.all([
+    readPicture("example/photo.png"),
+    readPicture("example/mask.png"),
+    fetch("example/light.json").then((answer) => answer.json()),
+  ]);
+  const mask = Float32Array.from({ length: maskPicture.rgba.length / 4 }, (_, i) => maskPicture.rgba[4 * i] / 255);
+  const light = describe(unpack(told.radiance));
+  const { irradiance, ldr, ln_radiance: lnRadiance } = told.stages;
+  const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
+  return { picture, mask, longFovDeg: told.long_fov_deg, result: { light, stages, balls: drawBalls(light.radiance) } };
+}
+
+async function readPicture(path) {
+  const blob = await (await fetch(path)).blob();
+  return readBitmap(await createImageBitmap(blob), Infinity);
+}
+
+/** {shape, dtype: float32, base64} to numbers. */
+function unpack({ base64 }) {
+  const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+  return new Float32Array(bytes.buffer);
+}

@@ -1,0 +1,39 @@
+/**
+ * A picture in memory.
+ *
+ * @typedef {object} Picture
+ * @property {number} width
+ * @property {number} height
+ * @property {Uint8ClampedArray} rgba display values of the upright picture, four bytes a pixel, not premultiplied
+ *
+ * A mask is a Float32Array of width * height numbers in [0, 1], 1 on the object.
+ */
+
+/** Smallest longer side of an object's bounding box, in pixels of the picture. */
+export const MIN_OBJECT_PX = 24;
+
+/** Bounding box [x0, y0, x1, y1] (exclusive) of mask > 0.5, or null where nothing is. */
+export function objectBox(mask, width) {
+  let [x0, y0, x1, y1] = [Infinity, Infinity, -1, -1];
+  for (let i = 0; i < mask.length; i++) {
+    if (!(mask[i] > 0.5)) continue;
+    const x = i % width;
+    const y = (i - x) / width;
+    if (x < x0) x0 = x;
+    if (x > x1) x1 = x;
+    if (y < y0) y0 = y;
+    if (y > y1) y1 = y;
+  }
+  return x1 < 0 ? null : [x0, y0, x1 + 1, y1 + 1];
+}
+
+/** The picture's own transparency as a mask, or null where all of it is opaque. */
+export function maskFromAlpha({ rgba }) {
+  let opaque = true;
+  const mask = new Float32Array(rgba.length / 4);
+  for (let i = 0; i < mask.length; i++) {
+    mask[i] = rgba[4 * i + 3] / 255;
+    opaque &&= rgba[4 * i + 3] === 255;
+  }
+  return opaque ? null : mask;
+}

@@ -1,0 +1,47 @@
+/** Pictures of any channels to another size, as Pillow's BILINEAR does: triangles as wide as a pixel of the coarser. */
+
+/**
+ * @param {Float32Array | Uint8ClampedArray} values height * width * channels, channel last
+ * @param {number} channels how many a pixel has
+ * @param {number[]} from width, height
+ * @param {number[]} to width, height
+ * @returns {Float32Array}
+ */
+export function resize(values, channels, [width, height], [newWidth, newHeight]) {
+  const across = weights(width, newWidth);
+  const narrow = new Float32Array(newWidth * height * channels);
+  for (let y = 0; y < height; y++) {
+    across.forEach(({ first, shares }, x) => {
+      for (let c = 0; c < channels; c++) {
+        let sum = 0;
+        shares.forEach((share, i) => (sum += share * values[(y * width + first + i) * channels + c]));
+        narrow[(y * newWidth + x) * channels + c] = sum;
+      }
+    });
+  }
+  const line = newWidth * channels;
+  const out = new Float32Array(newHeight * line);
+  weights(height, newHeight).forEach(({ first, shares }, y) => {
+    for (let at = 0; at < line; at++) {
+      let sum = 0;
+      for (let i = 0; i < shares.length; i++) sum += shares[i] * narrow[(first + i) * line + at];
+      out[y * line + at] = sum;
+    }
+  });
+  return out;
+}
+
+/** For every new sample the old ones it reads. */
+function weights(length, count) {
+  const scale = length / count;
+  const reach = Math.max(scale, 1);
+  return Array.from({ length: count }, (_, sample) => {
+    const centre = (sample + 0.5) * scale;
+    const first = Math.max(0, Math.floor(centre - reach + 0.5));
+    const last = Math.min(length, Math.floor(centre + reach + 0.5));
+    const shares = [];
+    for (let i = first; i < last; i++) shares.push(Math.max(1 - Math.abs(i + 0.5 - centre) / reach, 0));
+    const sum = shares.reduce((total, share) => total + share, 0);
+    return { first, shares: shares.map((share) => share / sum) };
+  });
+}

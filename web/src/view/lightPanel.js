@@ -1,0 +1,83 @@
+/** The light beside the photo: map, main light, balls, downloads. */
+
+import { OWN_FILES, exportTarget, save } from "../files/downloads.js";
+import { element, setStatus } from "./elements.js";
+import { describeDirection, drawBallPictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
+
+const TITLES = {
+  three: "three.js",
+  webxr: "WebXR",
+  arcore: "ARCore",
+  arkit: "ARKit",
+  usd: "USD",
+};
+
+export class LightPanel {
+  constructor(config) {
+    this.result = null;
+    this.balls = Object.fromEntries(["matte", "silver", "mirror"].map((name) => [name, element(`ball-${name}`)]));
+    this.exposure = element("exposure");
+    this.falseColor = element("false-color");
+    this.exposure.addEventListener("input", () => this.#drawMap());
+    this.falseColor.addEventListener("change", () => this.#drawMap());
+    this.#addDownloads(config);
+    element("about").textContent = `anyprobe ${config.version}, model ${config.model}.`;
+    element("api").hidden = !config.server;
+  }
+
+  /** @param {object} result light and, now and then, balls @param {object} about photo, model, longFovDeg */
+  show(result, about) {
+    this.result = { ...this.result, ...result, balls: result.balls ?? this.result?.balls };
+    this.about = about;
+    this.#drawMap();
+    if (result.balls) drawBallPictures(this.balls, result.balls);
+    const { direction, irradiance } = result.light.mainLight;
+    const marker = element("marker");
+    marker.hidden = Math.max(...irradiance) === 0;
+    Object.assign(marker.style, placeOnMap(direction));
+    element("direction").textContent = marker.hidden ? "none stands out" : describeDirection(direction);
+    for (const button of document.querySelectorAll("#downloads button, #export")) button.disabled = false;
+  }
+
+  #drawMap() {
+    const exposure = Number(this.exposure.value);
+    element("exposure-value").textContent = `${exposure.toFixed(1).replace("-", "−")} EV`;
+    if (!this.result) return;
+    const { radiance } = this.result.light;
+    if (this.falseColor.checked) drawFalseColor(element("map"), radiance.map((value) => value * 2 ** exposure));
+    else drawMap(element("map"), radiance, exposure);
+  }
+
+  #addDownloads({ server, targets }) {
+    for (const kind of Object.keys(OWN_FILES)) {
+      this.#addButton(`.${kind}`, () => OWN_FILES[kind](this.result, this.about), kind);
+    }
+    this.#addButton(".png", () => new Promise((done) => element("map").toBlob(done)), "png");
+    element("targets-row").hidden = !server;
+    for (const target of targets) {
+      const title = TITLES[target] ?? target[0].toUpperCase() + target.slice(1);
+      element("targets").add(new Option(title, target));
+    }
+    element("export").disabled = true;
+    element("export").addEventListener("click", () => {
+      const target = element("targets").value;
+      this.#save(() => exportTarget(this.result, target), `${target}.zip`);
+    });
+  }
+
+  #addButton(text, make, suffix) {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text });
+    button.disabled = true;
+    button.setAttribute("aria-label", `Download the map as ${text}`);
+    button.addEventListener("click", () => this.#save(make, suffix));
+    element("downloads").append(button);
+  }
+
+  async #save(make, suffix) {
+    try {
+      save(await make(), suffix === "zip" ? suffix : `${this.about.photo}.${suffix}`);
+    } catch (error) {
+      setStatus(error.message, true);
+    }
+  }
+}

@@ -1,0 +1,272 @@
+/**
+ * The photo with a virtual object on the ground beside the real one, lit by the estimate.
+ *
+ * The scene is the photo's camera frame: the camera sits at the origin and looks along -Z. The
+ * ground is a plane under the real object, tilted as told; drawn on it are only shadows.
+ */
+
+import {
+  CanvasTexture,
+  CustomToneMapping,
+  DataTexture,
+  DirectionalLight,
+  Group,
+  LinearSRGBColorSpace,
+  Mesh,
+  MeshBasicMaterial,
+  PCFShadowMap,
+  PerspectiveCamera,
+  Plane,
+  PlaneGeometry,
+  Quaternion,
+  Raycaster,
+  Scene,
+  ShadowMaterial,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { irradiance } from "../light/harmonics.js";
+import { luminance } from "../core/color.js";
+import { pixelDirection } from "../photo/crop.js";
+import { EnvironmentTexture } from "./environmentTexture.js";
+import { installCameraCurve, shadowOpacity } from "./curve.js";
+import { dispose } from "./virtualObjects.js";
+
+/** Distance of the real object, in units of the scene; only proportions are seen. */
+const DISTANCE = 5;
+const UP = new Vector3(0, 1, 0);
+const CONTACT_OPACITY = 0.45;
+
+export class Stage {
+  /** @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow */
+  constructor(canvas) {
+    installCameraCurve();
+    this.renderer = new WebGLRenderer({ canvas, alpha: true, antialias: true });
+    this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
+    this.renderer.toneMapping = CustomToneMapping;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.environment = new EnvironmentTexture(this.renderer);
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera();
+    this.camera.near = 0.05;
+    this.object = null;
+    this.turn = 0;
+    this.size = 1;
+    this.frames = 0;
+    this.#buildGround();
+  }
+
+  #buildGround() {
+    this.ground = new Group();
+    this.standing = new Group(); // moves on the ground, carries object and contact shadow
+    const catcher = new Mesh(new PlaneGeometry(30, 30), new ShadowMaterial({ toneMapped: false }));
+    catcher.receiveShadow = true;
+    this.catcher = catcher;
+    this.contact = new Mesh(
+      new PlaneGeometry(1, 1),
+      new MeshBasicMaterial({ map: softSpot(), transparent: true, toneMapped: false, depthWrite: false }),
+    );
+    this.contact.position.y = 0.002;
+    for (const plane of [catcher, this.contact]) plane.rotation.x = -Math.PI / 2;
+    this.standing.add(this.contact);
+    this.ground.add(catcher, this.standing);
+    // a card at the real object's distance that leaves only its depth
+    this.realObject = new Mesh(
+      new PlaneGeometry(1, 1),
+      new MeshBasicMaterial({ alphaTest: 0.5, colorWrite: false }),
+    );
+    this.realObject.position.z = -DISTANCE;
+    this.realObject.renderOrder = -1;
+    this.scene.add(this.realObject);
+    // the environment lights the object, its main light included; this light only casts the shadow
+    this.shadowLight = new DirectionalLight(0xffffff, 0);
+    this.shadowLight.castShadow = true;
+    this.shadowLight.shadow.mapSize.set(256, 256);
+    this.shadowLight.shadow.bias = -0.0005;
+    this.scene.add(this.ground, this.shadowLight, this.shadowLight.target);
+  }
+
+  /**
+   * Set the photo's camera and where the real object stands.
+   *
+   * @param {number} width of the photo in pixels
+   * @param {number} height
+   * @param {number} longFovDeg field of view of the longer side
+   * @param {Float32Array} mask of the real object, width * height, or of a smaller picture's shape
+   * @param {number[]} box of the real object, x0, y0, x1, y1 in pixels
+   */
+  setPhoto(width, height, longFovDeg, mask, box) {
+    Object.assign(this, { width, height, longFovDeg, box });
+    this.setMask(mask);
+    const tall = (DISTANCE * height) / this.#focalPx();
+    this.realObject.scale.set((tall * width) / height, tall, 1);
+    const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
+    this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.setTilt(this.tilt ?? 20);
+    this.#standBeside();
+  }
+
+  /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */
+  setMask(mask) {
+    const { material } = this.realObject;
+    if (material.alphaMap?.image.width !== this.width || material.alphaMap?.image.height !== this.height) {
+      material.alphaMap?.dispose();
+      material.alphaMap = new DataTexture(new Uint8Array(4 * mask.length), this.width, this.height);
+      material.needsUpdate = true;
+    }
+    const { data } = material.alphaMap.image;
+    for (let y = 0; y < this.height; y++) {
+      const below = (this.height - 1 - y) * this.width; // a texture's first row is the lowest
+      for (let x = 0; x < this.width; x++) data[4 * (below + x) + 1] = 255 * mask[y * this.width + x];
+    }
+    material.alphaMap.needsUpdate = true;
+  }
+
+  /** Put the object beside the real one, on the side with more room, small enough to be seen whole. */
+  #standBeside() {
+    const [x0, y0, x1, y1] = this.box;
+    const isRight = this.width - x1 >= x0;
+    const room = isRight ? this.width - x1 : x0;
+    const real = Math.max(y1 - y0, 0.6 * (x1 - x0));
+    const wide = Math.max(Math.min(0.75 * real, 0.85 * room), 0.3 * real);
+    this.unit = (wide * DISTANCE) / this.#focalPx();
+    const away = Math.min(0.6 * wide + 0.05 * real, Math.max(room - 0.55 * wide, 0));
+    this.moveTo(isRight ? x1 + away : x0 - away, Math.min(y1, 0.98 * this.height));
+    this.#place();
+  }
+
+  #focalPx() {
+    return Math.max(this.width, this.height) / 2 / Math.tan((this.longFovDeg * Math.PI) / 360);
+  }
+
+  /** How far the camera looks down, degrees: the slope of the ground in the picture. */
+  setTilt(degrees) {
+    this.tilt = degrees;
+    const angle = (degrees * Math.PI) / 180;
+    this.up = new Vector3(0, Math.cos(angle), Math.sin(angle));
+    this.ground.quaternion.copy(new Quaternion().setFromUnitVectors(UP, this.up));
+    if (this.box) {
+      const [x0, , x1, y1] = this.box;
+      const foot = pixelDirection([(x0 + x1) / 2, y1], this.width, this.height, this.longFovDeg);
+      this.ground.position.set(...foot).multiplyScalar(DISTANCE);
+    }
+    this.ground.updateMatrixWorld(true);
+    this.#aimShadow();
+  }
+
+  /** @param {Group} object one unit high, standing on its origin */
+  setObject(object) {
+    if (this.object) {
+      this.standing.remove(this.object);
+      dispose(this.object);
+    }
+    this.object = object;
+    this.standing.add(object);
+    this.#place();
+  }
+
+  /** Rotation about the ground's normal [degrees] and size, 1 for a good part of the real object's. */
+  setPose({ turn = this.turn, size = this.size }) {
+    Object.assign(this, { turn, size });
+    this.#place();
+  }
+
+  #place() {
+    if (!this.object) return;
+    this.standing.rotation.y = (this.turn * Math.PI) / 180;
+    this.standing.scale.setScalar((this.unit ?? 1) * this.size);
+    this.contact.scale.setScalar(1.1 * this.object.userData.width);
+    this.#aimShadow();
+  }
+
+  /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
+  moveTo(x, y) {
+    const direction = new Vector3(...pixelDirection([x, y], this.width, this.height, this.longFovDeg));
+    const plane = new Plane().setFromNormalAndCoplanarPoint(this.up, this.ground.position);
+    const caster = new Raycaster(new Vector3(), direction.normalize());
+    const hit = caster.ray.intersectPlane(plane, new Vector3());
+    if (!hit || hit.length() > 6 * DISTANCE || hit.length() < 0.1 * DISTANCE) return false;
+    this.standing.position.copy(this.ground.worldToLocal(hit));
+    this.#aimShadow();
+    return true;
+  }
+
+  /** Pixel of the photo where the object stands. */
+  footPx() {
+    const point = this.standing.getWorldPosition(new Vector3()).project(this.camera);
+    return [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height];
+  }
+
+  /** Whether a pixel of the photo shows the object, or nearly. */
+  isOnObject(x, y) {
+    if (!this.object) return false;
+    const caster = new Raycaster();
+    caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.camera);
+    const [fx, fy] = this.footPx();
+    const reach = 0.15 * this.height;
+    return caster.intersectObject(this.object, true).length > 0 || Math.hypot(x - fx, y - fy) < reach;
+  }
+
+  /** @param {import("../light/light.js").Light} light */
+  setLight(light) {
+    this.light = light;
+    this.scene.environment = this.environment.update(light.radiance);
+    this.#aimShadow();
+  }
+
+  /** Let the main light cast the object's shadow, as dark as its share of the ground's light is. */
+  #aimShadow() {
+    if (!this.light || !this.up) return;
+    const { mainLight, sh9 } = this.light;
+    const towards = new Vector3(...mainLight.direction);
+    const cosine = Math.max(towards.dot(this.up), 0);
+    const ofMain = luminance(...mainLight.irradiance) * cosine;
+    const ofAll = Math.max(luminance(...irradiance(sh9, this.up.toArray())), ofMain, 1e-6);
+    this.catcher.material.opacity = shadowOpacity(Math.min(ofMain / ofAll, 0.95));
+    this.contact.material.opacity = CONTACT_OPACITY;
+    const foot = this.standing.getWorldPosition(new Vector3());
+    const reach = 2 * (this.unit ?? 1) * this.size;
+    this.shadowLight.castShadow = cosine > 0.05;
+    this.shadowLight.target.position.copy(foot);
+    this.shadowLight.position.copy(foot).addScaledVector(towards, 3 * reach);
+    const { shadow } = this.shadowLight;
+    Object.assign(shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, far: 6 * reach });
+    shadow.camera.near = 0.1 * reach;
+    shadow.camera.updateProjectionMatrix();
+    shadow.radius = 2 + 6 * Math.min(Math.sqrt(mainLight.solidAngle / Math.PI), 1);
+    this.shadowLight.target.updateMatrixWorld();
+  }
+
+  /** Draw at the size the canvas is shown at. */
+  render() {
+    const canvas = this.renderer.domElement;
+    const ratio = Math.min(window.devicePixelRatio, 2);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (!width || !height || !this.box) return;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height, false);
+    }
+    this.ground.visible = this.light !== undefined;
+    this.renderer.render(this.scene, this.camera);
+    this.frames += 1;
+  }
+}
+
+/** A round spot, dark in its middle, for the darkness where an object touches the ground. */
+function softSpot() {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 128;
+  const context = canvas.getContext("2d");
+  const shade = context.createRadialGradient(64, 64, 0, 64, 64, 64);
+  for (const [place, alpha] of [[0, 1], [0.35, 0.75], [0.65, 0.25], [1, 0]]) {
+    shade.addColorStop(place, `rgba(0, 0, 0, ${alpha})`);
+  }
+  context.fillStyle = shade;
+  context.fillRect(0, 0, 128, 128);
+  return new CanvasTexture(canvas);
+}

@@ -1,0 +1,88 @@
+/** What can stand beside the real object: shapes one unit high on the ground, materials, own .glb files. */
+
+import {
+  Box3,
+  CylinderGeometry,
+  Group,
+  LatheGeometry,
+  Mesh,
+  MeshPhysicalMaterial,
+  SphereGeometry,
+  TorusKnotGeometry,
+  Vector2,
+  Vector3,
+} from "three";
+import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.js";
+import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
+
+const VASE = [
+  [0, 0], [0.3, 0], [0.34, 0.03], [0.42, 0.2], [0.44, 0.34], [0.36, 0.52], [0.2, 0.66], [0.15, 0.76],
+  [0.17, 0.9], [0.24, 1], [0.2, 1], [0.12, 0.88],
+];
+
+/** Shapes of the picker: name to geometry, any size and place. */
+export const SHAPES = {
+  ball: () => new SphereGeometry(0.5, 96, 64),
+  teapot: () => new TeapotGeometry(0.5, 16),
+  vase: () => new LatheGeometry(VASE.map(([x, y]) => new Vector2(x, y)), 96),
+  knot: () => new TorusKnotGeometry(0.35, 0.12, 200, 32),
+  box: () => new RoundedBoxGeometry(1, 1, 1, 6, 0.08),
+  column: () => new CylinderGeometry(0.3, 0.3, 1, 96),
+};
+
+/** Materials of the picker; colours are linear reflectances. */
+export const MATERIALS = {
+  chrome: { color: [0.55, 0.556, 0.554], metalness: 1, roughness: 0.03 },
+  gold: { color: [1, 0.71, 0.29], metalness: 1, roughness: 0.2 },
+  plastic: { color: [0.45, 0.03, 0.03], metalness: 0, roughness: 0.3 },
+  matte: { color: [0.8, 0.8, 0.8], metalness: 0, roughness: 1 },
+};
+
+export function makeMaterial(name) {
+  const { color, ...rest } = MATERIALS[name];
+  const material = new MeshPhysicalMaterial(rest);
+  material.color.setRGB(...color);
+  return material;
+}
+
+/** A shape of the picker, standing on the ground. */
+export function makeShape(name, material) {
+  const mesh = new Mesh(SHAPES[name](), material);
+  return stand(new Group().add(mesh));
+}
+
+/** A model of the user's own; nothing is fetched but the file itself. */
+export async function openModel(file) {
+  const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
+  let scene;
+  try {
+    ({ scene } = await new GLTFLoader().parseAsync(await file.arrayBuffer(), ""));
+  } catch (error) {
+    throw new Error(`${file.name}: expected a .glb model that needs no other file (${error.message}).`);
+  }
+  return stand(new Group().add(scene));
+}
+
+/** Scale a group to height 1 (or to that size, lying things) and put it on the ground, origin below it. */
+function stand(group) {
+  const box = new Box3().setFromObject(group);
+  const size = box.getSize(new Vector3());
+  const scale = 1 / Math.max(size.y, 0.6 * Math.max(size.x, size.z), 1e-6);
+  const middle = box.getCenter(new Vector3());
+  const inner = group.children[0];
+  inner.scale.multiplyScalar(scale);
+  inner.position.sub(new Vector3(middle.x, box.min.y, middle.z)).multiplyScalar(scale);
+  group.traverse((part) => {
+    if (part.isMesh) part.castShadow = true;
+  });
+  group.userData.width = scale * Math.max(size.x, size.z);
+  return group;
+}
+
+/** Free what a group holds on the GPU. */
+export function dispose(group) {
+  group.traverse((part) => {
+    part.geometry?.dispose();
+    for (const material of [part.material ?? []].flat()) material.dispose();
+  });
+}

@@ -1,0 +1,99 @@
+/**
+ * The page computes what the Python package computes: one photo through both.
+ *
+ * PARITY names a folder that tests/support/parity_case.py fills: photo.rgba, mask.f32,
+ * case.json and Python's answers as .f32.
+ */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { before, test } from "node:test";
+import * as ort from "onnxruntime-web";
+
+import { cameraRadiance, describe } from "../src/light/light.js";
+import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
+import { shown, step } from "../src/light/temporal.js";
+import { cropObject } from "../src/photo/crop.js";
+import { propose } from "../src/photo/propose.js";
+import { refine } from "../src/photo/refine.js";
+import { Models } from "../src/networks/models.js";
+
+const folder = process.env.PARITY;
+const skip = folder ? false : "PARITY names no folder with Python's answers";
+const found = {};
+
+function floats(name) {
+  const bytes = readFileSync(join(folder, `${name}.f32`));
+  return new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
+}
+
+function assertClose(actual, expected, tolerance, what) {
+  assert.equal(actual.length, expected.length, what);
+  let worst = 0;
+  for (let i = 0; i < expected.length; i++) {
+    worst = Math.max(worst, Math.abs(actual[i] - expected[i]) / (1 + Math.abs(expected[i])));
+  }
+  assert.ok(worst <= tolerance, `${what}: off by ${worst}`);
+}
+
+before(async () => {
+  if (skip) return;
+  const told = JSON.parse(readFileSync(join(folder, "case.json")));
+  const { width, height, long_fov_deg, weights } = told;
+  const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
+  Object.assign(found, { picture: { width, height, rgba }, clicks: told.clicks, frameSeconds: told.frame_seconds });
+  found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
+  ort.env.wasm.numThreads = 1;
+  const bytes = Object.fromEntries(
+    Object.entries(weights).map(([stage, path]) => [stage, new Uint8Array(readFileSync(path))]),
+  );
+  found.models = await Models.open(ort, bytes);
+  found.stages = await found.models.light(found.crop.image);
+  found.light = describe(cameraRadiance(found.stages, found.crop.cameraFromCrop));
+});
+
+test("the crop and its camera", { skip }, () => {
+  assertClose(found.crop.image, floats("crop"), 1e-5, "crop");
+  assertClose(found.crop.cameraFromCrop, floats("camera_from_crop"), 1e-6, "camera_from_crop");
+});
+
+test("the three stages", { skip }, () => {
+  assertClose(found.stages.irradiance, floats("irradiance"), 2e-4, "irradiance");
+  assertClose(found.stages.ldr, floats("ldr"), 1e-3, "ldr");
+  assertClose(found.stages.lnRadiance, floats("ln_radiance"), 2e-3, "ln_radiance");
+});
+
+test("the map in the camera's frame", { skip }, () => {
+  assertClose(found.light.radiance, floats("radiance"), 3e-3, "radiance");
+});
+
+test("harmonics and main light of Python's own map", { skip }, () => {
+  const light = describe(floats("radiance"));
+  assertClose(light.sh9, floats("sh9"), 1e-5, "sh9");
+  const { direction, irradiance, color, solidAngle, confidence } = light.mainLight;
+  const main = [...direction, ...irradiance, ...color, solidAngle, confidence];
+  assertClose(main, floats("main_light"), 1e-4, "main light");
+});
+
+test("the mask from nothing and from clicks", { skip }, async () => {
+  for (const [name, clicks] of Object.entries(found.clicks)) {
+    const cover = await propose((input) => found.models.mask(input), found.picture, clicks);
+    assertClose(refine(found.picture, cover), floats(`mask_${name}`), 1e-4, `mask ${name}`);
+  }
+});
+
+test("the filter of a video's lights", { skip }, () => {
+  const frames = floats("frames");
+  const size = frames.length / found.frameSeconds.length;
+  let state = null;
+  found.frameSeconds.forEach((dt, i) => {
+    state = step(state, frames.subarray(i * size, (i + 1) * size), dt);
+  });
+  assertClose(shown(state), floats("steadied"), 1e-4, "steadied");
+});
+
+test("blurs of Python's own map", { skip }, () => {
+  assertClose(irradianceMap(floats("radiance"), 64), floats("irradiance_map"), 1e-4, "irradiance map");
+  assertClose(blurCosinePower(floats("radiance"), 64, 3, 5), floats("blurred"), 1e-4, "blur");
+});
