@@ -1,0 +1,327 @@
+"""The HTTP API: what it answers, what it refuses and how, and what it never tells."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import io
+import json
+import threading
+import zipfile
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from anyprobe.files.radiance import read_radiance
+
+pytest.importorskip("fastapi", reason="needs the serve extra")
+pytest.importorskip("python_multipart", reason="needs the serve extra")
+
+from fastapi.testclient import TestClient
+
+from anyprobe.serve.app import CLIENT_GONE, create_app
+from anyprobe.serve.limits import Limits
+from anyprobe.serve.pool import Busy, Cancelled, WorkerPool
+
+LIMITS = Limits(max_bytes=200_000, max_pixels=20_000, workers=1, waiting=1, upload_s=5.0)
+
+
+def as_png(picture: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+@pytest.fixture(scope="module")
+def client(estimator):
+    with TestClient(create_app(estimator, LIMITS), raise_server_exceptions=False) as client:
+        yield client
+
+
+@pytest.fixture
+def photo(photo_rgba) -> bytes:
+    return as_png(photo_rgba)
+
+
+def complaint(answer, status: int) -> str:
+    """The one line of an answer that refuses."""
+    assert answer.status_code == status, answer.text
+    assert set(answer.json()) == {"error"}
+    line = answer.json()["error"]
+    assert "\n" not in line
+    assert "Traceback" not in line
+    return line
+
+
+def test_body_or_form_give_the_same_light_as_the_package(client, estimator, photo, photo_rgba, photo_mask):
+    expected = estimator(photo_rgba)
+    raw = client.post("/v1/estimate?include=radiance", content=photo)
+    parts = {"photo": ("ball.jpg", as_png(photo_rgba[..., :3])), "mask": ("m.png", as_png(photo_mask))}
+    form = client.post("/v1/estimate", files=parts, data={"include": "radiance", "fov": "65"})
+    for answer in (raw, form):
+        told = answer.json()
+        found = np.frombuffer(base64.b64decode(told["radiance"]["base64"]), "<f4")
+        assert told["radiance"]["shape"] == list(expected.radiance.shape)
+        np.testing.assert_allclose(
+            found.reshape(expected.radiance.shape), expected.radiance, rtol=1e-3, atol=1e-3
+        )
+        np.testing.assert_allclose(
+            told["main_light"]["direction"], expected.main_light().direction, atol=1e-2
+        )
+    assert form.json()["photo"] == "ball.jpg"
+    assert form.json()["fov_source"] == "given"
+
+
+@pytest.mark.parametrize(
+    ("accept", "suffix"), [("image/x-exr", "exr"), ("image/vnd.radiance;q=0.9, text/html", "hdr")]
+)
+def test_map_comes_in_the_format_that_is_accepted(
+    client, estimator, photo, photo_rgba, tmp_path, accept, suffix
+):
+    path = tmp_path / f"map.{suffix}"
+    path.write_bytes(client.post("/v1/estimate", content=photo, headers={"Accept": accept}).content)
+    np.testing.assert_allclose(read_radiance(path), estimator(photo_rgba).radiance, rtol=0.01, atol=0.01)
+    assert client.post(f"/v1/estimate?format={suffix}", content=photo).content == path.read_bytes()
+
+
+def test_accept_that_nothing_meets_is_refused(client, photo):
+    line = complaint(client.post("/v1/estimate", content=photo, headers={"Accept": "text/css"}), 406)
+    assert "image/x-exr" in line
+
+
+def test_mask_shows_what_the_estimate_uses(client, photo, photo_mask):
+    answer = client.post("/v1/mask", content=photo)
+    assert answer.headers["content-type"] == "image/png"
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(answer.content))), photo_mask)
+    told = client.post("/v1/mask?format=json", content=photo).json()
+    assert told["size"] == [photo_mask.shape[1], photo_mask.shape[0]]
+
+
+def test_clicks_and_boxes_reach_the_mask(client, photo_rgba):
+    opaque = as_png(photo_rgba[..., :3])
+    line = complaint(client.post("/v1/mask?click=500,2", content=opaque), 422)
+    assert "500,2" in line
+    assert "click beside" in complaint(client.post("/v1/mask?click_off=500,2", content=opaque), 422)
+    assert "box" in complaint(client.post("/v1/mask", content=opaque, params={"box": "5,5,4,9"}), 422)
+
+
+@pytest.mark.parametrize(
+    ("query", "body", "word"),
+    [
+        ("", b"", "nothing"),
+        ("", b"no picture at all", "expected an image"),
+        ("?box=1,2", None, "X0,Y0,X1,Y1"),
+        ("?fov=wide", None, "a number"),
+        ("?fov=nan", None, "a number"),
+        ("?fov=500", None, "170"),
+        ("?include=everything", None, "radiance"),
+    ],
+)
+def test_what_cannot_be_used_is_named_in_one_line(client, photo, query, body, word):
+    assert word in complaint(
+        client.post(f"/v1/estimate{query}", content=photo if body is None else body), 422
+    )
+
+
+def test_too_many_bytes_are_refused_by_their_announcement_and_by_their_count(client):
+    body = bytes(LIMITS.max_bytes + 1)
+    complaint(client.post("/v1/estimate", content=body), 413)
+    pieces = (body[i : i + 9999] for i in range(0, len(body), 9999))  # chunked: no length is announced
+    complaint(client.post("/v1/estimate", content=pieces), 413)
+
+
+@pytest.mark.parametrize("part", ["photo", "mask"])
+def test_too_many_pixels_are_refused_before_they_are_decoded(client, photo, part):
+    bomb = as_png(np.zeros((400, 400), np.uint8))
+    assert len(bomb) < 1000
+    parts = {"photo": ("p.png", photo), "mask": ("m.png", photo)} | {part: ("bomb.png", bomb)}
+    assert "pixels" in complaint(client.post("/v1/estimate", files=parts), 413)
+
+
+def test_full_house_answers_429_and_when_to_come_back(estimator, photo):
+    started, go_on = threading.Event(), threading.Event()
+
+    class Slow:
+        model_id = "slow"
+
+        def from_photo(self, photo):
+            started.set()
+            go_on.wait(20)
+            return estimator.from_photo(photo)
+
+    limits = Limits(workers=1, waiting=0, retry_after_s=7)
+    with TestClient(create_app(Slow(), limits)) as client:
+        first: list = []
+        thread = threading.Thread(target=lambda: first.append(client.post("/v1/estimate", content=photo)))
+        thread.start()
+        assert started.wait(20)
+        assert client.get("/healthz").json()["taken"] == 1
+        refused = client.post("/v1/estimate", content=photo)
+        go_on.set()
+        thread.join(20)
+        assert "again" in complaint(refused, 429)
+        assert refused.headers["Retry-After"] == "7"
+        assert first[0].status_code == 200
+        assert client.post("/v1/estimate", content=photo).status_code == 200
+
+
+def test_who_leaves_while_waiting_is_not_computed():
+    limits = Limits(workers=1, waiting=5)
+    go_on = threading.Event()
+    done: list[str] = []
+
+    async def scene():
+        pool = WorkerPool(limits)
+        stays = asyncio.Event().wait
+        first = asyncio.create_task(pool.run(lambda job: (go_on.wait(20), done.append("first")), stays))
+
+        async def leaves() -> None:
+            await asyncio.sleep(0.05)
+
+        second = asyncio.create_task(pool.run(lambda job: done.append("second"), leaves))
+        await asyncio.sleep(0.3)
+        go_on.set()
+        await first
+        with pytest.raises(Cancelled):
+            await second
+        pool.close()
+
+    asyncio.run(scene())
+    assert done == ["first"]
+
+
+def test_who_leaves_while_computing_stops_it_at_its_next_step():
+    async def scene():
+        pool = WorkerPool(Limits(workers=1))
+        started = threading.Event()
+
+        def work(job):
+            started.set()
+            for _ in range(2000):
+                job.step()
+                threading.Event().wait(0.01)
+            return "too late"
+
+        async def leaves() -> None:
+            while not started.is_set():
+                await asyncio.sleep(0.01)
+
+        with pytest.raises(Cancelled):
+            await asyncio.wait_for(pool.run(work, leaves), 10)
+        pool.close()
+
+    asyncio.run(scene())
+
+
+def test_places_are_given_back():
+    async def scene():
+        pool = WorkerPool(Limits(workers=1, waiting=0))
+        for _ in range(3):
+            async with pool.place():
+                assert pool.taken == 1
+                with pytest.raises(Busy):
+                    async with pool.place():
+                        pass
+        assert pool.taken == 0
+        pool.close()
+
+    asyncio.run(scene())
+
+
+def test_client_that_hangs_up_costs_one_place_for_a_moment(estimator, photo):
+    """Straight through ASGI: the body arrives, then the line is cut."""
+    app = create_app(estimator, LIMITS)
+    sent: list = []
+
+    async def scene():
+        messages = [{"type": "http.request", "body": photo}, {"type": "http.disconnect"}]
+
+        async def receive():
+            return messages.pop(0) if messages else {"type": "http.disconnect"}
+
+        async def send(message):
+            sent.append(message)
+
+        scope = {"type": "http", "method": "POST", "path": "/v1/estimate", "raw_path": b"/v1/estimate"}
+        scope |= {"query_string": b"", "headers": [(b"host", b"localhost")], "http_version": "1.1"}
+        await app(scope | {"scheme": "http", "server": ("localhost", 80), "client": None}, receive, send)
+
+    asyncio.run(scene())
+    assert sent[0]["status"] in (CLIENT_GONE, 200)  # 200 where the networks were quicker
+    with TestClient(app) as client:
+        assert client.get("/healthz").json()["taken"] == 0
+
+
+def test_export_is_a_zip_of_the_target_s_files(client, photo):
+    exr = client.post("/v1/estimate?format=exr", content=photo).content
+    for target in client.get("/v1/targets").json():
+        answer = client.post(f"/v1/export/{target}", content=exr)
+        assert answer.status_code == 200, answer.text
+        names = zipfile.ZipFile(io.BytesIO(answer.content)).namelist()
+        assert f"light_{target}.json" in names
+    assert "three" in complaint(client.post("/v1/export/nowhere", content=exr), 422)
+    complaint(client.post("/v1/export/three", content=photo), 422)
+    complaint(client.post("/v1/export/three?exposure=nan", content=exr), 422)
+
+
+def test_photo_of_any_format_becomes_an_upright_png(client, photo_rgba):
+    image = Image.fromarray(photo_rgba[..., :3])
+    exif = Image.Exif()
+    exif[0x0112] = 6  # turned: the first row is the right side
+    stream = io.BytesIO()
+    image.save(stream, format="TIFF", exif=exif)
+    answer = client.post("/v1/photo", content=stream.getvalue())
+    picture = Image.open(io.BytesIO(answer.content))
+    assert picture.size == (image.height, image.width)
+
+
+def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_path):
+    parts = {"photo": (str(tmp_path / "secret" / "ball.png"), photo)}
+    told = client.post("/v1/estimate", files=parts, params={"include": "stages,mask,radiance"}).json()
+    assert told["photo"] == "ball.png"
+    assert str(tmp_path) not in json.dumps(told)
+
+    def fails(*arguments, **options):
+        raise RuntimeError(f"cannot open {tmp_path}/secret")
+
+    monkeypatch.setattr("anyprobe.serve.estimates.load_photo", fails)
+    answer = client.post("/v1/estimate", content=photo)
+    assert complaint(answer, 500) == "the server failed at this; its log says more"
+
+
+def test_pages_of_other_origins_are_kept_out(client, estimator, photo):
+    foreign = {"Origin": "https://elsewhere.example", "Sec-Fetch-Site": "cross-site"}
+    complaint(client.post("/v1/estimate", content=photo, headers=foreign), 403)
+    answer = client.get("/healthz", headers={"Origin": "https://elsewhere.example"})
+    assert "access-control-allow-origin" not in answer.headers
+    with TestClient(create_app(estimator, LIMITS, origins=["https://elsewhere.example"])) as opened:
+        answer = opened.post("/v1/estimate", content=photo, headers=foreign)
+        assert answer.status_code == 200
+        assert answer.headers["access-control-allow-origin"] == "https://elsewhere.example"
+
+
+def test_foreign_names_for_this_machine_are_refused(estimator):
+    with TestClient(create_app(estimator, hosts=["localhost"]), base_url="http://rebound.example") as client:
+        assert client.get("/healthz").status_code == 400
+
+
+def test_every_answer_lets_threads_run_and_nothing_be_embedded(client):
+    for answer in (client.get("/healthz"), client.get("/nowhere"), client.post("/v1/estimate")):
+        assert answer.headers["Cross-Origin-Opener-Policy"] == "same-origin"
+        assert answer.headers["Cross-Origin-Embedder-Policy"] == "require-corp"
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+
+
+def test_openapi_describes_every_address(client):
+    paths = client.get("/openapi.json").json()["paths"]
+    assert set(paths) == {
+        "/healthz",
+        "/v1/estimate",
+        "/v1/mask",
+        "/v1/photo",
+        "/v1/export/{target}",
+        "/v1/targets",
+    }
+    assert {"200", "413", "422", "429"} <= set(paths["/v1/estimate"]["post"]["responses"])
