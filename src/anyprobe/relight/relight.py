@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.compose import Window, cast_shadow, lay_over, window_around
 from anyprobe.relight.ground import Placement, View, place_beside, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, Ground, open_mitsuba, trace_mesh
-from anyprobe.relight.shadow import GroundShadow, sky_irradiance
+from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.scatter.brdf import Material
@@ -55,10 +56,16 @@ class Stage:
         )
         self.window: Window = window_around(self.placement, self.view)
 
-    def shadow(self, radiance: np.ndarray) -> GroundShadow:
+    def on(self, photo: Photo) -> Stage:
+        """The same place in another photo of the same camera, a frame of a video."""
+        other = copy(self)
+        other.photo = photo
+        return other
+
+    def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = GRID) -> GroundShadow:
         """The object's shadow under a map [H, 2H, 3] of the camera's frame."""
         spot = self.placement
-        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance)
+        return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)
 
     def relit(
         self,

@@ -1,0 +1,146 @@
+"""anyprobe video: a clip in, a track of lights and a relit clip out."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from anyprobe.cli.relight import Renderer, numbers
+from anyprobe.errors import InputError
+from anyprobe.infer.runtime import DEFAULT_MODEL
+
+LINE_S = 30
+"""Between two lines of progress where there is no terminal."""
+
+
+def video(
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")],
+    name: Annotated[
+        str | None,
+        typer.Option("--object", help="Also write relit.mp4 with this object; see anyprobe relight."),
+    ] = None,
+    material: Annotated[str, typer.Option(help="Of the object; see anyprobe relight.")] = "chrome",
+    at: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")
+    ] = None,
+    size: Annotated[float, typer.Option(help="Its largest extent over the real object's.")] = 0.8,
+    pitch: Annotated[
+        float | None, typer.Option(help="How far the camera looks down, degrees; see anyprobe relight.")
+    ] = None,
+    renderer: Annotated[Renderer, typer.Option(help="Who draws the object.")] = Renderer.own,
+    every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
+    exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
+    masks: Annotated[
+        Path | None, typer.Option(help="Folder of one mask a frame, sorted by name; white = object.")
+    ] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object in the first frame, in pixels."),
+    ] = None,
+    fov: Annotated[
+        float | None, typer.Option(help="Field of view of the video's longer side, degrees.")
+    ] = None,
+    restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+) -> None:
+    """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
+    from anyprobe.infer.estimate import Estimator
+    from anyprobe.relight.objects import open_object
+    from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, uses_mitsuba
+    from anyprobe.scatter.presets import material_named
+    from anyprobe.video.clip import open_clip
+    from anyprobe.video.following import MaskFollower
+    from anyprobe.video.run import ClipRun, VirtualObject
+
+    corners = numbers(box, 4, "--box", "X0,Y0,X1,Y1", "40,30,220,260")
+    foot = numbers(at, 2, "--at", "X,Y", "400,380")
+    if masks is not None and corners is not None:
+        raise InputError("--masks and --box: expected one of them, got both")
+    if material != PHOTO_MATERIAL:
+        material_named(material, PHOTO_MATERIAL)
+    header = open_clip(clip)
+    virtual = None
+    if name is not None:
+        kind = "mitsuba" if uses_mitsuba(renderer) else "own"
+        place = Arrangement(size=size, at=foot, pitch_deg=pitch)
+        virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
+    follower = MaskFollower(masks, {} if corners is None else {"box": corners}, fov)
+    estimator = Estimator(model)
+    settings = {
+        "clip": clip.name,
+        "clip_bytes": clip.stat().st_size,
+        "model": estimator.model_id,
+        "every": every,
+        "exr": exr,
+        "masks": None if masks is None else str(masks),
+        "box": corners,
+        "fov_deg": fov,
+        "object": name,
+        "material": material if name else None,
+        "at": foot,
+        "object_size": size,
+        "pitch_deg": pitch,
+        "renderer": virtual.renderer if virtual else None,
+    }
+    if restart:
+        for left in (".state.npz", "track.json", "relit.mp4"):
+            (out / left).unlink(missing_ok=True)
+        for left in (".pieces", "lights"):
+            shutil.rmtree(out / left, ignore_errors=True)
+    run = ClipRun(header, out, estimator, follower, settings, every=every, exr=exr, virtual=virtual)
+    talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
+    begun, start = run.progress.next_index, time.monotonic()
+    if begun:
+        talk.print(f"{out}: goes on at frame {begun}")
+    try:
+        outcome = _watched(run, header.num_frames or None, begun, talk)
+    except KeyboardInterrupt:
+        talk.print(f"anyprobe: stopped; go on with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
+        raise
+    seconds = time.monotonic() - start
+    for index, line in outcome.bad:
+        talk.print(f"warning: frame {index}: kept the light before it: {line}", soft_wrap=True)
+    if outcome.damaged:
+        talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
+    told = {
+        "track": str(out / "track.json"),
+        "relit": str(out / "relit.mp4") if virtual else None,
+        "frames": outcome.frames,
+        "bad": [{"index": index, "error": line} for index, line in outcome.bad],
+        "damaged": outcome.damaged,
+        "seconds": round(seconds, 2),
+    }
+    if as_json:
+        print(json.dumps(told))
+    rate = (outcome.frames - begun) / max(seconds, 1e-9)
+    talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
+    if len(outcome.bad) == outcome.frames:
+        raise typer.Exit(2)
+
+
+def _watched(run, total: int | None, begun: int, talk: Console):
+    """A bar on a terminal, else a line now and then."""
+    said = time.monotonic()
+    with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
+        task = bar.add_task("frames", total=total, completed=begun)
+
+        def watch(done: int) -> None:
+            nonlocal said
+            bar.update(task, completed=done)
+            if not talk.is_terminal and time.monotonic() - said > LINE_S:
+                said = time.monotonic()
+                talk.print(f"frame {done}" + (f" of {total}" if total else ""))
+
+        return run(watch)

@@ -1,0 +1,169 @@
+"""A clip in, a track of lights out: masks, networks, the filter over time, and the relit clip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.color import to_bytes
+from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.files.radiance import write_exr
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.photo import Photo
+from anyprobe.light.temporal import step
+from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.render.mesh import Mesh
+from anyprobe.scatter.brdf import Material
+from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
+from anyprobe.video.following import MaskFollower
+from anyprobe.video.track import Progress, describe, load_progress, save_progress, write_track
+
+SAVE_EVERY = 24
+"""Frames between two saves; what came after the last save is done again."""
+
+SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
+"""For a picture of which there are many; a photo's has 192 and 256."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualObject:
+    """What the relit clip shows; see relight.relight."""
+
+    mesh: Mesh
+    material: str
+    arrangement: Arrangement
+    renderer: str = "own"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """frames: that were read. bad: (index, line) of those without a light of their own. damaged: packets."""
+
+    frames: int
+    bad: list[tuple[int, str]]
+    damaged: int
+
+
+class ClipRun:
+    """One clip on its way into one folder."""
+
+    def __init__(
+        self,
+        clip: Clip,
+        folder: Path,
+        estimator: Estimator,
+        follower: MaskFollower,
+        settings: dict,
+        *,
+        every: int = 1,
+        exr: bool = False,
+        virtual: VirtualObject | None = None,
+    ) -> None:
+        """Args:
+        settings: plain values that the result depends on; a folder goes on only with the same.
+        every: a light for every so many frames; those between keep the last.
+        exr: write lights/<index>.exr too, the steady map of every frame with a light of its own.
+        """
+        self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
+        self.every, self.exr, self.virtual = every, exr, virtual
+        self.progress = load_progress(folder, settings) or Progress(settings=settings)
+        self._stage: Stage | None = None
+        self._shadow = None
+        self._photo: Photo | None = None
+
+    def __call__(self, watch: Callable[[int], None]) -> Outcome:
+        """Do what is not done yet; watch gets the number of frames done.
+
+        Whatever ends it, a later call with the same folder goes on and gives the same files.
+        """
+        done = self.progress
+        damaged: list[int] = []
+        pictures: list[tuple[float, np.ndarray]] = []
+        size, frame = (0, 0), None
+        save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after it gets a light
+        for frame in read_frames(self.clip, damaged):
+            size = frame.rgb.shape[1], frame.rgb.shape[0]
+            if frame.index < done.next_index:
+                if frame.index == done.stage_index:
+                    self._set_up(self.follower.photo(frame))
+                continue
+            if frame.index == done.next_index and done.next_index:
+                self.follower.box, self._shadow = done.box, None
+            done.frames.append(self._one(frame))
+            if self.virtual is not None:
+                pictures.append((frame.time_s, self._picture(frame)))
+            watch(frame.index + 1)
+            if (frame.index + 1) % save_every == 0:
+                self._save(frame.index + 1, pictures)
+                pictures = []
+        if frame is None:
+            raise InputError(f"{self.clip.path}: expected a video with frames, got none that can be decoded")
+        if frame.index + 1 > done.next_index:
+            self._save(frame.index + 1, pictures)
+        if done.light is None:
+            raise InputError(f"{self.clip.path}: no frame gave a light; {done.frames[0]['error']}")
+        write_track(self.folder / "track.json", done, self.clip.fps, size)
+        if self.virtual is not None:
+            join_pieces(self.folder / "relit.mp4", [self._piece(number) for number in range(done.pieces)])
+        bad = [(one["index"], one["error"]) for one in done.frames if "error" in one]
+        return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged))
+
+    def _one(self, frame: Frame) -> dict:
+        """The record of one frame; a frame that gives no light keeps the last one and says why."""
+        done = self.progress
+        record = {"index": frame.index, "time_s": round(frame.time_s, 5)}
+        if frame.index % self.every and done.light is not None:
+            return {**record, "same_as": done.frames[-1].get("same_as", frame.index - 1)}
+        try:
+            self._photo = self.follower.photo(frame)
+            light = self.estimator.from_photo(self._photo)
+        except AnyprobeError as error:
+            self._photo = None
+            return {**record, "error": " ".join(str(error).splitlines())}
+        dt_s = max(frame.time_s - done.light_time_s, 1e-3)
+        done.light = step(done.light, light.radiance, dt_s)
+        done.light_time_s, self._shadow = frame.time_s, None
+        steady = done.light.radiance
+        if self.exr:
+            write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady)
+        if self.virtual is not None and self._stage is None:
+            self._set_up(self._photo)
+            done.stage_index = frame.index
+            material = self._stage.material(self.virtual.material, steady)
+            done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
+        return {**record, **describe(steady), "held": done.light.held}
+
+    def _set_up(self, photo: Photo) -> None:
+        """The place of the virtual object, from the first frame with a mask, for all."""
+        self._stage = Stage(photo, self.virtual.mesh, self.virtual.arrangement)
+
+    def _picture(self, frame: Frame) -> np.ndarray:
+        """The frame with the object in it, [H, W, 3] uint8; as it is while there is no light yet."""
+        state = self.progress.light
+        if self._stage is None or state is None:
+            return frame.rgb
+        rgb = frame.rgb.astype(np.float32) / 255
+        mask = np.zeros(rgb.shape[:2], np.float32) if self._photo is None else self._photo.mask
+        stage = self._stage.on(replace(self._stage.photo, rgb=rgb, mask=mask))
+        if self._shadow is None:
+            self._shadow = stage.shadow(state.radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
+        numbers = self.progress.material
+        material = Material(
+            **{**numbers, "albedo": np.array(numbers["albedo"]), "f0": np.array(numbers["f0"])}
+        )
+        return to_bytes(stage.relit(state.radiance, material, self.virtual.renderer, self._shadow))
+
+    def _save(self, next_index: int, pictures: list[tuple[float, np.ndarray]]) -> None:
+        done = self.progress
+        if pictures:
+            write_piece(self._piece(done.pieces), pictures)
+            done.pieces += 1
+        done.next_index = next_index
+        done.box = None if self.follower.box is None else [int(v) for v in self.follower.box]
+        save_progress(self.folder, done)
+
+    def _piece(self, number: int) -> Path:
+        return self.folder / ".pieces" / f"{number:05d}.mp4"

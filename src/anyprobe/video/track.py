@@ -1,0 +1,117 @@
+"""The lights of a clip as one JSON file, and what is kept on disk to go on after an end of any kind."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.infer.result import FRAME, SCALE
+from anyprobe.light.harmonics import project
+from anyprobe.light.main_light import split_main_light
+from anyprobe.light.temporal import Steadied
+
+STATE = ".state.npz"
+MAPS = ("steady", "fast", "last")
+NUMBERS = ("noise", "memory_s", "age_s", "held", "spread")
+
+
+@dataclass(kw_only=True)
+class Progress:
+    """How far a clip is done.
+
+    settings: what the result depends on; another run may go on only with the same.
+    next_index: the first frame that is not done. frames: records of those that are.
+    light: the filter's state, and time_s of the light it last saw.
+    box: where the object is looked for next. pieces: of the relit clip that are written.
+    stage_index: the frame that the virtual object was placed in. material: its, as plain numbers.
+    """
+
+    settings: dict[str, Any]
+    next_index: int = 0
+    frames: list[dict] = field(default_factory=list)
+    light: Steadied | None = None
+    light_time_s: float = 0.0
+    box: list[float] | None = None
+    pieces: int = 0
+    stage_index: int | None = None
+    material: dict | None = None
+
+
+def save_progress(folder: Path, progress: Progress) -> None:
+    """Write it whole or not at all."""
+    words = asdict(progress)
+    light = words.pop("light")
+    arrays = {}
+    if light is not None:
+        arrays = {name: light[name] for name in MAPS}
+        words["filter"] = {name: light[name] for name in NUMBERS}
+    with atomic_path(folder / STATE) as temporary:
+        np.savez(temporary, words=np.array(json.dumps(words)), **arrays)
+
+
+def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
+    """What a run left, None if nothing.
+
+    Raises:
+        InputError: it was left by a run with other settings, or is damaged.
+    """
+    path = folder / STATE
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path) as kept:
+            words = json.loads(str(kept["words"]))
+            numbers = words.pop("filter", None)
+            light = None
+            if numbers is not None:
+                light = Steadied(**{name: kept[name] for name in MAPS}, **numbers)
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(
+            f"{path}: expected what a run left, got a damaged file; delete the folder"
+        ) from error
+    if words["settings"] != json.loads(json.dumps(settings)):
+        changed = [key for key, value in words["settings"].items() if settings.get(key) != value]
+        raise InputError(
+            f"{folder}: expected the settings it was begun with, got another {', '.join(changed)}; "
+            "choose another folder with -o, or --restart"
+        )
+    return Progress(light=light, **words)
+
+
+def describe(radiance: np.ndarray) -> dict[str, Any]:
+    """One light in a few numbers: SH of all of it, SH without the main light, and the main light."""
+    main, ambient = split_main_light(radiance)
+    return {
+        "sh9": _numbers(project(radiance)),
+        "sh9_ambient": _numbers(project(ambient)),
+        "main_light": {
+            "direction": _numbers(main.direction),
+            "irradiance": _numbers(main.irradiance),
+            "solid_angle_sr": round(float(main.solid_angle), 5),
+        },
+    }
+
+
+def write_track(path: Path, progress: Progress, fps: float, size: tuple[int, int]) -> None:
+    """All records as one JSON file."""
+    track = {
+        "frame": FRAME,
+        "scale": SCALE,
+        "sh9": "radiance, order and signs of WebXR and three.js; sh9_ambient is without the main light",
+        "fps": fps,
+        "size": list(size),
+        **progress.settings,
+        "frames": progress.frames,
+    }
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(track) + "\n", encoding="utf-8")
+
+
+def _numbers(array: np.ndarray) -> list:
+    return np.round(np.asarray(array, dtype=np.float64), 5).tolist()

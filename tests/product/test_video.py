@@ -1,0 +1,196 @@
+"""anyprobe video: tracks, relit clips, going on after an end of any kind, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import made_map
+
+pytest.importorskip("av", reason="the extra `video` is not installed")
+
+from support.clips import SIZE, ball_frame, ball_mask, turned, write_clip, write_masks
+
+from anyprobe.errors import InputError
+from anyprobe.files.radiance import read_radiance
+from anyprobe.light.harmonics import project
+from anyprobe.relight.relight import Arrangement
+from anyprobe.render.shapes import sphere
+from anyprobe.video import run as run_module
+from anyprobe.video.clip import open_clip, read_frames
+from anyprobe.video.following import MaskFollower
+from anyprobe.video.run import ClipRun, VirtualObject
+
+COUNT, FPS = 10, 24
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """clip.mp4 of COUNT frames under a light that turns, and masks/."""
+    folder = tmp_path_factory.mktemp("clip")
+    rng = np.random.default_rng(1)
+    frames = [ball_frame(turned(made_map(), 0.05 * i), 0.01, rng) for i in range(COUNT)]
+    write_clip(folder / "clip.mp4", frames, FPS)
+    write_masks(folder / "masks", COUNT)
+    return folder
+
+
+@pytest.fixture
+def begin(made, estimator, monkeypatch):
+    """A ClipRun of the made clip into a folder, saved every four frames."""
+    monkeypatch.setattr(run_module, "SAVE_EVERY", 4)
+    monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+
+    def begin(folder, *, relit=False, every=1, **settings) -> ClipRun:
+        virtual = None
+        if relit:
+            virtual = VirtualObject(mesh=sphere(8), material="photo", arrangement=Arrangement(pitch_deg=15))
+        follower = MaskFollower(made / "masks", {}, None)
+        clip = open_clip(made / "clip.mp4")
+        return ClipRun(clip, folder, estimator, follower, settings, every=every, virtual=virtual)
+
+    return begin
+
+
+def files_of(folder) -> dict[str, bytes]:
+    return {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.name in ("track.json", "relit.mp4")}
+
+
+# Tracks
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_writes_a_track_and_maps(command, work, made):
+    done = command(
+        "video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "--json", "-q"
+    )
+    assert done.status == 0, done.err
+    assert json.loads(done.out)["bad"] == []
+    track = json.loads((work / "out" / "track.json").read_text())
+    assert [one["index"] for one in track["frames"]] == list(range(COUNT))
+    np.testing.assert_allclose([one["time_s"] for one in track["frames"]], np.arange(COUNT) / FPS, atol=1e-3)
+    assert track["size"] == list(SIZE)
+    last = track["frames"][-1]
+    steady = read_radiance(work / "out" / "lights" / f"{COUNT - 1:06d}.exr")
+    np.testing.assert_allclose(last["sh9"], project(steady), rtol=0.01, atol=0.01)
+    assert np.linalg.norm(last["main_light"]["direction"]) == pytest.approx(1, abs=1e-4)
+    assert np.shape(last["sh9_ambient"]) == (9, 3)
+
+
+def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
+    run = begin(tmp_path, every=3)
+    run(lambda done: None)
+    assert [one.get("same_as") for one in run.progress.frames] == [None, 0, 0, None, 3, 3, None, 6, 6, None]
+
+
+def test_frame_without_object_keeps_the_light_and_is_named(begin, made, tmp_path):
+    masks = write_masks(tmp_path / "masks", COUNT)
+    Image.fromarray(0 * ball_mask()).save(masks / "0004.png")
+    run = begin(tmp_path / "out")
+    run.follower = MaskFollower(masks, {}, None)
+    outcome = run(lambda done: None)
+    assert [index for index, _ in outcome.bad] == [4]
+    assert "empty mask" in outcome.bad[0][1]
+    assert "sh9" in run.progress.frames[5]
+
+
+def test_box_of_the_first_frame_is_followed(made):
+    pytest.importorskip("cv2")
+    follower = MaskFollower(None, {"box": (12, 32, 70, 90)}, None)
+    for frame in read_frames(open_clip(made / "clip.mp4"), []):
+        mask = follower.photo(frame).mask > 0.5
+        truth = ball_mask() > 127
+        assert (mask & truth).sum() / (mask | truth).sum() > 0.7
+
+
+# Going on
+
+
+@pytest.mark.parametrize(("stop_at", "every"), [(1, 1), (7, 1), (7, 3)])
+def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
+    begin(tmp_path / "whole", relit=True, every=every)(lambda done: None)
+
+    def stop(done: int) -> None:
+        if done == stop_at:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        begin(tmp_path / "stopped", relit=True, every=every)(stop)
+    assert not (tmp_path / "stopped" / "track.json").exists()
+    again = begin(tmp_path / "stopped", relit=True, every=every)
+    assert (again.progress.next_index > 0) == (stop_at > 6)
+    again(lambda done: None)
+    assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
+    assert len(files_of(tmp_path / "whole")) == 2
+
+
+def test_finished_run_does_nothing_again(begin, tmp_path):
+    begin(tmp_path)(lambda done: None)
+    seen = []
+    begin(tmp_path)(seen.append)
+    assert seen == []
+
+
+def test_other_settings_are_refused(begin, tmp_path):
+    begin(tmp_path, size=0.8)(lambda done: None)
+    with pytest.raises(InputError, match="another size"):
+        begin(tmp_path, size=0.9)
+
+
+# Clips
+
+
+def test_relit_clip_has_every_frame_and_the_object(begin, made, tmp_path):
+    begin(tmp_path, relit=True)(lambda done: None)
+    relit = [frame.rgb for frame in read_frames(open_clip(tmp_path / "relit.mp4"), [])]
+    plain = [frame.rgb for frame in read_frames(open_clip(made / "clip.mp4"), [])]
+    assert len(relit) == len(plain) == COUNT
+    difference = np.abs(np.array(relit, float) - np.array(plain, float)).mean(axis=(0, 3))
+    assert difference[:20].mean() < 3  # above the horizon, but for the codec
+    assert difference[40:80, 70:110].max() > 15  # beside the ball
+
+
+@pytest.mark.parametrize(("matrix", "turns"), [((0, 1, -1, 0), -1), ((0, -1, 1, 0), 1), ((-1, 0, 0, -1), 2)])
+def test_frames_are_turned_upright(made, tmp_path, matrix, turns):
+    """The matrix of an MP4's track header as phones write it: 0 1 -1 0 is a quarter turn clockwise."""
+    data = bytearray((made / "clip.mp4").read_bytes())
+    at = data.index(b"tkhd") + 44
+    a, b, c, d = (value << 16 for value in matrix)
+    data[at : at + 36] = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    (tmp_path / "turned.mp4").write_bytes(data)
+    plain = next(read_frames(open_clip(made / "clip.mp4"), [])).rgb
+    upright = next(read_frames(open_clip(tmp_path / "turned.mp4"), [])).rgb
+    np.testing.assert_array_equal(upright, np.rot90(plain, turns))
+
+
+def test_cut_file_gives_what_it_holds(made, tmp_path):
+    import av
+
+    with av.open(str(made / "clip.mp4")) as source, av.open(str(tmp_path / "clip.mkv"), "w") as out:
+        stream = out.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = stream
+                out.mux(packet)
+    data = (tmp_path / "clip.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(data[: len(data) // 2])
+    frames = list(read_frames(open_clip(tmp_path / "cut.mkv"), []))
+    assert 0 < len(frames) < COUNT
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("absent.mp4", None, "no such file"),
+        ("text.mp4", b"not a video at all" * 50, "FFmpeg can read"),
+        ("empty.mp4", b"", "FFmpeg can read"),
+    ],
+)
+def test_file_that_is_no_video_is_refused(command, work, name, content, words):
+    if content is not None:
+        (work / name).write_bytes(content)
+    assert words in command("video", name, "-o", "out").complaint
+    assert not (work / "out").exists()
