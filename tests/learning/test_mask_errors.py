@@ -17,7 +17,7 @@ from anyprobe.dataset.mask_errors import (
     shift,
     widen,
 )
-from anyprobe.infer import mask as masks_at_run_time
+from anyprobe.masks import check as masks_at_run_time
 
 SIZE = 64
 

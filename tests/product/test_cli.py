@@ -99,7 +99,7 @@ def test_older_results_are_replaced(work, command):
 
 def test_json_lines_and_nothing_else(work, command):
     save_ball("a.png")
-    save_ball("b.png", alpha=False)
+    Image.new("RGB", (128, 96), "grey").save("b.png")  # nothing to be found
     save_ball("c.png", center=(40, 50))
     outcome = command("estimate", "a.png", "b.png", "c.png", "-o", "out", "--json")
     assert outcome.status == 2
@@ -118,7 +118,7 @@ def test_quiet_says_nothing_but_errors(work, command):
     save_ball("a.png")
     outcome = command("estimate", "a.png", "-q")
     assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
-    save_ball("b.png", alpha=False)
+    Image.new("RGB", (128, 96), "grey").save("b.png")  # nothing to be found
     outcome = command("estimate", "a.png", "b.png", "-q")
     assert outcome.complaint.startswith("anyprobe: b.png: ")
 

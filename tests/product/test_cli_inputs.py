@@ -88,10 +88,10 @@ def test_photo_that_is_not_there(work, command):
     assert list(work.iterdir()) == []
 
 
-def test_no_mask_names_the_three_ways(work, command, photo_rgba):
-    Image.fromarray(photo_rgba[..., :3]).save("photo.png")
+def test_nothing_found_names_the_ways_to_tell(work, command):
+    Image.new("RGB", (128, 96), "grey").save("photo.png")
     complaint = command("estimate", "photo.png", "-o", "out").complaint
-    for way in ("--mask FILE", "--box X0,Y0,X1,Y1", "alpha channel"):
+    for way in ("--click X,Y", "--mask FILE", "--box X0,Y0,X1,Y1", "alpha channel"):
         assert way in complaint
     assert not (work / "out").exists()
 

@@ -10,8 +10,10 @@ from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
-from anyprobe.infer.mask import check_mask, mask_from_box, mask_from_file
 from anyprobe.infer.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
+from anyprobe.masks.check import check_mask
+from anyprobe.masks.grabcut import mask_from_box
+from anyprobe.masks.sources import mask_from_file
 
 
 def disc(height: int, width: int, x: float, y: float, radius: float) -> np.ndarray:
@@ -61,7 +63,7 @@ def test_box_goes_before_alpha_and_mask_before_box(monkeypatch):
         asked.append(box)
         return disc(120, 200, 150.0, 60.0, 20.0)
 
-    monkeypatch.setattr("anyprobe.infer.photo.mask_from_box", cut)
+    monkeypatch.setattr("anyprobe.masks.find.mask_from_box", cut)
     assert load_photo(rgba_photo(), box=(1, 2, 90, 90)).mask[60, 150] == 1.0
     assert load_photo(rgba_photo(), box=(1, 2, 90, 90), mask=np.ones((120, 200))).mask.min() == 1.0
     assert asked == [(1, 2, 90, 90)]

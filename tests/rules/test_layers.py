@@ -13,18 +13,22 @@ import anyprobe
 
 SOURCE = Path(anyprobe.__file__).parent
 
-ORDER = "errors core light scatter render files export nets dataset infer relight evaluate train serve cli __init__".split()
+ORDER = (
+    "errors core light scatter render files export nets dataset masks infer relight video "
+    "evaluate train serve cli __init__"
+).split()
 """A part may import itself and the parts before it."""
 
 ONLY = {
     "torch": {"render", "nets", "dataset", "train", "cli"},
-    "onnxruntime": {"infer", "train", "cli"},
+    "onnxruntime": {"masks", "infer", "train", "cli"},
     "onnx": {"train"},
-    "cv2": {"infer"},
+    "cv2": {"masks"},
     "trimesh": {"files"},
     "typer": {"cli"},
     "rich": {"cli", "train"},
     "ray": {"dataset"},
+    "av": {"video"},
     "mitsuba": {"relight"},
     "drjit": {"relight"},
     "fastapi": {"serve"},
@@ -135,7 +139,7 @@ def test_every_permission_is_used():
         ("render/a.py", "def f():\n    import torch.nn", "torch outside compile_kernel"),
         ("cli/a.py", "from anyprobe.web import b", "no place in the order"),
         ("errors.py", "from anyprobe.core import b", "errors imports core"),
-        ("infer/a.py", "import json, cv2\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
+        ("infer/a.py", "import json\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
         ("cli/a.py", "from anyprobe import __version__\ndef _need_torch():\n    import torch", None),
     ],
 )

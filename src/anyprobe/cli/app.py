@@ -11,9 +11,13 @@ from anyprobe.cli.data import data
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
+from anyprobe.cli.evaluate_masks import evaluate_masks
 from anyprobe.cli.export import export
+from anyprobe.cli.mask import mask
 from anyprobe.cli.relight import relight
+from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
+from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 
 app = typer.Typer(
@@ -23,7 +27,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (estimate, relight, export, evaluate, doctor, train, weights):
+for command in (
+    estimate,
+    mask,
+    relight,
+    video,
+    export,
+    serve,
+    evaluate,
+    evaluate_masks,
+    doctor,
+    train,
+    weights,
+):
     app.command()(command)
 app.add_typer(data, name="data")
 

@@ -14,10 +14,20 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Column, Table
 
-from anyprobe.errors import AnyprobeError, InputError, InvalidMask, OutputError
+from anyprobe.cli.where import (
+    BoxOption,
+    ClickOption,
+    DepthOption,
+    FarOption,
+    MaskOption,
+    NearOption,
+    NotOption,
+    list_photos,
+    read_where,
+    where_for,
+)
+from anyprobe.errors import AnyprobeError, OutputError
 from anyprobe.infer.runtime import DEFAULT_MODEL
-
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -34,13 +44,13 @@ class Done:
 def estimate(
     photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
-    mask: Annotated[
-        Path | None,
-        typer.Option(help="Mask image, white = object; or a folder of masks named like the photos."),
-    ] = None,
-    box: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")
-    ] = None,
+    mask: MaskOption = None,
+    click: ClickOption = None,
+    click_off: NotOption = None,
+    box: BoxOption = None,
+    depth: DepthOption = None,
+    near: NearOption = None,
+    far: FarOption = None,
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
     ] = None,
@@ -51,18 +61,14 @@ def estimate(
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
     from anyprobe.infer.estimate import Estimator
 
-    corners = _parse_box(box)
-    if mask is not None and corners is not None:
-        raise InputError("--mask and --box: expected one of them, got both")
-    if mask is not None and not mask.exists():
-        raise InvalidMask(f"{mask}: expected a mask file or folder, found none; check the path")
-    listed = _list_photos(photos)
+    where = read_where(mask, box, click, click_off, depth, near, far)
+    listed = list_photos(photos)
     estimator = Estimator(model)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
     )
-    done = [_one(estimator, path, out, mask, corners, fov, as_json, listed) for path in steps]
+    done = [_one(estimator, path, out, where, fov, as_json, listed) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)
@@ -72,7 +78,7 @@ def estimate(
         raise typer.Exit(2)
 
 
-def _one(estimator, path: Path, out: Path, mask, corners, fov, as_json: bool, listed: list[Path]) -> Done:
+def _one(estimator, path: Path, out: Path, where: dict, fov, as_json: bool, listed: list[Path]) -> Done:
     """Estimate one photo and write its files; an error of ours ends this photo alone."""
     from anyprobe.infer.outputs import SUFFIXES, write_results
     from anyprobe.infer.photo import load_photo
@@ -83,13 +89,14 @@ def _one(estimator, path: Path, out: Path, mask, corners, fov, as_json: bool, li
             raise OutputError(
                 f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
             )
-        mask_file = _mask_for(path, mask)
-        inputs = {given.resolve(): given for given in (*listed, mask_file) if given is not None}
+        told = where_for(path, where)
+        files = (*listed, told["mask"], told["depth"])
+        inputs = {given.resolve(): given for given in files if given is not None}
         for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
             if target.resolve() in inputs:
                 lost = inputs[target.resolve()]
                 raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
-        photo = load_photo(path, mask=mask_file, box=corners, fov_deg=fov)
+        photo = load_photo(path, fov_deg=fov, **told)
         light = estimator.from_photo(photo)
         written = write_results(photo, light, out, path.stem)
     except AnyprobeError as error:
@@ -122,49 +129,3 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     for one in done:
         for warning in one.warnings:
             talk.print(f"warning: {warning}", soft_wrap=True)
-
-
-def _parse_box(text: str | None) -> tuple[float, ...] | None:
-    if text is None:
-        return None
-    try:
-        corners = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        corners = ()
-    if len(corners) != 4:
-        raise InvalidMask(
-            f"--box: expected X0,Y0,X1,Y1 in pixels, got {text!r}; for instance --box 40,30,220,260"
-        )
-    return corners
-
-
-def _list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, sorted, without NAME_mask pictures."""
-    listed: list[Path] = []
-    for path in photos:
-        if not path.is_dir():
-            listed.append(path)
-            continue
-        found = sorted(p for p in path.iterdir() if p.suffix.lower() in PHOTO_SUFFIXES)
-        stems = {p.stem for p in found}
-        found = [p for p in found if not (p.stem.endswith("_mask") and p.stem[:-5] in stems)]
-        if not found:
-            raise InputError(f"{path}: expected a folder with photos, found none; check the path")
-        listed += found
-    return list(dict.fromkeys(listed))
-
-
-def _mask_for(photo: Path, mask: Path | None) -> Path | None:
-    """The mask file of a photo: the file itself, or by stem from a folder (NAME.* or NAME_mask.*)."""
-    if mask is None or not mask.is_dir():
-        return mask
-    for stem in (f"{photo.stem}_mask", photo.stem):
-        for candidate in sorted(mask.glob(f"{_literal(stem)}.*")):
-            if candidate.suffix.lower() in PHOTO_SUFFIXES and candidate.resolve() != photo.resolve():
-                return candidate
-    raise InvalidMask(f"{photo}: expected {photo.stem}.png or {photo.stem}_mask.png in {mask}, found neither")
-
-
-def _literal(stem: str) -> str:
-    """The stem with glob's own signs taken literally."""
-    return "".join(f"[{c}]" if c in "[]*?" else c for c in stem)

@@ -11,6 +11,7 @@ import typer
 from anyprobe.errors import InputError, MissingExtra
 
 RUNS = Path("runs")
+MASK_RUN = "mask"
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/training.md.")]
 
 
@@ -37,12 +38,15 @@ def train(
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
-    """Train a chain of networks on fresh pairs; goes on where it stopped, exactly, after any interruption."""
+    """Train a chain of networks, or the mask network; goes on where it stopped, exactly, after any interruption."""
     _need_torch()
     from anyprobe.train import config, loop
 
+    if run == MASK_RUN:
+        typer.echo(_train_mask(data, runs, steps, dry_run))
+        return
     if run not in config.RUNS:
-        raise InputError(f"run {run!r}: expected one of {', '.join(config.RUNS)}")
+        raise InputError(f"run {run!r}: expected one of {', '.join((*config.RUNS, MASK_RUN))}")
     chosen = config.RUNS[run]()
     if steps is not None:
         chosen = replace(chosen, steps=steps)
@@ -52,8 +56,20 @@ def train(
     typer.echo(path)
 
 
+def _train_mask(data: Path | None, runs: Path, steps: int | None, dry_run: int | None) -> Path:
+    """The mask network has scenes instead of pairs, and a loop of its own."""
+    from anyprobe.train import mask_run
+
+    chosen = mask_run.MaskRunConfig()
+    if steps is not None:
+        chosen = replace(chosen, steps=steps)
+    if dry_run is not None:
+        chosen = mask_run.smoke(chosen, dry_run)
+    return mask_run.train_mask(chosen, data=data, runs=runs)
+
+
 def weights(
-    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the three .onnx graphs.")],
+    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
     run: RunName = "paper",
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = RUNS,
     mean_map: Annotated[
@@ -61,15 +77,18 @@ def weights(
     ] = None,
     data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
 ) -> None:
-    """Export a trained chain as ONNX and check it against torch."""
+    """Export a trained run as ONNX and check it against torch."""
     _need_torch()
     from anyprobe.train.config import RUNS as NAMED
+    from anyprobe.train.export_mask import export_mask
     from anyprobe.train.export_onnx import export
     from anyprobe.train.loop import make_pairs
     from anyprobe.train.mean_map import write_mean_map
 
-    for stage, difference in export(runs / run / "checkpoint.pt", to).items():
+    checkpoint = runs / run / "checkpoint.pt"
+    exported = export_mask(checkpoint, to) if run == MASK_RUN else export(checkpoint, to)
+    for stage, difference in exported.items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
-    if mean_map is not None:
+    if mean_map is not None and run != MASK_RUN:
         write_mean_map(make_pairs(NAMED[run](), data, runs / "cache", "cpu"), mean_map)
         typer.echo(mean_map)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from functools import lru_cache
+from typing import Unpack
 
 import numpy as np
 
 from anyprobe.files.images import ImageSource
-from anyprobe.infer.mask import MaskSource
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
 from anyprobe.infer.runtime import DEFAULT_MODEL, PHOTO_SIZE, Models, model_id
 from anyprobe.light.environment import rotate
 from anyprobe.light.reconstruct import reconstruct
+from anyprobe.masks.find import Where
 
 
 class Estimator:
@@ -28,26 +28,21 @@ class Estimator:
         self.models = Models(model, threads)
         self.model_id = model_id(model)
 
-    def __call__(
-        self,
-        source: ImageSource,
-        *,
-        mask: MaskSource | None = None,
-        box: Sequence[float] | None = None,
-        fov_deg: float | None = None,
-    ) -> Light:
+    def __call__(self, source: ImageSource, *, fov_deg: float | None = None, **where: Unpack[Where]) -> Light:
         """The light around the object of one photo.
 
         Args:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
-            mask: picture of the photo's size, white on the object; path, Pillow image or array.
-            box: X0, Y0, X1, Y1 in pixels around the object, when there is no mask.
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
+            where: mask= (a picture of the photo's size, white on the object, or a function that
+                gets the photo and returns one), click= (x, y) or several, click_off=, box= (x0, y0,
+                x1, y1), depth= with near= and far=; see masks.find.Where. Without any, the alpha
+                channel counts, else our mask network proposes the object.
         Raises:
             InvalidPhoto, InvalidMask: with one line that says what to do.
         """
         start = time.perf_counter()
-        return self.from_photo(load_photo(source, mask=mask, box=box, fov_deg=fov_deg), start)
+        return self.from_photo(load_photo(source, fov_deg=fov_deg, **where), start)
 
     def from_photo(self, photo: Photo, start: float | None = None) -> Light:
         """The same for a Photo that is loaded already."""
@@ -74,6 +69,7 @@ class Estimator:
                 "model": self.model_id,
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
+                "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
                     "load": round(loaded - start, 4),
@@ -84,6 +80,10 @@ class Estimator:
         )
 
 
+def _rounded(confidence: float | None) -> float | None:
+    return None if confidence is None else round(confidence, 4)
+
+
 @lru_cache(maxsize=2)
 def _shared(model: str) -> Estimator:
     return Estimator(model)
@@ -92,10 +92,9 @@ def _shared(model: str) -> Estimator:
 def estimate(
     source: ImageSource,
     *,
-    mask: MaskSource | None = None,
-    box: Sequence[float] | None = None,
     fov_deg: float | None = None,
     model: str = DEFAULT_MODEL,
+    **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
-    return _shared(model)(source, mask=mask, box=box, fov_deg=fov_deg)
+    return _shared(model)(source, fov_deg=fov_deg, **where)

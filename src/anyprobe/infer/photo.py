@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
 
 from anyprobe.core.frames import turn_towards
-from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.errors import InvalidPhoto
 from anyprobe.files.images import ImageSource, read_image
-from anyprobe.infer.mask import MaskSource, mask_from_alpha, mask_from_box, mask_from_file, object_box
+from anyprobe.masks.check import object_box
+from anyprobe.masks.find import Where, find_mask
 
 DEFAULT_LONG_FOV_DEG = 65.0
 """Field of view of the longer side of a phone's main camera."""
@@ -33,6 +34,8 @@ class Photo:
         fov_source: "given", "exif" or "default".
         name: what messages call it.
         warnings: one line each, for the user.
+        mask_source: how the object was found, see masks.find.FoundMask.
+        mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
     """
 
     rgb: np.ndarray
@@ -41,6 +44,8 @@ class Photo:
     fov_source: str
     name: str
     warnings: tuple[str, ...]
+    mask_source: str = "mask"
+    mask_confidence: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,35 +66,19 @@ class Crop:
     center_px: tuple[float, float]
 
 
-def load_photo(
-    source: ImageSource,
-    *,
-    mask: MaskSource | None = None,
-    box: Sequence[float] | None = None,
-    fov_deg: float | None = None,
-) -> Photo:
-    """Read a photo and find its object: by mask, else by box, else by alpha.
+def load_photo(source: ImageSource, *, fov_deg: float | None = None, **where: Unpack[Where]) -> Photo:
+    """Read a photo and find its object.
 
     Args:
         source: path, bytes, Pillow image or array, see read_image.
-        mask: picture of the same size, white on the object.
-        box: X0, Y0, X1, Y1 in pixels of the upright photo.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
+        where: what is told about the object: mask, depth with near and far, click, click_off,
+            box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
     if fov_deg is not None and not 1.0 < fov_deg < 170.0:
         raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
     pixels = read_image(source)
-    if mask is not None:
-        object_mask = mask_from_file(mask, pixels.rgb.shape[:2])
-    elif box is not None:
-        object_mask = mask_from_box(pixels.rgb, box)
-    elif pixels.alpha is not None:
-        object_mask = mask_from_alpha(pixels.alpha)
-    else:
-        raise InvalidMask(
-            f"{pixels.name}: expected to be told where the object is, got a photo without alpha channel; "
-            "pass --mask FILE, or --box X0,Y0,X1,Y1, or a photo with an alpha channel"
-        )
+    found = find_mask(pixels, **where)
     if fov_deg is not None:
         long_fov_deg, fov_source = float(fov_deg), "given"
     elif pixels.long_fov_deg is not None:
@@ -98,11 +87,13 @@ def load_photo(
         long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
     return Photo(
         rgb=pixels.rgb,
-        mask=object_mask,
+        mask=found.mask,
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=pixels.warnings + _exposure_warnings(pixels.rgb[object_mask > 0.5], pixels.name),
+        warnings=pixels.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
+        mask_source=found.source,
+        mask_confidence=found.confidence,
     )
 
 

@@ -60,7 +60,7 @@ def _export_stage(stage: str, net: nn.Module, recipe: dict[str, str], path: Path
             dynamo=False,
         )
         model = onnx.load(str(temporary))
-        _store_half(model)
+        store_half(model)
         onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
@@ -73,7 +73,7 @@ def _export_stage(stage: str, net: nn.Module, recipe: dict[str, str], path: Path
     return difference
 
 
-def _store_half(model) -> None:
+def store_half(model) -> None:
     """Keep large float32 weights as float16 behind a Cast; the runtime widens them once, when it opens."""
     import onnx
     from onnx import numpy_helper

@@ -113,7 +113,7 @@ def train(
         return path
     source = pairs or make_pairs(config, data, runs / "cache", device, compiled)
     log_path = folder / "log.csv"
-    _forget_after(log_path, first)
+    forget_after(log_path, first)
     columns = (
         TextColumn(config.name),
         BarColumn(),
@@ -162,7 +162,7 @@ def train(
     return path
 
 
-def _forget_after(log: Path, step: int) -> None:
+def forget_after(log: Path, step: int) -> None:
     """Drop logged rows that a kill left after the last checkpoint."""
     if not log.is_file():
         return

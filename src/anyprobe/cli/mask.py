@@ -1,0 +1,71 @@
+"""anyprobe mask: photos in, masks out, and a picture that shows each."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.cli.where import (
+    BoxOption,
+    ClickOption,
+    DepthOption,
+    FarOption,
+    NearOption,
+    NotOption,
+    list_photos,
+    read_where,
+    where_for,
+)
+from anyprobe.errors import AnyprobeError, OutputError
+
+
+def mask(
+    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
+    click: ClickOption = None,
+    click_off: NotOption = None,
+    box: BoxOption = None,
+    depth: DepthOption = None,
+    near: NearOption = None,
+    far: FarOption = None,
+) -> None:
+    """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
+    where = read_where(None, box, click, click_off, depth, near, far)
+    listed = list_photos(photos)
+    failed = False
+    for path in listed:
+        try:
+            typer.echo(_one(path, out, where, listed))
+        except AnyprobeError as error:
+            print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
+            failed = True
+    if failed:
+        raise typer.Exit(2)
+
+
+def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
+    """Write one photo's two files; a line that says what was found and how."""
+    from anyprobe.files.images import read_image, write_png
+    from anyprobe.masks.find import find_mask
+    from anyprobe.masks.overlay import draw_overlay
+
+    twins = [other for other in listed if other.stem == path.stem]
+    if twins[0] != path:
+        raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
+    told = where_for(path, where)
+    targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
+    inputs = {given.resolve() for given in (*listed, told["depth"]) if given is not None}
+    for target in targets.values():
+        if target.resolve() in inputs:
+            raise OutputError(f"{path}: the result would replace {target}; choose another folder with -o")
+    pixels = read_image(path)
+    found = find_mask(pixels, **told)
+    overlay = draw_overlay(pixels.rgb, found.mask, told["click"] or (), told["click_off"] or ())
+    write_png(targets["overlay"], overlay)
+    write_png(targets["mask"], found.mask)
+    share = 100 * float((found.mask > 0.5).mean())
+    sure = "" if found.confidence is None else f", expected IoU {found.confidence:.2f}"
+    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}"

@@ -1,0 +1,180 @@
+"""Questions about scenes, as a user would put them: what is told of an object, and which pixels it covers.
+
+Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed
+goes on with exactly the scenes it would have seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from anyprobe.core.hints import draw_hints
+from anyprobe.dataset.backdrops import TexturePool
+from anyprobe.dataset.camera import blur
+from anyprobe.dataset.scenes import SIZE, Scene, draw_scene
+from anyprobe.dataset.sprites import LitView, ViewSource
+
+CLEAR_LEAD = 1.4
+"""Without a hint the first object must weigh so much more than the second, or it would be anybody's guess."""
+
+MIN_TARGET_PX = 60
+"""Area below which an object is nobody's target."""
+
+CENTRE_SIGMA = 0.35
+"""Of the weight around the picture's centre, in sides."""
+
+HINTS = {"none": 0.4, "click": 0.3, "clicks": 0.15, "box": 0.15}
+"""Shares of the kinds of hints: nothing, a click, up to three and some beside the object, a loose box."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SceneConfig:
+    """batch: scenes a step, each asked `hints` times; views kept and how many steps one new view serves."""
+
+    batch: int = 12
+    hints: int = 2
+    views: int = 40
+    steps_per_view: int = 2
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Batch:
+    """image [B, 4, S, S]: photo and hint channel; mask [B, 1, S, S] the target's cover."""
+
+    image: torch.Tensor
+    mask: torch.Tensor
+
+
+class SceneSource:
+    """Endless fresh batches; `batch(k)` for consecutive k is fast."""
+
+    def __init__(self, views: ViewSource, config: SceneConfig) -> None:
+        self.config, self.views = config, views
+        self.textures = TexturePool(config.seed)
+        self._kept: dict[int, LitView] = {}
+
+    def _pool(self, step: int) -> list[LitView]:
+        newest = self.config.views - 1 + step // self.config.steps_per_view
+        wanted = range(newest - self.config.views + 1, newest + 1)
+        self._kept = {number: view for number, view in self._kept.items() if number in wanted}
+        for number in wanted:
+            if number not in self._kept:
+                self._kept[number] = self.views.view(number)
+        return [self._kept[number] for number in wanted]
+
+    @torch.no_grad()
+    def batch(self, step: int) -> Batch:
+        """The scenes of step number `step`."""
+        pool = self._pool(step)
+        rng = np.random.default_rng((self.config.seed, 2, step))
+        images, masks = [], []
+        for _ in range(self.config.batch):
+            scene = draw_scene(rng, pool[rng.integers(len(pool))], self.textures)
+            for _ in range(self.config.hints):
+                kind = str(rng.choice(list(HINTS), p=list(HINTS.values())))
+                hint, mask = ask(rng, scene, kind)
+                images.append(torch.cat([scene.photo, torch.from_numpy(hint)[None]]))
+                masks.append(mask[None])
+        return Batch(image=torch.stack(images), mask=torch.stack(masks))
+
+
+def unasked_target(scene: Scene) -> int | None:
+    """The object meant when nothing is told: most cover weighted towards the photo's centre, of one material.
+
+    None where there is none, or where a second one weighs nearly as much.
+    """
+    top, bottom, left, right = scene.bounds
+    size = scene.photo.shape[-1]
+    weight = torch.from_numpy(
+        np.outer(_centre_weight(size, (top + bottom) / 2), _centre_weight(size, (left + right) / 2)).astype(
+            np.float32
+        )
+    )
+    if not len(scene.covers):
+        return None
+    scores = (scene.covers * weight).sum(dim=(1, 2)).numpy() * np.where(scene.uniform, 1.0, 0.3)
+    order = np.argsort(-scores)
+    best = int(order[0])
+    if scene.covers[best].sum() < MIN_TARGET_PX * (size / SIZE) ** 2:
+        return None
+    if len(order) > 1 and scores[best] < CLEAR_LEAD * scores[order[1]]:
+        return None
+    return best
+
+
+def ask(rng: np.random.Generator, scene: Scene, kind: str) -> tuple[np.ndarray, torch.Tensor]:
+    """A hint of a kind of HINTS and the answer to it: channel [S, S], target's cover [S, S].
+
+    Where nothing is told but no object stands out, it is told by a click after all.
+    """
+    areas = scene.covers.sum(dim=(1, 2)).numpy() if len(scene.covers) else np.zeros(0)
+    possible = np.flatnonzero(areas >= MIN_TARGET_PX)
+    if not len(possible):
+        return np.zeros((SIZE, SIZE), np.float32), torch.zeros(SIZE, SIZE)
+    if kind == "none":
+        best = unasked_target(scene)
+        if best is not None:
+            return np.zeros((SIZE, SIZE), np.float32), scene.covers[best]
+        kind = "click"
+    which = int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
+    cover = scene.covers[which]
+    if kind == "box":
+        box = cover_box(cover)
+        reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
+        moved = np.array(box, np.float64) + rng.normal(0.0, reach, 4) + reach * np.array([-1, -1, 1, 1])
+        return draw_hints(SIZE, box=np.clip(moved, 0, SIZE)), cover
+    on = [inside_click(rng, cover)]
+    off: list[tuple[float, float]] = []
+    if kind == "clicks":
+        on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
+        for _ in range(int(rng.integers(0, 3))):
+            off.append(_click_beside(rng, scene, which))
+    return draw_hints(SIZE, on, off), cover
+
+
+def cover_box(cover: torch.Tensor) -> tuple[int, int, int, int]:
+    """Bounding box x0, y0, x1, y1 of cover > 0.5."""
+    rows = torch.nonzero((cover > 0.5).any(dim=1)).flatten()
+    columns = torch.nonzero((cover > 0.5).any(dim=0)).flatten()
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def _centre_weight(size: int, centre: float) -> np.ndarray:
+    return np.exp(-0.5 * ((np.arange(size) + 0.5 - centre) / (CENTRE_SIGMA * size)) ** 2)
+
+
+def inside_click(rng: np.random.Generator, cover: torch.Tensor) -> tuple[float, float]:
+    """A point on the object, mostly well inside it."""
+    inside = cover.numpy()
+    if rng.random() < 0.8:
+        soft = blur(cover, 3.0).numpy()
+        inside = np.where(soft >= np.quantile(soft[inside > 0.5], 0.4), inside, 0.0)
+    return _pixel(rng, inside > 0.5)
+
+
+def _click_beside(rng: np.random.Generator, scene: Scene, which: int) -> tuple[float, float]:
+    """A point off the target: on another object, else around it, else anywhere in the photo."""
+    top, bottom, left, right = scene.bounds
+    photo = np.zeros((SIZE, SIZE), bool)
+    photo[top:bottom, left:right] = True
+    off = photo & (scene.covers[which].numpy() < 0.1)
+    others: Sequence[int] = [i for i in range(len(scene.covers)) if i != which]
+    if others and rng.random() < 0.6:
+        return _pixel(rng, off & (scene.covers[int(rng.choice(others))].numpy() > 0.5), off)
+    near = blur(scene.covers[which], 5.0).numpy() > 0.03
+    return _pixel(rng, off & near, off)
+
+
+def _pixel(rng: np.random.Generator, *choices: np.ndarray) -> tuple[float, float]:
+    """A random pixel's centre x, y in the first choice that is not empty; the middle if all are."""
+    for choice in choices:
+        rows, columns = np.nonzero(choice)
+        if len(rows):
+            at = int(rng.integers(len(rows)))
+            return float(columns[at]) + 0.5, float(rows[at]) + 0.5
+    return SIZE / 2, SIZE / 2

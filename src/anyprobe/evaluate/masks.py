@@ -1,0 +1,168 @@
+"""How well masks are found: IoU of the network and of two baselines, on rendered scenes and on photos."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.dataset.asks import inside_click, unasked_target
+from anyprobe.dataset.backdrops import TexturePool
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.scenes import cover_box, draw_scene
+from anyprobe.dataset.sprites import ViewSource
+from anyprobe.dataset.stock import Stock
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.files.images import read_image
+from anyprobe.masks.grabcut import cut_edge, mask_from_box
+from anyprobe.masks.propose import MaskNetwork
+from anyprobe.masks.refine import refine, resize
+from anyprobe.masks.sources import mask_from_file
+
+SIZE = 480
+"""Longer side of the rendered photos; the network sees them at 160."""
+
+SCENES_PER_VIEW = 3
+
+BOX_MARGIN = 0.04
+"""A told box leaves so much of the object's longer side free on every side."""
+
+Found = np.ndarray | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Case:
+    """A photo [H, W, 3], its object's mask [H, W] in [0, 1], a click x, y on it and a box around it."""
+
+    name: str
+    rgb: np.ndarray
+    mask: np.ndarray
+    click: tuple[float, float]
+    box: tuple[float, float, float, float]
+
+
+def rendered_cases(stock: Stock, count: int, seed: int) -> Iterator[Case]:
+    """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
+    surfaces = build_surfaces(list(stock.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
+    illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
+    views, textures = ViewSource(illuminator, surfaces, seed), TexturePool(seed)
+    rng = np.random.default_rng((seed, 4))
+    made = drawn = 0
+    while made < count:
+        if drawn % SCENES_PER_VIEW == 0:
+            view = views.view(drawn // SCENES_PER_VIEW)
+        drawn += 1
+        scene = draw_scene(rng, view, textures, SIZE)
+        target = unasked_target(scene)
+        if target is None:
+            continue
+        top, bottom, left, right = scene.bounds
+        cover = scene.covers[target]
+        x, y = inside_click(rng, cover)
+        x0, y0, x1, y1 = cover_box(cover)
+        yield _case(
+            f"scene-{seed}-{made}",
+            scene.photo[:, top:bottom, left:right].permute(1, 2, 0).numpy(),
+            cover[top:bottom, left:right].numpy(),
+            (x - left, y - top),
+            (x0 - left, y0 - top, x1 - left, y1 - top),
+        )
+        made += 1
+
+
+def photo_cases(folder: Path) -> Iterator[Case]:
+    """Photos NAME.* with NAME_mask.png beside them; the click is the pixel deepest inside the mask."""
+    for mask_path in sorted(folder.glob("*_mask.png")):
+        stem = mask_path.stem.removesuffix("_mask")
+        path = next(p for p in sorted(folder.glob(f"{stem}.*")))
+        pixels = read_image(path)
+        mask = mask_from_file(mask_path, pixels.rgb.shape[:2])
+        rows, columns = np.nonzero(mask > 0.5)
+        corners = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
+        yield _case(stem, pixels.rgb, mask, deepest_point(mask), corners)
+
+
+def deepest_point(mask: np.ndarray) -> tuple[float, float]:
+    """x, y of the point of a mask that is furthest from everything outside, to a 64th of the longer side."""
+    height, width = mask.shape
+    step = max(1, round(max(height, width) / 64))
+    inside = np.pad(mask[step // 2 :: step, step // 2 :: step] > 0.5, 1)
+    last = inside
+    while inside.any():
+        last = inside
+        inside = inside.copy()
+        inside[1:-1, 1:-1] &= last[:-2, 1:-1] & last[2:, 1:-1] & last[1:-1, :-2] & last[1:-1, 2:]
+    rows, columns = np.nonzero(last)
+    middle = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
+    return (columns[middle] - 1) * step + step // 2 + 0.5, (rows[middle] - 1) * step + step // 2 + 0.5
+
+
+def iou(found: Found, true: np.ndarray) -> float:
+    """Intersection over union of the two masks cut at one half; 0 where nothing was found."""
+    if found is None:
+        return 0.0
+    a, b = found > 0.5, true > 0.5
+    return float((a & b).sum() / max((a | b).sum(), 1))
+
+
+def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
+    """What is compared, by name: told what, found how."""
+
+    def asked(told: Callable[[Case], dict], finish: Callable[[Case, np.ndarray], np.ndarray], again=True):
+        def find(case: Case) -> Found:
+            proposal = network.propose(case.rgb, **told(case), again=again)
+            return None if proposal.confidence == 0.0 else finish(case, proposal.cover)
+
+        return find
+
+    def plain(case: Case, cover: np.ndarray) -> np.ndarray:
+        return resize(cover, case.rgb.shape[1], case.rgb.shape[0])
+
+    def guided(case: Case, cover: np.ndarray) -> np.ndarray:
+        return refine(case.rgb, cover)
+
+    def grabcut_edge(case: Case, cover: np.ndarray) -> np.ndarray:
+        return cut_edge(case.rgb, plain(case, cover))
+
+    def grabcut_box(case: Case) -> Found:
+        try:
+            return mask_from_box(case.rgb, case.box)
+        except ValueError:
+            return None
+
+    told = {
+        "nothing": lambda case: {},
+        "click": lambda case: {"on": [case.click]},
+        "box": lambda case: {"box": case.box},
+    }
+    table = {}
+    for name, tell in told.items():
+        table[f"{name}: network, no second look"] = asked(tell, plain, again=False)
+        table[f"{name}: network"] = asked(tell, plain)
+        table[f"{name}: network, guided filter"] = asked(tell, guided)
+        table[f"{name}: network, GrabCut at the edge"] = asked(tell, grabcut_edge)
+    table["nothing: ellipse in the middle"] = lambda case: _ellipse(
+        case.mask.shape, tuple(share * side for share in (0.25, 0.75) for side in case.mask.shape[::-1])
+    )
+    table["box: GrabCut"] = grabcut_box
+    table["box: ellipse in it"] = lambda case: _ellipse(case.mask.shape, case.box)
+    return table
+
+
+def _ellipse(shape: tuple[int, int], box: tuple[float, float, float, float]) -> np.ndarray:
+    """The ellipse that touches a box x0, y0, x1, y1, as a mask [H, W] bool."""
+    x0, y0, x1, y1 = box
+    y, x = np.ogrid[: shape[0], : shape[1]]
+    across, down = (2 * (x + 0.5) - x0 - x1) / (x1 - x0), (2 * (y + 0.5) - y0 - y1) / (y1 - y0)
+    return across**2 + down**2 <= 1.0
+
+
+def _case(name: str, rgb, mask, click, corners) -> Case:
+    """The case with the box widened by BOX_MARGIN inside the photo."""
+    height, width = mask.shape
+    x0, y0, x1, y1 = (float(v) for v in corners)
+    more = BOX_MARGIN * max(x1 - x0, y1 - y0)
+    box = (max(x0 - more, 0.0), max(y0 - more, 0.0), min(x1 + more, width), min(y1 + more, height))
+    return Case(name=name, rgb=np.ascontiguousarray(rgb), mask=mask, click=click, box=box)

@@ -1,0 +1,42 @@
+"""Photo and hints -> how much of each pixel the object covers: a U-Net that works at half the photo's size."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.nets.blocks import conv
+
+SIZE = 160
+
+
+class MaskNet(nn.Module):
+    """image [N, 4, 160, 160] (display RGB, hint channel) -> cover [N, 1, 160, 160] in [0, 1].
+
+    The first convolution halves the size and each pixel of the last one gives four, so
+    that nothing is computed at full size; nearest repetition and pixel shuffling run
+    everywhere alike. While training, `logits` is what the loss sees.
+    """
+
+    def __init__(self, widths: tuple[int, ...] = (16, 32, 56, 96, 160)) -> None:
+        super().__init__()
+        self.first = nn.Sequential(conv(4, widths[0], stride=2), conv(widths[0], widths[0]))
+        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
+        self.deep = conv(widths[-1], widths[-1])
+        self.join = nn.ModuleList(conv(a + b, a) for a, b in reversed(pairs))
+        self.head = nn.Conv2d(widths[0], 4, 3, padding=1)
+
+    def logits(self, image: torch.Tensor) -> torch.Tensor:
+        """[N, 1, 160, 160] before the sigmoid."""
+        features = [self.first(image)]
+        for down in self.down:
+            features.append(down(features[-1]))
+        x = self.deep(features.pop())
+        for join in self.join:
+            x = join(torch.cat([F.interpolate(x, scale_factor=2, mode="nearest"), features.pop()], dim=1))
+        return F.pixel_shuffle(self.head(x), 2)
+
+    def forward(self, image: torch.Tensor) -> torch.Tensor:
+        return torch.sigmoid(self.logits(image))

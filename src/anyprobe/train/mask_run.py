@@ -1,0 +1,191 @@
+"""The mask network's training: its own small loop, one checkpoint that resumes exactly."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import sys
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch.nn import functional as F
+
+from anyprobe.dataset.asks import Batch, SceneConfig, SceneSource
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.sprites import ViewSource
+from anyprobe.dataset.stock import load_stock, own_map
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.errors import ModelError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.nets.mask_net import MaskNet
+from anyprobe.train.config import LightConfig
+from anyprobe.train.loop import CHECKPOINT_SECONDS, LOG_STEPS, forget_after
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MaskRunConfig:
+    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share."""
+
+    name: str = "mask"
+    steps: int = 4500
+    learning_rate: float = 2e-3
+    weight_decay: float = 1e-4
+    warmup: int = 50
+    cooldown: float = 0.5
+    seed: int = 0
+    scenes: SceneConfig = field(default_factory=SceneConfig)
+    surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
+    light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
+
+
+def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
+    """The same run made small: a dry run for any machine."""
+    return replace(
+        config,
+        name=f"{config.name}-dry",
+        steps=steps,
+        warmup=2,
+        scenes=replace(config.scenes, batch=2, views=2),
+        surfaces=replace(config.surfaces, views=1, procedural=2),
+        light=replace(config.light, procedural=2),
+    )
+
+
+def make_scenes(config: MaskRunConfig, data: Path | None, cache: Path) -> SceneSource:
+    """The endless scenes of a run: training assets of data when given, and our own."""
+
+    def warn(line: str) -> None:
+        print(f"warning: {line}", file=sys.stderr)
+
+    light = config.light
+    stock = load_stock(data, "train", commercial_only=light.commercial_only, report=warn)
+    radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
+    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
+    surfaces = build_surfaces(list(stock.shapes.values()), config.surfaces, cache)
+    views = ViewSource(Illuminator(radiance, compiled=False), surfaces, config.scenes.seed)
+    return SceneSource(views, config.scenes)
+
+
+def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    """Cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
+    entropy = F.binary_cross_entropy_with_logits(logits, target)
+    cover = torch.sigmoid(logits)
+    shared = (cover * target).sum(dim=(1, 2, 3))
+    either = (cover + target - cover * target).sum(dim=(1, 2, 3))
+    told = (target.sum(dim=(1, 2, 3)) > 0).float()
+    return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * told).mean()
+
+
+def train_mask(
+    config: MaskRunConfig,
+    *,
+    data: Path | None,
+    runs: Path,
+    stop_after: int | None = None,
+    scenes: SceneSource | None = None,
+) -> Path:
+    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one.
+
+    Args:
+        data: folder with hdri/train and meshes/train; None trains on procedural assets.
+        stop_after: stop (with a checkpoint) once this many steps are done in all.
+        scenes: the batches, when they are at hand already.
+    Returns:
+        The checkpoint's path.
+    """
+    torch.manual_seed(config.seed)
+    folder = runs / config.name
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "checkpoint.pt"
+    net = MaskNet().to(memory_format=torch.channels_last)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    first = 0
+    if path.is_file():
+        stored = torch.load(path, map_location="cpu", weights_only=True)
+        net.load_state_dict(stored["net"])
+        optimizer.load_state_dict(stored["optimizer"])
+        first = stored["step"]
+    last = config.steps if stop_after is None else min(stop_after, config.steps)
+    if first >= last:
+        return path
+    source = scenes or make_scenes(config, data, runs / "cache")
+    log_path = folder / "log.csv"
+    forget_after(log_path, first)
+    columns = (TextColumn(config.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    saved = since = time.monotonic()
+    history: list[tuple[float, float]] = []
+    with (
+        Progress(*columns, TextColumn("{task.description}"), console=Console(stderr=True)) as progress,
+        log_path.open("a", newline="", encoding="utf-8") as log,
+    ):
+        rows = csv.writer(log)
+        if first == 0:
+            rows.writerow(["step", "scenes", "loss", "iou", "learning_rate", "seconds"])
+        task = progress.add_task("", total=config.steps, completed=first)
+        for step in range(first, last):
+            rate = _learning_rate(config, step)
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+            batch = source.batch(step)
+            history.append(_step(net, optimizer, batch))
+            progress.advance(task)
+            if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
+                loss, iou = np.mean(history, axis=0)
+                seconds = (time.monotonic() - since) / len(history)
+                seen = (step + 1) * config.scenes.batch
+                rows.writerow([step + 1, seen, f"{loss:.5f}", f"{iou:.4f}", f"{rate:.2e}", f"{seconds:.2f}"])
+                log.flush()
+                progress.update(task, description=f"loss {loss:.3f} IoU {iou:.3f}")
+                history, since = [], time.monotonic()
+            if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
+                with atomic_path(path) as temporary:
+                    torch.save(
+                        {
+                            "net": net.state_dict(),
+                            "optimizer": optimizer.state_dict(),
+                            "step": step + 1,
+                            "config": json.dumps(dataclasses.asdict(config)),
+                        },
+                        temporary,
+                    )
+                saved = time.monotonic()
+    return path
+
+
+def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
+    """The trained network of a checkpoint, ready to run, and its stored step and configuration."""
+    if not checkpoint.is_file():
+        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    net = MaskNet()
+    net.load_state_dict(stored["net"])
+    return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
+
+
+def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> tuple[float, float]:
+    """One step; the loss and the mean IoU of the pictures that have a target."""
+    net.train()
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        logits = net.logits(batch.image.contiguous(memory_format=torch.channels_last)).float()
+    loss = mask_loss(logits, batch.mask)
+    optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+    optimizer.step()
+    found, true = logits.detach() > 0, batch.mask > 0.5
+    told = true.sum(dim=(1, 2, 3)) > 0
+    iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
+    return float(loss.detach()), float(iou[told].mean())
+
+
+def _learning_rate(config: MaskRunConfig, step: int) -> float:
+    falling = config.cooldown * config.steps
+    return config.learning_rate * min(
+        1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
+    )

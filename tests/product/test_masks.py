@@ -1,0 +1,323 @@
+"""Finding the object: by depth, by somebody else's function, by clicks, and by our own network."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+
+from anyprobe.core.hints import BOX_LEVEL, draw_hints
+from anyprobe.errors import InvalidMask, ModelError
+from anyprobe.files.images import read_image
+from anyprobe.infer.photo import load_photo
+from anyprobe.masks.depth import mask_from_depth, read_depth
+from anyprobe.masks.find import find_mask
+from anyprobe.masks.overlay import EDGE, draw_overlay
+from anyprobe.masks.pointing import check_clicks
+from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, keep_large_parts
+from anyprobe.masks.refine import box_mean, refine
+
+GREY = np.full((120, 160, 3), 0.5, np.float32)
+
+
+def disc(height: int, width: int, x: float, y: float, radius: float) -> np.ndarray:
+    rows, columns = np.mgrid[0:height, 0:width] + 0.5
+    return (np.hypot(columns - x, rows - y) < radius).astype(np.float32)
+
+
+def overlap(one: np.ndarray, other: np.ndarray) -> float:
+    a, b = one > 0.5, other > 0.5
+    return (a & b).sum() / (a | b).sum()
+
+
+def vase(project_root) -> tuple[np.ndarray, np.ndarray]:
+    """The bundled example as an opaque photo, and its true mask."""
+    pixels = read_image(project_root / "examples" / "vase.png")
+    return pixels.rgb, pixels.alpha
+
+
+@pytest.fixture
+def project_root(request):
+    return request.config.rootpath
+
+
+# Depth
+
+
+def test_depth_is_cut_between_near_and_far():
+    depth = np.full((60, 80), 2000, np.uint16)
+    depth[10:50, 20:60] = 800  # the object
+    depth[50:, :] = 500  # something in front
+    depth[20, 30] = 0  # not measured
+    mask = mask_from_depth(depth, (120, 160), near=600, far=900)
+    assert mask.shape == (120, 160)
+    assert mask[20:100, 40:120].mean() == pytest.approx(1 - 4 / 6400)  # one depth pixel covers four
+    assert mask.sum() == 6396
+    assert mask_from_depth(depth, (120, 160), far=900)[119, 0] == 1.0
+    assert mask_from_depth(depth, (120, 160), near=900).sum() == 120 * 160 - 6400 - 20 * 160
+
+
+def test_depth_files_agree(tmp_path):
+    depth = np.full((48, 64), 3.0, np.float32)
+    depth[10:40, 10:40] = 1.0
+    np.save(tmp_path / "depth.npy", depth)
+    Image.fromarray((depth * 1000).astype(np.uint16)).save(tmp_path / "depth.png")
+    Image.fromarray(depth).save(tmp_path / "depth.tiff")
+    for name in ("Z", "Depth.V", "R"):
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {name: depth}).write(str(tmp_path / f"{name}.exr"))
+    for path in tmp_path.iterdir():
+        unit = 1000 if path.suffix == ".png" else 1
+        np.testing.assert_allclose(read_depth(path), depth * unit)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"near": None, "far": None}, ("--near", "--far")),
+        ({"near": 5.0, "far": 2.0}, ("near < far", "5", "2")),
+        ({"near": 10.0, "far": 20.0}, ("found none", "1 to 3")),
+        ({"shape": (48, 48)}, ("48 x 48", "64 x 48")),
+        ({"source": np.zeros((48, 64, 3), np.float32)}, ("one depth a pixel",)),
+        ({"source": np.zeros((48, 64), np.float32)}, ("none above zero",)),
+        ({"source": "gone.png"}, ("gone.png", "no such file")),
+    ],
+)
+def test_unusable_depth_is_one_line(change, words):
+    depth = np.full((48, 64), 3.0, np.float32)
+    depth[10:40, 10:40] = 1.0
+    with pytest.raises(InvalidMask) as caught:
+        mask_from_depth(**{"source": depth, "shape": (48, 64), "near": 0.5, "far": 1.5, **change})
+    assert "\n" not in str(caught.value)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_depth_that_is_no_picture(tmp_path):
+    for name in ("a.png", "a.exr", "a.npy", "a.txt"):
+        (tmp_path / name).write_text("nothing")
+        with pytest.raises(InvalidMask, match=name):
+            read_depth(tmp_path / name)
+
+
+# Somebody else's function
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.float32, np.int64])
+def test_a_function_gets_bytes_and_gives_the_mask(kind):
+    true = disc(120, 160, 60, 50, 30)
+    seen = []
+
+    def segment(rgb):
+        seen.append(rgb)
+        return (true * (255 if kind is np.uint8 else 1)).astype(kind)[None]
+
+    photo = load_photo(GREY, mask=segment)
+    assert photo.mask_source == "function"
+    assert (seen[0].shape, seen[0].dtype) == ((120, 160, 3), np.uint8)
+    assert seen[0].min() == seen[0].max() == 128
+    np.testing.assert_array_equal(photo.mask > 0.5, true > 0.5)
+
+
+@pytest.mark.parametrize("answer", [None, np.zeros((120, 160)), np.ones((60, 80)), np.ones((3, 120, 160))])
+def test_a_function_that_gives_no_mask(answer):
+    with pytest.raises(InvalidMask) as caught:
+        load_photo(GREY, mask=lambda rgb: answer)
+    assert "\n" not in str(caught.value)
+
+
+# Hints and where they go
+
+
+def test_hint_channel():
+    hint = draw_hints(SIZE, on=[(40.5, 30.5)], off=[(100.5, 90.5)], box=(20, 10, 60, 50))
+    assert hint[30, 40] == 1.0
+    assert hint[90, 100] == -1.0
+    assert hint[30, 44] == pytest.approx(np.exp(-0.5))
+    assert hint[90, 104] == pytest.approx(-np.exp(-0.5))
+    assert hint[12, 58] == hint[10, 20] == hint[49, 59] == BOX_LEVEL
+    assert hint[50, 60] == pytest.approx(0.0, abs=1e-6)
+    assert draw_hints(SIZE).any() == False  # noqa: E712
+
+
+def test_letterbox_centres_the_photo_and_points_follow():
+    rgb = np.zeros((300, 600, 3), np.float32)
+    rgb[140:160, 290:310] = 1.0
+    box = Letterbox.around((0, 0), (600, 300))
+    square = box.square(rgb)
+    assert square.shape == (SIZE, SIZE, 3)
+    assert (square[:40] == 0.5).all()
+    assert (square[120:] == 0.5).all()
+    assert box.point(300, 150) == (80.0, 80.0)
+    bright = np.argwhere(square[40:120, :, 0] > 0.5) + [40, 0]
+    np.testing.assert_allclose(bright.mean(axis=0) + 0.5, (80, 80))
+    assert box.cut(square[..., 0]).shape == (80, 160)
+
+
+@pytest.mark.parametrize("clicks", [(200, 50), [(10, 10), (-1, 5)], "ab", [(1, 2, 3)], (np.nan, 4)])
+def test_clicks_outside_are_refused(clicks):
+    with pytest.raises(InvalidMask, match="X,Y"):
+        check_clicks(clicks, 160, 120)
+
+
+def test_one_click_or_several():
+    assert check_clicks((3, 4), 160, 120) == [(3.0, 4.0)]
+    assert check_clicks([(3, 4), (5, 6)], 160, 120) == [(3.0, 4.0), (5.0, 6.0)]
+    assert check_clicks((), 160, 120) == []
+
+
+# The network
+
+
+def test_loose_specks_go_and_large_parts_stay():
+    mask = np.zeros((60, 60), bool)
+    mask[5:25, 5:25] = mask[35:50, 35:50] = mask[55:58, 2:5] = True
+    kept = keep_large_parts(mask)
+    assert kept[10, 10]
+    assert kept[40, 40]
+    assert not kept[56, 3]
+    assert not keep_large_parts(np.zeros((8, 8), bool)).any()
+
+
+def test_contract_of_the_graph():
+    """Other programs run this file by these names and shapes."""
+    onnxruntime = pytest.importorskip("onnxruntime")
+    from anyprobe.masks.propose import default_graph
+
+    assert 1e6 < default_graph().stat().st_size < 5e6
+    session = onnxruntime.InferenceSession(str(default_graph()), providers=["CPUExecutionProvider"])
+    (put,), (got,) = session.get_inputs(), session.get_outputs()
+    assert (put.name, put.shape, put.type) == ("input", [1, 4, 160, 160], "tensor(float)")
+    assert (got.name, got.shape, got.type) == ("output", [1, 1, 160, 160], "tensor(float)")
+    answer = session.run(None, {"input": np.random.default_rng(0).random((1, 4, 160, 160), np.float32)})[0]
+    assert 0.0 <= answer.min() <= answer.max() <= 1.0
+
+
+def test_a_graph_of_another_contract_is_refused(tmp_path):
+    from anyprobe.infer.runtime import weights_folder
+
+    with pytest.raises(ModelError, match="stage"):
+        MaskNetwork(weights_folder("paper") / "hdr.onnx")
+    (tmp_path / "mask.onnx").write_text("nothing")
+    for path in (tmp_path / "mask.onnx", tmp_path / "gone.onnx"):
+        with pytest.raises(ModelError, match="reinstall"):
+            MaskNetwork(path)
+
+
+def test_told_nothing_the_example_is_found(project_root):
+    rgb, true = vase(project_root)
+    photo = load_photo(rgb)
+    assert photo.mask_source == "network"
+    assert photo.mask_confidence > 0.6
+    assert overlap(photo.mask, true) > 0.85
+
+
+def test_a_click_and_a_box_find_it_too(project_root):
+    rgb, true = vase(project_root)
+    rows, columns = np.nonzero(true > 0.5)
+    point = (float(columns.mean()), float(rows.mean()))
+    box = (columns.min() - 5.0, rows.min() - 5.0, columns.max() + 6.0, rows.max() + 6.0)
+    for told, source in (
+        ({"click": point}, "click"),
+        ({"box": box}, "box"),
+        ({"click": point, "box": box}, "click"),
+    ):
+        found = find_mask(read_image(rgb), **told)
+        assert found.source == source
+        assert overlap(found.mask, true) > 0.85
+
+
+def test_nothing_to_find():
+    with pytest.raises(InvalidMask, match="--click X,Y"):
+        load_photo(GREY)
+
+
+def test_near_without_depth():
+    with pytest.raises(InvalidMask, match="--depth"):
+        load_photo(GREY, near=3.0)
+
+
+# The edge
+
+
+def test_box_mean_of_a_step():
+    step = np.zeros((5, 9, 1))
+    step[:, 4:] = 1.0
+    np.testing.assert_allclose(box_mean(step, 1)[2, :, 0], [0, 0, 0, 1 / 3, 2 / 3, 1, 1, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(box_mean(np.ones((4, 7, 2)), 3), 1.0)
+
+
+@pytest.mark.parametrize("size", [(300, 400), (900, 1200)])
+def test_a_coarse_edge_moves_to_the_photos(size, rng):
+    true = disc(*size, size[1] / 2, size[0] / 2, size[0] * 0.3)
+    rgb = np.where(true[..., None] > 0.5, (0.7, 0.3, 0.2), (0.3, 0.4, 0.5)) + rng.normal(0, 0.02, (*size, 3))
+    rgb = np.clip(rgb, 0, 1).astype(np.float32)
+    coarse = disc(120, 160, 81, 59, 36)  # shifted by a pixel of 160
+    assert overlap(refine(rgb, coarse), true) > 0.98
+    assert (
+        overlap(np.kron(disc(60, 80, 40.5, 29.5, 18), np.ones((5, 5))), disc(300, 400, 200, 150, 90)) < 0.97
+    )
+
+
+def test_overlay_dims_the_rest_and_draws_the_edge():
+    mask = disc(120, 160, 80, 60, 30)
+    picture = draw_overlay(GREY, mask, on=[(80, 60)])
+    assert picture[5, 5].max() < 0.3
+    np.testing.assert_allclose(picture[60, 60], 0.5)
+    np.testing.assert_allclose(picture[60, 109], EDGE)
+    assert picture[60, 80].tolist() != [0.5] * 3
+
+
+# The command
+
+
+def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, command, project_root):
+    monkeypatch.chdir(tmp_path)
+    rgb, true = vase(project_root)
+    Image.fromarray((rgb * 255).round().astype(np.uint8)).save("vase.png")
+    outcome = command("mask", "vase.png")
+    assert outcome.status == 0
+    assert "by network" in outcome.out
+    assert {p.name for p in (tmp_path / "masks").iterdir()} == {"vase_mask.png", "vase_overlay.png"}
+    assert overlap(np.asarray(Image.open("masks/vase_mask.png")) / 255, true) > 0.85
+    assert command("estimate", "vase.png", "--mask", "masks", "-o", "light").status == 0
+    assert json.loads((tmp_path / "light" / "vase.json").read_text())["mask"]["source"] == "mask"
+    assert command("estimate", "vase.png", "-o", "light").status == 0
+    stored = json.loads((tmp_path / "light" / "vase.json").read_text())["mask"]
+    assert stored["source"] == "network"
+    assert 0.5 < stored["confidence"] <= 1.0
+
+
+def test_mask_command_by_depth(tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    Image.new("RGB", (160, 120), "grey").save("a.png")
+    depth = np.full((120, 160), 2000, np.uint16)
+    depth[30:90, 40:100] = 700
+    (tmp_path / "depths").mkdir()
+    Image.fromarray(depth).save("depths/a_depth.png")
+    outcome = command("mask", "a.png", "--depth", "depths", "--near", "500", "--far", "900")
+    assert (outcome.status, "by depth" in outcome.out) == (0, True)
+    np.testing.assert_array_equal(np.asarray(Image.open("masks/a_mask.png")) > 127, depth == 700)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--click", "10"), ("--click", "X,Y")),
+        (("--click", "500,10"), ("X < 160", "500,10")),
+        (("--depth", "gone.png", "--near", "1"), ("gone.png",)),
+        (("--depth", "a.png", "--box", "1,2,90,90"), ("--depth and --box",)),
+        (("--near", "3"), ("--depth",)),
+        ((), ("a.png", "--click X,Y")),
+    ],
+)
+def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, options, words):
+    monkeypatch.chdir(tmp_path)
+    Image.new("RGB", (160, 120), "grey").save("a.png")
+    complaint = command("mask", "a.png", *options).complaint
+    for word in words:
+        assert word in complaint
+    assert not (tmp_path / "masks").exists()
