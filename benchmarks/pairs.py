@@ -72,8 +72,8 @@ class Setup:
 
 def count_pairs(batches: Iterator[Batch], config: PairConfig, seconds: float) -> tuple[int, float]:
     """Pairs made in whole periods of the pool's renewal for at least so many seconds, and the seconds."""
-    period = max(1, config.group * config.reuse // config.batch)
-    for _ in range(4 * period):  # compiles, fills every worker's pool
+    period = config.lanes * max(1, config.group * config.reuse // config.batch)
+    for _ in range(2 * period):  # compiles, fills every worker's pool
         next(batches)
     steps, start = 0, time.perf_counter()
     while True:
@@ -158,7 +158,7 @@ def measure_speed(setup: Setup, seconds: float) -> dict[str, Any]:
 def measure_memory(setup: Setup, pairs: int) -> dict[str, Any]:
     """The memory part's line: what this process and its workers hold while `pairs` pairs go by, none kept."""
     config = setup.config().pairs
-    warm = 4 * max(1, config.group * config.reuse // config.batch)
+    warm = 2 * config.lanes * max(1, config.group * config.reuse // config.batch)
     steps = max(2, -(-pairs // config.batch))
     marks = set(np.linspace(0, steps, min(MEMORY_POINTS, steps) + 1).astype(int).tolist())
     batches = setup.batches(warm + steps)

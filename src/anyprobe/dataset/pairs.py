@@ -29,13 +29,18 @@ from anyprobe.scatter.brdf import Material
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairConfig:
-    """batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept."""
+    """batch: pairs a step; reuse: pairs a lit material serves; pool: groups of lit materials kept in a lane.
+
+    lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
+    many processes can make batches without shading anything twice.
+    """
 
     batch: int = 32
     seed: int = 0
     reuse: int = 12
     group: int = 16
-    pool: int = 24
+    pool: int = 12
+    lanes: int = 2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,20 +62,22 @@ class PairSource:
         self.config, self.illuminator, self.surfaces = config, illuminator, surfaces
         self.device = illuminator.device
         self._places, self._tone = illuminator.wrap(reflectance_places), illuminator.wrap(response)
-        self._groups: dict[int, list[LitMaterial]] = {}
+        self._groups: dict[tuple[int, int], list[LitMaterial]] = {}
         self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
 
     def _pool(self, step: int) -> list[LitMaterial]:
-        newest = self.config.pool - 1 + step // self._steps_per_group
-        wanted = range(newest - self.config.pool + 1, newest + 1)
-        for index in [i for i in self._groups if i not in wanted]:
-            del self._groups[index]
-        for index in wanted:
-            if index not in self._groups:
-                rng = np.random.default_rng((self.config.seed, 1, index))
-                self._groups[index] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
-        return [lit for index in wanted for lit in self._groups[index]]
+        """The lit materials that the step's lane has at hand, the oldest first."""
+        turn, lane = divmod(step, self.config.lanes)
+        first = turn // self._steps_per_group
+        wanted = [(lane, index) for index in range(first, first + self.config.pool)]
+        for key in [key for key in self._groups if key[0] == lane and key not in wanted]:
+            del self._groups[key]
+        for key in wanted:
+            if key not in self._groups:
+                rng = np.random.default_rng((self.config.seed, 1, *key))
+                self._groups[key] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
+        return [lit for key in wanted for lit in self._groups[key]]
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:
@@ -146,13 +153,17 @@ def shade(
         radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
     """
     specular_xy, diffuse_xy = places(normals.permute(0, 2, 3, 1), wo)
-    terms = torch.stack([lit.terms for lit in chosen])
-    specular = F.grid_sample(terms[:, :9], specular_xy, mode="bilinear", align_corners=False)
-    diffuse = F.grid_sample(terms[:, 9:], diffuse_xy, mode="bilinear", align_corners=False)
-    f0 = _column([m.f0 for m in materials], terms.device)
-    albedo = _column([m.albedo for m in materials], terms.device)
-    radiance = f0 * specular[:, 3:6] + (1 - f0) * specular[:, 6:9] + albedo * (1 - f0) * diffuse
-    return radiance, specular[:, :3]
+    device = normals.device
+    f0, albedo = _column([m.f0 for m in materials], device), _column([m.albedo for m in materials], device)
+    # f0 S1 + (1 - f0) Ss is linear: six channels to look up, not nine
+    maps = torch.empty((len(chosen), 6, *chosen[0].terms.shape[1:]), device=device)
+    for one, lit, weight in zip(maps, chosen, f0, strict=True):
+        one[:3] = lit.terms[:3]
+        torch.lerp(lit.terms[6:9], lit.terms[3:6], weight.expand(3, 1, 1), out=one[3:])
+    specular = F.grid_sample(maps, specular_xy, mode="bilinear", align_corners=False)
+    diffuse = torch.stack([lit.terms[9:] for lit in chosen])
+    diffuse = F.grid_sample(diffuse, diffuse_xy, mode="bilinear", align_corners=False)
+    return torch.addcmul(specular[:, 3:], albedo * (1 - f0), diffuse), specular[:, :3]
 
 
 def _column(values, device) -> torch.Tensor:

@@ -35,7 +35,7 @@ class _Steps(Dataset):
 def stream(open_source: Callable[[], PairSource], first: int, last: int, workers: int) -> Iterator[Batch]:
     """The batches of steps first to last - 1.
 
-    Each worker shades every lit material by itself, so that workers share nothing but the step's number.
+    Workers share nothing but the step's number; up to PairConfig.lanes of them shade nothing twice.
 
     Args:
         open_source: picklable; gives the source on the CPU.
