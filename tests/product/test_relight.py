@@ -87,6 +87,17 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
     assert (left > center_x + DIAMETER / 2) if side > 0 else (right < center_x - DIAMETER / 2)
 
 
+@pytest.mark.parametrize(("fov_deg", "stretch"), [(None, 1.044), (65.0, 1.145)])
+def test_ball_near_the_border_is_round_unless_the_lens_is_known_to_be_wide(fov_deg, stretch):
+    """Seen at an angle t from the axis a distant ball is 1 / cos t longer than wide."""
+    photo = load_photo(ball_photo((60, 90), DIAMETER, HEIGHT, WIDTH), fov_deg=fov_deg)
+    stage = Stage(photo, sphere(48), Arrangement(at=(225, 90), size=0.3, pitch_deg=10))
+    pixels = stage.view.pixels(stage.placement.mesh.positions)
+    wide, high = np.ptp(pixels, axis=0)
+    assert wide / high == pytest.approx(stretch, abs=0.02)
+    assert stage.view.long_fov_deg == pytest.approx(fov_deg or 38.0)
+
+
 def test_foot_is_where_it_was_asked(photo):
     stage = Stage(photo, sphere(24), Arrangement(at=(170, 140), pitch_deg=10))
     np.testing.assert_allclose(stage.view.pixels(stage.placement.foot), [170, 140], atol=1e-6)

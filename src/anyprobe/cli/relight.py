@@ -105,7 +105,7 @@ def relight(
         "renderer": "mitsuba" if traced else "own",
         "foot_px": [round(float(v), 1) for v in spot],
         "pitch_deg": round(stage.placement.pitch_deg, 2),
-        "long_fov_deg": round(float(taken.long_fov_deg), 2),
+        "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "warnings": list(taken.warnings),
     }
     if as_json:

@@ -18,6 +18,10 @@ from anyprobe.render.mesh import Mesh
 LEAST_SLOPE_DEG = 12.0
 """The ground at the real object's base is seen at least this far below the horizon."""
 
+UNKNOWN_LENS_DEG = 38.0
+"""Along the longer side, where neither EXIF nor the caller told. Of a cropped or zoomed photo the 65
+degrees that estimates take would stretch a ball near its border; too narrow a guess shows far less."""
+
 GAP = 0.15
 """Between the real object and the virtual one, in widths of the latter."""
 
@@ -39,6 +43,11 @@ class View:
     height: int
     focal: float
     up: np.ndarray
+
+    @property
+    def long_fov_deg(self) -> float:
+        """Field of view of the longer side."""
+        return float(np.degrees(2 * np.arctan(max(self.width, self.height) / 2 / self.focal)))
 
     def rays(self, x, y) -> np.ndarray:
         """Directions [..., 3] with z = -1 through points of the photo; pixel i covers [i, i + 1)."""
@@ -89,7 +98,8 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
         InputError: the base would lie at or above the horizon.
     """
     height, width = photo.mask.shape
-    focal = max(width, height) / 2 / np.tan(np.radians(photo.long_fov_deg) / 2)
+    long_fov_deg = UNKNOWN_LENS_DEG if photo.fov_source == "default" else photo.long_fov_deg
+    focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     base = object_box(photo.mask)[3]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
     if pitch_deg is None:
