@@ -140,6 +140,27 @@ def test_other_settings_are_refused(begin, tmp_path):
         begin(tmp_path, size=0.9)
 
 
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
+        (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
+        (("--box", "12,32,70,90", "--masks", "."), "expected one of them"),
+        (("--masks", "."), "no frame gave a light"),
+        (("--masks", "absent"), "a folder with one mask"),
+        (("--object", "bunni"), "ball, vase"),
+        (("--material", "glass", "--object", "ball"), "chrome, gold"),
+    ],
+)
+@pytest.mark.usefixtures("networks_opened_once")
+def test_bad_option_leaves_nothing(command, work, made, arguments, words):
+    assert words in command("video", made / "clip.mp4", "-o", "out", *arguments).complaint
+    assert list(work.iterdir()) == []
+
+
 # Clips
 
 

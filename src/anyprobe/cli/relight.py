@@ -11,6 +11,17 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from anyprobe.cli.where import (
+    BoxOption,
+    ClickOption,
+    DepthOption,
+    FarOption,
+    MaskOption,
+    NearOption,
+    NotOption,
+    read_where,
+    where_for,
+)
 from anyprobe.errors import InputError, OutputError
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
@@ -53,10 +64,13 @@ def relight(
     renderer: Annotated[
         Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")
     ] = Renderer.auto,
-    mask: Annotated[Path | None, typer.Option(help="Mask image, white = object.")] = None,
-    box: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")
-    ] = None,
+    mask: MaskOption = None,
+    click: ClickOption = None,
+    click_off: NotOption = None,
+    box: BoxOption = None,
+    depth: DepthOption = None,
+    near: NearOption = None,
+    far: FarOption = None,
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
     ] = None,
@@ -74,20 +88,20 @@ def relight(
     from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
     from anyprobe.scatter.presets import material_named
 
-    corners = numbers(box, 4, "--box", "X0,Y0,X1,Y1", "40,30,220,260")
-    foot = numbers(at, 2, "--at", "X,Y", "400,380")
-    if corners is not None and mask is not None:
-        raise InputError("--mask and --box: expected one of them, got both")
+    where = where_for(photo, read_where(mask, box, click, click_off, depth, near, far))
+    foot = point(at)
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
     if out.suffix.lower() != ".png":
         raise OutputError(f"{out}: expected the name of a .png, got {out.suffix or 'no suffix'}")
-    if out.resolve() in {given.resolve() for given in (photo, mask, light) if given is not None}:
+    if out.resolve() in {
+        given.resolve() for given in (photo, where["mask"], where["depth"], light) if given is not None
+    }:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
     mesh = open_object(name)
-    taken = load_photo(photo, mask=mask, box=corners, fov_deg=fov)
+    taken = load_photo(photo, fov_deg=fov, **where)
     radiance = _radiance(taken, light, model)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     shadow = stage.shadow(radiance)
@@ -128,16 +142,14 @@ def _radiance(photo, light: Path | None, model: str) -> np.ndarray:
     return Estimator(model).from_photo(photo).radiance
 
 
-def numbers(text: str | None, count: int, option: str, form: str, example: str) -> tuple[float, ...] | None:
-    """The numbers of an option such as X,Y; None where it is absent."""
+def point(text: str | None) -> tuple[float, float] | None:
+    """The pixel of --at; None where it is absent."""
     if text is None:
         return None
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
-    if len(found) != count or not np.isfinite(found).all():
-        raise InputError(
-            f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}"
-        )
+    if len(found) != 2 or not np.isfinite(found).all():
+        raise InputError(f"--at: expected X,Y in pixels, got {text!r}; for instance --at 400,380")
     return found

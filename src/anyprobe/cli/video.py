@@ -14,7 +14,8 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.relight import Renderer, numbers
+from anyprobe.cli.relight import Renderer, point
+from anyprobe.cli.where import read_where
 from anyprobe.errors import InputError
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
@@ -47,6 +48,13 @@ def video(
         str | None,
         typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object in the first frame, in pixels."),
     ] = None,
+    click: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X,Y", help="A point on the object in the first frame; repeatable."),
+    ] = None,
+    click_off: Annotated[
+        list[str] | None, typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable.")
+    ] = None,
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the video's longer side, degrees.")
     ] = None,
@@ -64,10 +72,10 @@ def video(
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
 
-    corners = numbers(box, 4, "--box", "X0,Y0,X1,Y1", "40,30,220,260")
-    foot = numbers(at, 2, "--at", "X,Y", "400,380")
-    if masks is not None and corners is not None:
-        raise InputError("--masks and --box: expected one of them, got both")
+    told = {name: v for name, v in read_where(None, box, click, click_off, None, None, None).items() if v}
+    foot = point(at)
+    if masks is not None and told:
+        raise InputError("--masks, and a box or clicks: expected one of them, got both")
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     header = open_clip(clip)
@@ -76,7 +84,7 @@ def video(
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
-    follower = MaskFollower(masks, {} if corners is None else {"box": corners}, fov)
+    follower = MaskFollower(masks, told, fov)
     estimator = Estimator(model)
     settings = {
         "clip": clip.name,
@@ -85,7 +93,7 @@ def video(
         "every": every,
         "exr": exr,
         "masks": None if masks is None else str(masks),
-        "box": corners,
+        "first_frame": told,
         "fov_deg": fov,
         "object": name,
         "material": material if name else None,
@@ -114,7 +122,7 @@ def video(
         talk.print(f"warning: frame {index}: kept the light before it: {line}", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
-    told = {
+    summary = {
         "track": str(out / "track.json"),
         "relit": str(out / "relit.mp4") if virtual else None,
         "frames": outcome.frames,
@@ -123,11 +131,9 @@ def video(
         "seconds": round(seconds, 2),
     }
     if as_json:
-        print(json.dumps(told))
+        print(json.dumps(summary))
     rate = (outcome.frames - begun) / max(seconds, 1e-9)
     talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
-    if len(outcome.bad) == outcome.frames:
-        raise typer.Exit(2)
 
 
 def _watched(run, total: int | None, begun: int, talk: Console):

@@ -18,7 +18,11 @@ MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
 
 class MaskFollower:
-    """Frames in order become photos whose object is marked."""
+    """Frames in order become photos whose object is marked.
+
+    told: what the caller said about the first frame; may be empty. box: where the next frame's object
+    is looked for, None before the first.
+    """
 
     def __init__(self, masks: Path | None, where: dict, fov_deg: float | None) -> None:
         """masks: a folder of one mask a frame, sorted by name. where: of load_photo, for the first frame."""
@@ -27,7 +31,7 @@ class MaskFollower:
             if not masks.is_dir():
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
             self._files = sorted(path for path in masks.iterdir() if path.suffix.lower() in MASK_SUFFIXES)
-        self._where, self._fov_deg = where, fov_deg
+        self.told, self._fov_deg = where, fov_deg
         self.box: Sequence[float] | None = None
 
     def photo(self, frame: Frame) -> Photo:
@@ -39,7 +43,7 @@ class MaskFollower:
                     f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
                 )
             return load_photo(frame.rgb, mask=self._files[frame.index], fov_deg=self._fov_deg)
-        where = self._where if self.box is None else {"box": self.box}
+        where = self.told if self.box is None else {"box": self.box}
         photo = load_photo(frame.rgb, fov_deg=self._fov_deg, **where)
         self.box = self._grown(photo.mask)
         return photo

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,10 +20,20 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.brdf import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.track import Progress, describe, load_progress, save_progress, write_track
+from anyprobe.video.track import (
+    Progress,
+    describe,
+    forget_progress,
+    load_progress,
+    save_progress,
+    write_track,
+)
 
 SAVE_EVERY = 24
 """Frames between two saves; what came after the last save is done again."""
+
+PIECES = ".pieces"
+"""Folder in the result's of what the relit clip is joined from."""
 
 SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 """For a picture of which there are many; a photo's has 192 and 256."""
@@ -104,6 +115,8 @@ class ClipRun:
         if frame.index + 1 > done.next_index:
             self._save(frame.index + 1, pictures)
         if done.light is None:
+            shutil.rmtree(self.folder / PIECES, ignore_errors=True)
+            forget_progress(self.folder)
             raise InputError(f"{self.clip.path}: no frame gave a light; {done.frames[0]['error']}")
         write_track(self.folder / "track.json", done, self.clip.fps, size)
         if self.virtual is not None:
@@ -112,7 +125,10 @@ class ClipRun:
         return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged))
 
     def _one(self, frame: Frame) -> dict:
-        """The record of one frame; a frame that gives no light keeps the last one and says why."""
+        """The record of one frame; a frame that gives no light keeps the last one and says why.
+
+        The first is refused where the caller told where its object is.
+        """
         done = self.progress
         record = {"index": frame.index, "time_s": round(frame.time_s, 5)}
         if frame.index % self.every and done.light is not None:
@@ -121,6 +137,8 @@ class ClipRun:
             self._photo = self.follower.photo(frame)
             light = self.estimator.from_photo(self._photo)
         except AnyprobeError as error:
+            if frame.index == 0 and self.follower.told:
+                raise
             self._photo = None
             return {**record, "error": " ".join(str(error).splitlines())}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
@@ -166,4 +184,4 @@ class ClipRun:
         save_progress(self.folder, done)
 
     def _piece(self, number: int) -> Path:
-        return self.folder / ".pieces" / f"{number:05d}.mp4"
+        return self.folder / PIECES / f"{number:05d}.mp4"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -55,6 +56,13 @@ def save_progress(folder: Path, progress: Progress) -> None:
         np.savez(temporary, words=np.array(json.dumps(words)), **arrays)
 
 
+def forget_progress(folder: Path) -> None:
+    """Delete what save_progress left, and the folder if nothing else is in it."""
+    (folder / STATE).unlink(missing_ok=True)
+    with suppress(OSError):  # not empty, or never made
+        folder.rmdir()
+
+
 def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     """What a run left, None if nothing.
 
@@ -75,8 +83,9 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
         raise InputError(
             f"{path}: expected what a run left, got a damaged file; delete the folder"
         ) from error
-    if words["settings"] != json.loads(json.dumps(settings)):
-        changed = [key for key, value in words["settings"].items() if settings.get(key) != value]
+    now = json.loads(json.dumps(settings))
+    if words["settings"] != now:
+        changed = [key for key in {**words["settings"], **now} if words["settings"].get(key) != now.get(key)]
         raise InputError(
             f"{folder}: expected the settings it was begun with, got another {', '.join(changed)}; "
             "choose another folder with -o, or --restart"
