@@ -36,12 +36,26 @@ export function dilate(mask, height) {
 
 /** The part of a mask that is connected to one of its pixels on the sphere. */
 export function connected(mask, height, start) {
-  let region = new Uint8Array(mask.length);
+  const width = 2 * height;
+  const region = new Uint8Array(mask.length);
+  const waiting = [start];
+  const visit = (pixel) => {
+    if (!mask[pixel] || region[pixel]) return;
+    region[pixel] = 1;
+    waiting.push(pixel);
+  };
   region[start] = 1;
-  for (let count = 1, last = 0; count !== last; ) {
-    last = count;
-    region = dilate(region, height).map((value, i) => value & mask[i]);
-    count = region.reduce((sum, value) => sum + value, 0);
+  while (waiting.length) {
+    const pixel = waiting.pop();
+    const column = pixel % width;
+    const row = (pixel - column) / width;
+    visit(row * width + ((column + 1) % width));
+    visit(row * width + ((column + width - 1) % width));
+    if (row > 0) visit(pixel - width);
+    if (row < height - 1) visit(pixel + width);
+    if (row === 0 || row === height - 1) { // all pixels of a pole's row touch each other there
+      for (let other = row * width; other < (row + 1) * width; other++) visit(other);
+    }
   }
   return region;
 }

@@ -46,7 +46,11 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
         b += share * rgba[4 * pixel + 2];
         a += share;
       }
-      narrow.set([r / 255, g / 255, b / 255, a], 4 * (y * CROP_SIZE + out));
+      const to = 4 * (y * CROP_SIZE + out);
+      narrow[to] = r / 255;
+      narrow[to + 1] = g / 255;
+      narrow[to + 2] = b / 255;
+      narrow[to + 3] = a;
     }
   }
   const plane = CROP_SIZE * CROP_SIZE;

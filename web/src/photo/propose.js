@@ -95,9 +95,11 @@ function networkInput({ width, rgba }, window, hints) {
   const [w, h] = window.size;
   const rgb = new Float32Array(3 * w * h);
   for (let y = 0; y < h; y++) {
-    for (let x = 0; x < w; x++) {
-      const from = 4 * ((y0 + y) * width + x0 + x);
-      for (let c = 0; c < 3; c++) rgb[3 * (y * w + x) + c] = rgba[from + c] / 255;
+    let from = 4 * ((y0 + y) * width + x0);
+    for (let to = 3 * y * w; to < 3 * (y + 1) * w; to += 3, from += 4) {
+      rgb[to] = rgba[from] / 255;
+      rgb[to + 1] = rgba[from + 1] / 255;
+      rgb[to + 2] = rgba[from + 2] / 255;
     }
   }
   const [columns, rows] = window.inner;

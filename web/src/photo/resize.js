@@ -8,24 +8,23 @@
  * @returns {Float32Array}
  */
 export function resize(values, channels, [width, height], [newWidth, newHeight]) {
-  const across = weights(width, newWidth);
-  const narrow = new Float32Array(newWidth * height * channels);
-  for (let y = 0; y < height; y++) {
-    across.forEach(({ first, shares }, x) => {
+  const line = newWidth * channels;
+  const narrow = new Float32Array(height * line);
+  weights(width, newWidth).forEach(({ first, shares }, x) => {
+    for (let y = 0; y < height; y++) {
+      const from = (y * width + first) * channels;
       for (let c = 0; c < channels; c++) {
         let sum = 0;
-        shares.forEach((share, i) => (sum += share * values[(y * width + first + i) * channels + c]));
-        narrow[(y * newWidth + x) * channels + c] = sum;
+        for (let i = 0; i < shares.length; i++) sum += shares[i] * values[from + i * channels + c];
+        narrow[y * line + x * channels + c] = sum;
       }
-    });
-  }
-  const line = newWidth * channels;
+    }
+  });
   const out = new Float32Array(newHeight * line);
   weights(height, newHeight).forEach(({ first, shares }, y) => {
-    for (let at = 0; at < line; at++) {
-      let sum = 0;
-      for (let i = 0; i < shares.length; i++) sum += shares[i] * narrow[(first + i) * line + at];
-      out[y * line + at] = sum;
+    for (let i = 0; i < shares.length; i++) {
+      const from = (first + i) * line;
+      for (let at = 0; at < line; at++) out[y * line + at] += shares[i] * narrow[from + at];
     }
   });
   return out;
@@ -42,6 +41,6 @@ function weights(length, count) {
     const shares = [];
     for (let i = first; i < last; i++) shares.push(Math.max(1 - Math.abs(i + 0.5 - centre) / reach, 0));
     const sum = shares.reduce((total, share) => total + share, 0);
-    return { first, shares: shares.map((share) => share / sum) };
+    return { first, shares: Float64Array.from(shares, (share) => share / sum) };
   });
 }
