@@ -6,7 +6,7 @@ goes on with exactly the scenes it would have seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ import torch
 from anyprobe.core.hints import draw_hints
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.camera import blur
+from anyprobe.dataset.retakes import retake
 from anyprobe.dataset.scenes import SIZE, Scene, draw_scene
 from anyprobe.dataset.sprites import LitView, ViewSource
 
@@ -33,12 +34,15 @@ HINTS = {"none": 0.4, "click": 0.3, "clicks": 0.15, "box": 0.15}
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneConfig:
-    """batch: scenes a step, each asked `hints` times; views kept and how many steps one new view serves."""
+    """batch: questions a step, each about a retake of a random scene; scenes kept, and how many of them are
+    new at each step; views kept, and how many scenes one new view serves; textures: patterns drawn at the start."""
 
-    batch: int = 12
-    hints: int = 2
+    batch: int = 24
+    scenes: int = 480
+    fresh: int = 3
     views: int = 40
-    steps_per_view: int = 2
+    scenes_per_view: int = 12
+    textures: int = 160
     seed: int = 0
 
 
@@ -51,36 +55,45 @@ class Batch:
 
 
 class SceneSource:
-    """Endless fresh batches; `batch(k)` for consecutive k is fast."""
+    """Endless batches; `batch(k)` for consecutive k is fast."""
 
     def __init__(self, views: ViewSource, config: SceneConfig) -> None:
         self.config, self.views = config, views
-        self.textures = TexturePool(config.seed)
-        self._kept: dict[int, LitView] = {}
-
-    def _pool(self, step: int) -> list[LitView]:
-        newest = self.config.views - 1 + step // self.config.steps_per_view
-        wanted = range(newest - self.config.views + 1, newest + 1)
-        self._kept = {number: view for number, view in self._kept.items() if number in wanted}
-        for number in wanted:
-            if number not in self._kept:
-                self._kept[number] = self.views.view(number)
-        return [self._kept[number] for number in wanted]
+        self.textures = TexturePool(config.seed, config.textures)
+        self._views: dict[int, LitView] = {}
+        self._scenes: dict[int, Scene] = {}
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:
-        """The scenes of step number `step`."""
-        pool = self._pool(step)
-        rng = np.random.default_rng((self.config.seed, 2, step))
+        """The questions of step number `step`."""
+        config = self.config
+        first = step * config.fresh
+        scenes = _slide(self._scenes, range(first, first + config.scenes), self._draw)
+        rng = np.random.default_rng((config.seed, 5, step))
         images, masks = [], []
-        for _ in range(self.config.batch):
-            scene = draw_scene(rng, pool[rng.integers(len(pool))], self.textures)
-            for _ in range(self.config.hints):
-                kind = str(rng.choice(list(HINTS), p=list(HINTS.values())))
-                hint, mask = ask(rng, scene, kind)
-                images.append(torch.cat([scene.photo, torch.from_numpy(hint)[None]]))
-                masks.append(mask[None])
+        for which in rng.integers(len(scenes), size=config.batch):
+            scene = retake(rng, scenes[which])
+            hint, mask = ask(rng, scene, str(rng.choice(list(HINTS), p=list(HINTS.values()))))
+            images.append(torch.cat([scene.photo, torch.from_numpy(hint)[None]]))
+            masks.append(mask[None])
         return Batch(image=torch.stack(images), mask=torch.stack(masks))
+
+    def _draw(self, number: int) -> Scene:
+        """Scene number `number`, of one of the views then kept."""
+        oldest = number // self.config.scenes_per_view
+        views = _slide(self._views, range(oldest, oldest + self.config.views), self.views.view)
+        rng = np.random.default_rng((self.config.seed, 2, number))
+        return draw_scene(rng, views[rng.integers(len(views))], self.textures)
+
+
+def _slide(kept: dict, wanted: range, make: Callable[[int], object]) -> list:
+    """The things of the wanted numbers, made when not kept yet; the others are forgotten."""
+    for number in [number for number in kept if number not in wanted]:
+        del kept[number]
+    for number in wanted:
+        if number not in kept:
+            kept[number] = make(number)
+    return [kept[number] for number in wanted]
 
 
 def unasked_target(scene: Scene) -> int | None:

@@ -28,7 +28,7 @@ EYE_HEIGHT = 1.0
 class TexturePool:
     """Patterns drawn once and read many times, mirrored at their borders."""
 
-    def __init__(self, seed: int, count: int = 160) -> None:
+    def __init__(self, seed: int, count: int) -> None:
         rng = np.random.default_rng((seed, 3))
         self.patterns = torch.stack(
             [torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count)]

@@ -25,6 +25,7 @@ SIZE = 480
 """Longer side of the rendered photos; the network sees them at 160."""
 
 SCENES_PER_VIEW = 3
+TEXTURES = 160
 
 BOX_MARGIN = 0.04
 """A told box leaves so much of the object's longer side free on every side."""
@@ -47,7 +48,7 @@ def rendered_cases(stock: Stock, count: int, seed: int) -> Iterator[Case]:
     """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
     surfaces = build_surfaces(list(stock.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
     illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
-    views, textures = ViewSource(illuminator, surfaces, seed), TexturePool(seed)
+    views, textures = ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES)
     rng = np.random.default_rng((seed, 4))
     made = drawn = 0
     while made < count:

@@ -1,4 +1,4 @@
-"""The picture beside every result: photo and mask, the map at three exposures, three balls."""
+"""The picture beside every result: the photo, the mask that was used, the map at three exposures, three balls."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from PIL import Image
 from anyprobe.core.response import response
 from anyprobe.infer.photo import Photo
 from anyprobe.infer.result import Light
+from anyprobe.masks.overlay import draw_overlay
 from anyprobe.render.balls import ball_images
 
 EXPOSURES_EV = (-2.0, 0.0, 2.0)
@@ -17,11 +18,11 @@ GAP = 8
 
 
 def draw_preview(photo: Photo, light: Light) -> np.ndarray:
-    """Display picture [H, W, 3] in [0, 1]: two rows, photo | mask | balls over three maps."""
+    """Display picture [H, W, 3] in [0, 1]: two rows, photo | its mask shown | balls over three maps."""
     picture = _fit(photo.rgb, ROW)
-    dimmed = photo.rgb * (0.15 + 0.85 * photo.mask[..., None])
+    shown = draw_overlay(picture, _fit(photo.mask, ROW))
     balls = ball_images(light.radiance, BALL).values()
-    first = [picture, _fit(dimmed, ROW)] + [_fit(response(ball), ROW) for ball in balls]
+    first = [picture, shown] + [_fit(response(ball), ROW) for ball in balls]
     maps = [_fit(response(light.radiance * 2.0**ev), ROW) for ev in EXPOSURES_EV]
     rows = [_join(first), _join(maps)]
     width = max(row.shape[1] for row in rows)

@@ -95,32 +95,28 @@ def _pointed_at(pixels: Pixels, click, click_off, box) -> FoundMask:
         return FoundMask(mask=mask_from_box(pixels.rgb, corners), source="box")
     source = "click" if on or box is None else "box"
     proposal = shared_network().propose(pixels.rgb, on, off, corners)
-    if proposal.confidence == 0.0:
+    found = refine(pixels.rgb, proposal.cover)
+    if not (found > 0.5).any():
         shown = f"the {source}" if on or box is not None else "the clicks beside it"
         raise InvalidMask(
             f"{pixels.name}: expected an object at {shown}, found none that stands out; "
             "click elsewhere on it, draw --box X0,Y0,X1,Y1, or pass --mask FILE"
         )
-    found = _refined(pixels.rgb, proposal.cover)
-    return FoundMask(mask=found, source=source, confidence=proposal.confidence)
+    return FoundMask(mask=check_mask(found), source=source, confidence=proposal.confidence)
 
 
 def _proposed(pixels: Pixels) -> FoundMask:
     proposal = shared_network().propose(pixels.rgb)
-    if proposal.confidence < UNSURE:
+    found = refine(pixels.rgb, proposal.cover)
+    is_empty = not (found > 0.5).any()
+    if is_empty or proposal.confidence < UNSURE:
         seen = (
             "nothing stands out"
-            if proposal.confidence == 0.0
-            else (f"the network is unsure ({proposal.confidence:.2f}, {UNSURE} needed)")
+            if is_empty
+            else f"the network is unsure ({proposal.confidence:.2f}, {UNSURE} needed)"
         )
         raise InvalidMask(
             f"{pixels.name}: expected an object that can be told from its surroundings, but {seen}; "
             "pass --click X,Y, --box X0,Y0,X1,Y1 or --mask FILE, or a photo with an alpha channel"
         )
-    return FoundMask(
-        mask=_refined(pixels.rgb, proposal.cover), source="network", confidence=proposal.confidence
-    )
-
-
-def _refined(rgb: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    return check_mask(refine(rgb, cover))
+    return FoundMask(mask=check_mask(found), source="network", confidence=proposal.confidence)

@@ -11,7 +11,7 @@ from anyprobe.masks.refine import box_mean
 
 EDGE = (0.1, 1.0, 0.4)
 OFF = (1.0, 0.15, 0.1)
-BEYOND = (0.05, 0.05, 0.2)
+BEYOND = (0.03, 0.03, 0.12)
 """Display colours of the edge and clicks on the object, of clicks beside it, of the surroundings' tint."""
 
 
@@ -21,7 +21,7 @@ def draw_overlay(
     """Display picture [H, W, 3] of a photo [H, W, 3] and its mask [H, W], both in [0, 1]."""
     height, width = mask.shape
     weight = mask[..., None]
-    picture = rgb * (0.25 + 0.75 * weight) + np.array(BEYOND) * (1 - weight)
+    picture = rgb * (0.2 + 0.8 * weight) + np.array(BEYOND) * (1 - weight)
     thickness = max(1, round(max(height, width) / 500))
     share = box_mean((mask[..., None] > 0.5).astype(np.float32), thickness)[..., 0]
     picture[(share > 0.01) & (share < 0.99)] = EDGE

@@ -28,7 +28,7 @@ def export_mask(checkpoint: Path, folder: Path) -> dict[str, float]:
     recipe = {
         "run": run["name"],
         "steps": str(run["step"]),
-        "scenes": str(run["step"] * run["scenes"]["batch"]),
+        "scenes": str(run["scenes"]["scenes"] + run["step"] * run["scenes"]["fresh"]),
         "config": json.dumps(run),
     }
     example = torch.rand((1, 4, SIZE, SIZE), generator=torch.Generator().manual_seed(0))

@@ -33,7 +33,7 @@ class MaskRunConfig:
     """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share."""
 
     name: str = "mask"
-    steps: int = 4500
+    steps: int = 9000
     learning_rate: float = 2e-3
     weight_decay: float = 1e-4
     warmup: int = 50
@@ -51,7 +51,7 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
         name=f"{config.name}-dry",
         steps=steps,
         warmup=2,
-        scenes=replace(config.scenes, batch=2, views=2),
+        scenes=replace(config.scenes, batch=4, scenes=4, views=2, textures=4),
         surfaces=replace(config.surfaces, views=1, procedural=2),
         light=replace(config.light, procedural=2),
     )
@@ -126,7 +126,7 @@ def train_mask(
     ):
         rows = csv.writer(log)
         if first == 0:
-            rows.writerow(["step", "scenes", "loss", "iou", "learning_rate", "seconds"])
+            rows.writerow(["step", "questions", "loss", "iou", "learning_rate", "seconds"])
         task = progress.add_task("", total=config.steps, completed=first)
         for step in range(first, last):
             rate = _learning_rate(config, step)

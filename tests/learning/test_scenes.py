@@ -1,0 +1,190 @@
+"""Scenes for the mask network: what a hint points at is what the answer covers; a run goes on exactly."""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+
+from anyprobe.dataset.asks import HINTS, SceneSource, ask, unasked_target  # noqa: E402
+from anyprobe.dataset.backdrops import TexturePool  # noqa: E402
+from anyprobe.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
+from anyprobe.dataset.retakes import retake  # noqa: E402
+from anyprobe.dataset.scenes import GREY, SIZE, Scene, draw_scene  # noqa: E402
+from anyprobe.dataset.sprites import ViewSource  # noqa: E402
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.masks.propose import MaskNetwork  # noqa: E402
+from anyprobe.nets.mask_net import MaskNet  # noqa: E402
+from anyprobe.train import export_mask as export  # noqa: E402
+from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def views():
+    rng = np.random.default_rng(0)
+    illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
+    return ViewSource(illuminator, build_surfaces([], SurfaceConfig(views=1, procedural=2)), seed=0)
+
+
+@pytest.fixture(scope="module")
+def textures():
+    return TexturePool(0, count=6)
+
+
+@pytest.fixture(scope="module")
+def scenes(views, textures):
+    rng = np.random.default_rng(1)
+    view = views.view(0)
+    return [draw_scene(rng, view, textures) for _ in range(30)]
+
+
+def two_discs() -> Scene:
+    """A large dark disc left of the middle and a small bright one at the right, in a 3:2 photo."""
+    rows, columns = torch.meshgrid(torch.arange(SIZE) + 0.5, torch.arange(SIZE) + 0.5, indexing="ij")
+    large = ((rows - 80) ** 2 + (columns - 60) ** 2 < 30**2).float()
+    small = ((rows - 80) ** 2 + (columns - 135) ** 2 < 12**2).float()
+    photo = torch.full((3, SIZE, SIZE), 0.6)
+    photo = photo * (1 - large) + 0.1 * large
+    photo = photo * (1 - small) + 0.95 * small
+    photo[:, :27] = photo[:, 133:] = GREY
+    return Scene(
+        photo=photo,
+        covers=torch.stack([small, large]),
+        uniform=np.array([True, True]),
+        bounds=(27, 133, 0, 160),
+    )
+
+
+def test_a_scene_is_a_photo_of_things_that_hide_one_another(scenes):
+    assert {len(scene.covers) for scene in scenes} >= {1, 2, 3}
+    for scene in scenes:
+        top, bottom, left, right = scene.bounds
+        assert 0.0 <= scene.photo.min()
+        assert scene.photo.max() <= 1.0
+        beside = torch.ones(SIZE, SIZE, dtype=torch.bool)
+        beside[top:bottom, left:right] = False
+        assert (scene.photo[:, beside] == GREY).all()
+        assert (scene.covers[:, beside] == 0).all()
+        assert (scene.covers.sum(dim=0) <= 1 + 1e-5).all()
+
+
+def test_the_same_number_gives_the_same_view(views):
+    once, again, other = views.view(3), views.view(3), views.view(4)
+    assert torch.equal(once.sprites, again.sprites)
+    assert not torch.equal(once.sprites, other.sprites)
+
+
+def test_told_nothing_the_large_central_one_is_meant():
+    scene = two_discs()
+    assert unasked_target(scene) == 1
+    assert unasked_target(replace(scene, covers=scene.covers[:0])) is None
+    twins = torch.stack([scene.covers[1], scene.covers[1].flip(-1)])
+    assert unasked_target(replace(scene, covers=twins)) is None
+
+
+@pytest.mark.parametrize("kind", list(HINTS))
+def test_a_hint_points_at_its_answer(kind, scenes):
+    rng = np.random.default_rng(0)
+    for scene in [two_discs(), *scenes]:
+        hint, target = ask(rng, scene, kind)
+        if not len(scene.covers):
+            assert target.max() == 0
+            continue
+        assert any(torch.equal(target, cover) for cover in scene.covers)
+        if kind in ("click", "clicks"):
+            assert target.numpy()[hint >= hint.max()].min() > 0.5
+        if kind == "clicks" and hint.min() < -0.9:
+            assert target.numpy()[hint <= hint.min()].max() < 0.5
+        if kind == "box":
+            inside = (target.numpy() * (hint > 0)).sum() / target.numpy().sum()
+            assert inside > 0.7
+
+
+def test_a_retake_moves_photo_and_answer_alike():
+    """Wherever the disc goes, it is dark there and grey around it."""
+    rng = np.random.default_rng(3)
+    sizes = set()
+    for _ in range(40):
+        scene = retake(rng, two_discs())
+        top, bottom, left, right = scene.bounds
+        sizes.add(scene.bounds)
+        small, large = scene.covers
+        inside = torch.zeros(SIZE, SIZE, dtype=torch.bool)
+        inside[top:bottom, left:right] = True
+        assert (scene.photo[:, ~inside] == GREY).all()
+        assert (scene.covers[:, ~inside] == 0).all()
+        tone = scene.photo.mean(dim=0)
+        rest = inside & (scene.covers.sum(dim=0) == 0)
+        if (large > 0.99).any():
+            assert tone[large > 0.99].max() < tone[rest].median()
+        if (small > 0.99).any():
+            assert tone[small > 0.99].min() > tone[rest].median()
+    assert len(sizes) > 5
+
+
+def test_loss_is_least_for_the_answer():
+    target = two_discs().covers[1][None, None]
+    sure = (target * 2 - 1) * 12
+    assert mask_loss(sure, target) < 0.01
+    assert mask_loss(sure, target) < mask_loss(torch.zeros_like(target), target) < mask_loss(-sure, target)
+    assert mask_loss(torch.full_like(target, -12.0), torch.zeros_like(target)) < 0.01
+
+
+def test_network_learns_one_batch_and_sees_the_hint():
+    torch.manual_seed(0)
+    scene = two_discs()
+    hints = torch.stack([cover * 0.5 for cover in scene.covers])
+    image = torch.cat([scene.photo.expand(2, 3, SIZE, SIZE), hints[:, None]], dim=1)
+    target = scene.covers[:, None]
+    net = MaskNet(widths=(8, 8, 12, 16, 16))
+    optimizer = torch.optim.Adam(net.parameters(), lr=1e-2)
+    for _ in range(25):
+        optimizer.zero_grad()
+        mask_loss(net.logits(image), target).backward()
+        optimizer.step()
+    assert (((net(image) > 0.5) == (target > 0.5)).float().mean(dim=(1, 2, 3)) > 0.98).all()
+
+
+@pytest.fixture(scope="module")
+def run(views):
+    """Train a few steps on tiny batches: run(folder, stop_after) -> checkpoint."""
+
+    def call(folder, stop_after=None):
+        config = smoke(MaskRunConfig(), 4)
+        source = SceneSource(views, config.scenes)
+        return train_mask(config, data=None, runs=folder, stop_after=stop_after, scenes=source)
+
+    return call
+
+
+def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path):
+    straight = torch.load(run(tmp_path / "a"), weights_only=True)
+    part = run(tmp_path / "b", stop_after=2)
+    resumed = torch.load(run(tmp_path / "b"), weights_only=True)
+    assert straight["step"] == resumed["step"] == 4
+    for name, value in straight["net"].items():
+        assert torch.equal(value, resumed["net"][name]), name
+    steps = [row["step"] for row in csv.DictReader(part.with_name("log.csv").read_text().splitlines())]
+    assert steps == ["2", "4"]
+
+
+def test_exported_graph_is_the_network(run, tmp_path):
+    checkpoint = run(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch's exporter warns about itself
+        difference = export.export_mask(checkpoint, tmp_path)["mask"]
+    assert difference <= export.TOLERANCE
+    net, _ = load_mask_net(checkpoint)
+    image = torch.rand(1, 4, SIZE, SIZE)
+    with torch.no_grad():
+        expected = net(image)[0, 0].numpy()
+    graph = MaskNetwork(tmp_path / "mask.onnx")
+    found = graph.cover(image[0, :3].permute(1, 2, 0).numpy(), image[0, 3].numpy())
+    np.testing.assert_allclose(found, expected, atol=export.TOLERANCE)
