@@ -11,14 +11,16 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
+from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import Batch, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
+from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.config import paper, smoke  # noqa: E402
+from anyprobe.train.config import lift, paper, smoke  # noqa: E402
 from anyprobe.train.loop import learning_rate, train  # noqa: E402
 
 
@@ -29,8 +31,8 @@ def run(tmp_path_factory):
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
 
-    def call(folder, stop_after=None, steps=6):
-        config = smoke(paper(), steps)
+    def call(folder, stop_after=None, steps=6, named=paper):
+        config = smoke(named(), steps)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # TensorBoard warns about itself
             pairs = PairSource(illuminator, surfaces, config.pairs)
@@ -39,13 +41,14 @@ def run(tmp_path_factory):
     return call
 
 
-def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path):
-    straight = torch.load(run(tmp_path / "a"), weights_only=True)
-    part = run(tmp_path / "b", stop_after=3)
+@pytest.mark.parametrize("named", [paper, lift])
+def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
+    straight = torch.load(run(tmp_path / "a", named=named), weights_only=True)
+    part = run(tmp_path / "b", stop_after=3, named=named)
     # a kill leaves rows that no checkpoint knows of
     log = part.with_name("log.csv")
     log.write_text(log.read_text() + "5,10,0.5,0.5,0.5,1e-3,1\n")
-    resumed = torch.load(run(tmp_path / "b"), weights_only=True)
+    resumed = torch.load(run(tmp_path / "b", named=named), weights_only=True)
     assert straight["step"] == resumed["step"] == 6
     for name, value in straight["nets"].items():
         assert torch.equal(value, resumed["nets"][name]), name
@@ -69,6 +72,8 @@ def test_losses_do_not_mix():
         ldr=torch.rand(4, 3, 64, 128),
         ln_radiance=torch.rand(4, 3, 64, 128),
         alpha=torch.rand(4),
+        normals=torch.rand(4, 3, 128, 128),
+        tan_half=torch.rand(4),
     )
     for stage in NETS:
         chain.nets.zero_grad(set_to_none=True)
@@ -98,6 +103,23 @@ def test_exported_chain_agrees_with_torch(run, tmp_path, monkeypatch):
     assert set(differences) == set(NETS)
     assert max(differences.values()) < 0.02
     assert not list((tmp_path / "refused").iterdir())
+
+
+def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(run, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch's exporter warns about itself
+        differences = export_onnx.export(run(tmp_path, steps=2, named=lift), tmp_path / "mine")
+    assert set(differences) == {"light"}
+    assert differences["light"] < 0.02
+    crop = np.random.default_rng(0).random((128, 128, 4), dtype=np.float32)
+    outputs = Models(str(tmp_path / "mine"))(crop, 0.2)
+    assert outputs.radiance.shape == outputs.ldr.shape == (64, 128, 3)
+    assert outputs.irradiance.shape == (128, 128, 3)
+    assert outputs.confidence.shape == (64, 128)
+    assert 0 <= outputs.confidence.min() <= outputs.confidence.max() <= 1
+    np.testing.assert_allclose(outputs.ldr, response(np.exp(outputs.ln_radiance)), atol=1e-6)
+    wider = Models(str(tmp_path / "mine"))(crop, 0.6)
+    assert np.abs(wider.ln_radiance - outputs.ln_radiance).max() > 0.01
 
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):

@@ -195,7 +195,7 @@ def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch):
         ):
             expected = torch.from_numpy(np.asarray(getattr(point, name), np.float32))
             error = ((value - expected)[inner] ** 2).mean().sqrt() / (expected[inner] ** 2).mean().sqrt()
-            assert error < 0.09, f"{name} alpha {alpha}: {error:.3f}"
+            assert error < 0.12, f"{name} alpha {alpha}: {error:.3f}"
 
 
 def test_reflectance_map_finds_its_own_normals():

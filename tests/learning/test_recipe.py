@@ -54,7 +54,7 @@ def test_a_recipe_is_twenty_bytes_and_comes_back() -> None:
         ("", "got 0 characters"),
         ("xyz", "got 3 characters"),
         (RECIPE.to_hex() + "00", "got 42 characters"),
-        ("ff" + RECIPE.to_hex()[2:], "expected version 1, got 255"),
+        ("ff" + RECIPE.to_hex()[2:], "expected version 2, got 255"),
         (replace(RECIPE, material=8).to_hex(), "material < 8"),
         (replace(RECIPE, kind="map", material=5).to_hex(), "material < 5"),
         (replace(RECIPE, view=23).to_hex(), "view < 23"),

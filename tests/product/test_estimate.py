@@ -18,8 +18,9 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.runtime import StageOutputs
+from anyprobe.infer.runtime import Outputs
 from anyprobe.light.environment import rotate
+from anyprobe.light.reconstruct import reconstruct
 
 FOV_DEG = 70.0
 HEIGHT, WIDTH, DIAMETER = 192, 256, 80
@@ -67,7 +68,9 @@ def test_light_has_the_promised_shape(photo_path):
     main = light.main_light()
     assert np.linalg.norm(main.direction) == pytest.approx(1, abs=1e-5)
     assert main.color.shape == main.irradiance.shape == (3,)
-    assert 0 <= light.confidence <= 1
+    assert light.confidence.shape == (height, 2 * height)
+    assert 0 <= light.confidence.min() <= light.confidence.max() <= 1
+    assert 0 <= light.told <= 1
     assert light.warnings == ()
 
 
@@ -132,7 +135,7 @@ def test_black_or_white_object_warns_and_is_not_trusted(photo_rgba, estimator, v
     light = estimator(photo_rgba)
     assert len(light.warnings) == 1
     assert "\n" not in light.warnings[0]
-    assert light.confidence < 0.05
+    assert light.told < 0.05
 
 
 def test_errors_are_the_callers_value_errors(estimator):
@@ -188,11 +191,14 @@ def with_lamp_in_crop(estimator, direction):
     """An estimator whose networks always see a lamp in one direction of the crop's frame."""
     radiance = lamp_map(direction)
     display = np.where(radiance > 1, 1.0, 0.2).astype(np.float32)
-    outputs = StageOutputs(
-        irradiance=np.zeros((128, 128, 3), np.float32), ldr=display, ln_radiance=np.log(radiance)
+    outputs = Outputs(
+        radiance=reconstruct(display, np.log(radiance)),
+        irradiance=np.zeros((128, 128, 3), np.float32),
+        ldr=display,
+        ln_radiance=np.log(radiance),
     )
     fake = copy.copy(estimator)
-    fake.models = lambda image: outputs
+    fake.models = lambda image, tan_half: outputs
     return fake
 
 
@@ -351,13 +357,16 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     main = light.main_light()
     for key in ("direction", "color", "irradiance"):
         np.testing.assert_allclose(sidecar["main_light"][key], getattr(main, key), atol=1e-6)
-    assert set(sidecar["seconds"]) == {"load", "networks", "reconstruct"}
+    assert set(sidecar["seconds"]) == {"load", "networks", "turn"}
     assert all(0 <= seconds < 60 for seconds in sidecar["seconds"].values())
     assert sidecar["model"] == estimator.model_id
     assert sidecar["model"].startswith("paper-")
     assert sidecar["size"] == [light.radiance.shape[1], light.radiance.shape[0]]
     assert (sidecar["long_fov_deg"], sidecar["fov_source"]) == (50, "given")
-    assert sidecar["confidence"] == pytest.approx(light.confidence, abs=1e-4)
+    areas = pixel_solid_angles(light.radiance.shape[0])
+    mean = float((light.confidence * areas).sum() / (areas.sum() * light.radiance.shape[1]))
+    assert sidecar["confidence"] == pytest.approx(mean, abs=1e-4)
+    assert sidecar["told"] == pytest.approx(light.told, abs=1e-4)
     assert sidecar["warnings"] == []
     assert sidecar["photo"] == "ball.png"
     np.testing.assert_allclose(sidecar["camera_from_crop"], light.camera_from_crop, atol=1e-6)

@@ -62,7 +62,7 @@ def test_every_graph_is_checked(copied, stage):
 
 
 def test_untouched_copy_is_accepted(copied, rng):
-    outputs = Models(threads=1)(rng.random((128, 128, 4), dtype=np.float32))
+    outputs = Models(threads=1)(rng.random((128, 128, 4), dtype=np.float32), 0.2)
     height = int(CONTRACT["map_height"])
     assert outputs.irradiance.shape == (128, 128, 3)
     assert outputs.ldr.shape == outputs.ln_radiance.shape == (height, 2 * height, 3)

@@ -98,6 +98,7 @@ def test_rendered_pairs_come_back_as_they_were():
             assert told["specular"] == (told["alpha"] < 0.5) == (sample.groups[0] == "specular")
             assert np.array_equal(np.float32(told["f0"]), pair.material.f0)
             assert np.array_equal(np.float32(told["albedo"]), pair.material.albedo)
+            assert told["tan_half"] == pair.tan_half
             assert told["shape"] == pair.shape_name
 
 

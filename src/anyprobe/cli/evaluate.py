@@ -57,15 +57,14 @@ def evaluate(
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
     from anyprobe.infer.runtime import Models, model_id
-    from anyprobe.light.reconstruct import reconstruct
 
     models = Models(model)
     irradiance_scores = []
 
     def network(pair):
-        outputs = models(pair.crop)
+        outputs = models(pair.crop, pair.tan_half)
         irradiance_scores.append(irradiance_score(outputs.irradiance, pair.irradiance / 255.0))
-        return reconstruct(outputs.ldr, outputs.ln_radiance)
+        return outputs.radiance
 
     methods = {
         Path(model).name: network,

@@ -40,6 +40,7 @@ class Pair:
     irradiance [S, S, 3] uint8: display values through the mean curve, zero off the object.
     radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
     map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
+    tan_half: tangent of half the angle that the photo's side takes in.
     """
 
     recipe: Recipe
@@ -48,6 +49,7 @@ class Pair:
     radiance: np.ndarray
     map_from_camera: np.ndarray
     gain: np.ndarray
+    tan_half: float
     material: Material
     map_name: str
     shape_name: str
@@ -115,6 +117,7 @@ def render_pair(recipe: Recipe, stock: Stock) -> Pair:
         radiance=np.asarray(light * gains, np.float32),
         map_from_camera=map_from_camera,
         gain=gains,
+        tan_half=camera.tan_half,
         material=material,
         map_name=asset.name,
         shape_name=shape.name,

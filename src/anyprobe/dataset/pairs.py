@@ -46,13 +46,16 @@ class PairConfig:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
     """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
-    ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]."""
+    ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
+    zero outside the object, and tan_half [B] of half the field of view."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
     ldr: torch.Tensor
     ln_radiance: torch.Tensor
     alpha: torch.Tensor
+    normals: torch.Tensor
+    tan_half: torch.Tensor
 
 
 class PairSource:
@@ -121,6 +124,8 @@ class PairSource:
             ldr=self._tone(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
+            normals=normals,
+            tan_half=torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device),
         )
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:

@@ -10,8 +10,10 @@ import numpy as np
 
 from anyprobe.errors import InputError
 
-VERSION = 1
-"""Raised whenever the same bytes would give another pair."""
+VERSION = 2
+"""Raised whenever the same fields would give another pair."""
+DRAWS = 1
+"""Raised whenever other scenes would be drawn; a better renderer alone shows the same ones anew."""
 
 KINDS = ("object", "map")
 NO_SHAPE = "00000000"
@@ -96,7 +98,8 @@ class Recipe:
 
     def rng(self) -> np.random.Generator:
         """A fresh stream of random numbers that depends on every field."""
-        return np.random.default_rng(np.frombuffer(hashlib.sha256(self.to_bytes()).digest(), np.uint32))
+        drawn_from = bytes([DRAWS]) + self.to_bytes()[1:]
+        return np.random.default_rng(np.frombuffer(hashlib.sha256(drawn_from).digest(), np.uint32))
 
 
 def digest(recipes: list[Recipe]) -> str:

@@ -100,6 +100,7 @@ def encode_pair(pair: Pair) -> Sample:
         "alpha": float(pair.material.alpha),
         "f0": _numbers(pair.material.f0),
         "albedo": _numbers(pair.material.albedo),
+        "tan_half": float(pair.tan_half),
     }
     return Sample(
         key=pair.recipe.key,

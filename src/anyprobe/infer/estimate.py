@@ -13,7 +13,6 @@ from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
 from anyprobe.infer.runtime import DEFAULT_MODEL, PHOTO_SIZE, Models, model_id
 from anyprobe.light.environment import rotate
-from anyprobe.light.reconstruct import reconstruct
 from anyprobe.masks.find import Where
 
 
@@ -49,13 +48,18 @@ class Estimator:
         start = time.perf_counter() if start is None else start
         crop = crop_object(photo, PHOTO_SIZE)
         loaded = time.perf_counter()
-        outputs = self.models(crop.image)
+        outputs = self.models(crop.image, crop.tan_half)
         estimated = time.perf_counter()
-        radiance = reconstruct(outputs.ldr, outputs.ln_radiance)  # Eq. 7-8, in the crop's frame
-        radiance = np.maximum(rotate(radiance, crop.camera_from_crop), 0.0)
+        radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
+        told = told_share(crop.image)
+        if outputs.confidence is None:
+            confidence = np.full(radiance.shape[:2], told, np.float32)
+        else:
+            confidence = rotate(outputs.confidence[..., None], crop.camera_from_crop)[..., 0].clip(0.0, 1.0)
         return Light(
             radiance=radiance,
-            confidence=told_share(crop.image),
+            confidence=confidence,
+            told=told,
             warnings=photo.warnings,
             stages={
                 "photo": crop.image,
@@ -74,7 +78,7 @@ class Estimator:
                 "seconds": {
                     "load": round(loaded - start, 4),
                     "networks": round(estimated - loaded, 4),
-                    "reconstruct": round(time.perf_counter() - estimated, 4),
+                    "turn": round(time.perf_counter() - estimated, 4),
                 },
             },
         )

@@ -58,12 +58,14 @@ class Crop:
             window's centre along -Z to the photo's camera.
         side_px: side of the window in pixels of the photo.
         center_px: x, y of its centre; pixel i covers [i, i + 1).
+        tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
     """
 
     image: np.ndarray
     camera_from_crop: np.ndarray
     side_px: float
     center_px: tuple[float, float]
+    tan_half: float
 
 
 def load_photo(source: ImageSource, *, fov_deg: float | None = None, **where: Unpack[Where]) -> Photo:
@@ -111,6 +113,10 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     columns, column_weights = _resampling(center[0] - side / 2.0, side, size, width)
     rows, row_weights = _resampling(center[1] - side / 2.0, side, size, height)
 
+    ray = _pixel_direction(center, width, height, photo.long_fov_deg)
+    # away from the photo's centre a pixel takes in less: by cos^2 along the radius, by cos across it
+    tan_half = side / max(width, height) * np.tan(np.radians(photo.long_fov_deg) / 2.0) * (-ray[2]) ** 1.5
+
     mask = photo.mask[rows, columns]
     image = np.empty((size, size, 4), dtype=np.float32)
     for channel in range(3):
@@ -118,9 +124,10 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     image[..., 3] = row_weights @ mask @ column_weights.T
     return Crop(
         image=np.clip(image, 0.0, 1.0),
-        camera_from_crop=turn_towards(_pixel_direction(center, width, height, photo.long_fov_deg)),
+        camera_from_crop=turn_towards(ray),
         side_px=side,
         center_px=center,
+        tan_half=float(tan_half),
     )
 
 

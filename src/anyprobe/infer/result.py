@@ -18,7 +18,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import write_png
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.radiance import write_exr, write_hdr
-from anyprobe.light.environment import check_radiance, rotate
+from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.main_light import MainLight, find_main_light
 from anyprobe.render.mesh import Mesh
@@ -38,7 +38,9 @@ class Light:
     Attributes:
         radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
             photo's exposure units: an object rendered with it fits the photo as it is.
-        confidence: share of the object that told anything, in [0, 1]: neither black nor burnt out.
+        confidence: [H, 2H] in [0, 1]: how likely a pixel's display value is within 0.1 of the truth, or
+            `told` everywhere from a model that does not say (`paper`); None where nothing is known.
+        told: share of the object that told anything, in [0, 1]: neither black nor burnt out.
         warnings: one line each.
         stages: what the networks saw and said, in the crop's frame: photo [128, 128, 4],
             irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
@@ -47,7 +49,8 @@ class Light:
     """
 
     radiance: np.ndarray
-    confidence: float = 1.0
+    confidence: np.ndarray | None = field(default=None, repr=False)
+    told: float = 1.0
     warnings: tuple[str, ...] = ()
     stages: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
@@ -80,7 +83,10 @@ class Light:
                 f"rotation: expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
                 "build it with anyprobe.core.frames"
             )
-        return replace(self, radiance=rotate(self.radiance, rotation))
+        turned = replace(self, radiance=rotate(self.radiance, rotation))
+        if self.confidence is None:
+            return turned
+        return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
     def render(
         self,
@@ -119,7 +125,8 @@ class Light:
             "exposure_ev": 0.0,
             "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
             "size": [self.radiance.shape[1], self.radiance.shape[0]],
-            "confidence": round(float(self.confidence), 4),
+            "confidence": self._mean_confidence(),
+            "told": round(float(self.told), 4),
             "sh9": _numbers(self.sh9()),
             "main_light": {
                 "direction": _numbers(main.direction),
@@ -131,6 +138,12 @@ class Light:
             "camera_from_crop": _numbers(self.camera_from_crop),
             "warnings": list(self.warnings),
         }
+
+    def _mean_confidence(self) -> float | None:
+        """Over the sphere."""
+        if self.confidence is None:
+            return None
+        return round(float(integral(self.confidence[..., None])[0] / (4 * np.pi)), 4)
 
     def save(self, path: str | Path) -> Path:
         """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png."""

@@ -1,4 +1,4 @@
-"""Models (noun): the three networks as ONNX graphs, checked against their contract."""
+"""Models (noun): a model's networks as ONNX graphs, checked against their contract."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from anyprobe.core.response import MEAN_CURVE
+from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import ModelError
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.reconstruct import reconstruct
 
 CONTRACT = {
     "contract": "1",
@@ -24,37 +25,51 @@ CONTRACT = {
 """Metadata that every graph carries; another value means other conventions, and is refused."""
 
 STAGES = ("irradiance", "illumination", "hdr")
+"""The paper's chain, one graph each."""
+LIFT_STAGES = ("light",)
+"""The model that lifts pixels to the map: one graph."""
+FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE = 128
 DEFAULT_MODEL = "paper"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class StageOutputs:
-    """What the three networks say, in the crop's frame.
+class Outputs:
+    """What a model says of one crop, in the crop's frame.
 
-    irradiance [128, 128, 3] display; ldr [H, 2H, 3] display; ln_radiance [H, 2H, 3].
+    radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
+    ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
+    confidence [H, 2H]: probability that a pixel's display value is within 0.1; None from a model
+    that does not say.
     """
 
+    radiance: np.ndarray
     irradiance: np.ndarray
     ldr: np.ndarray
     ln_radiance: np.ndarray
+    confidence: np.ndarray | None = None
 
 
 def weights_folder(model: str) -> Path:
-    """Where a model lives: a bundled one's name, or a folder of three graphs; ModelError if neither."""
+    """Where a model lives: a bundled one's name, or a folder of its graphs; ModelError if neither."""
     root = Path(str(resources.files("anyprobe") / "weights"))
     for folder in (root / model, Path(model)):
-        if model and (folder / "irradiance.onnx").is_file():
+        if model and any((folder / f"{first}.onnx").is_file() for first in FIRST_STAGES):
             return folder
-    names = sorted(p.parent.name for p in root.glob("*/irradiance.onnx"))
+    names = sorted(path.parent.name for first in FIRST_STAGES for path in root.glob(f"*/{first}.onnx"))
     raise ModelError(
         f"model {model!r}: expected one of {', '.join(names) or 'none installed'}, or a folder with "
-        "irradiance.onnx, illumination.onnx and hdr.onnx"
+        "light.onnx, or with irradiance.onnx, illumination.onnx and hdr.onnx"
     )
 
 
+def stages_of(folder: Path) -> tuple[str, ...]:
+    """Names of the graphs in a model's folder, in the order they run."""
+    return LIFT_STAGES if (folder / "light.onnx").is_file() else STAGES
+
+
 class Models:
-    """Three sessions, opened once and used for many photos; safe to share between threads."""
+    """Sessions opened once and used for many photos; safe to share between threads."""
 
     def __init__(self, model: str = DEFAULT_MODEL, threads: int | None = None) -> None:
         """Open a bundled model by name, or a folder of graphs.
@@ -67,21 +82,50 @@ class Models:
         options.log_severity_level = 3
         if threads is not None:
             options.intra_op_num_threads = threads
-        self._sessions = {stage: _open(folder / f"{stage}.onnx", stage, options) for stage in STAGES}
+        self.stages = stages_of(folder)
+        self._sessions = {stage: _open(folder / f"{stage}.onnx", stage, options) for stage in self.stages}
 
-    def __call__(self, image: np.ndarray) -> StageOutputs:
-        """Run the chain on a crop [128, 128, 4]: display RGB times mask, and mask."""
+    def __call__(self, image: np.ndarray, tan_half: float) -> Outputs:
+        """Run on a crop.
+
+        Args:
+            image: [128, 128, 4], display RGB times mask, and mask.
+            tan_half: tangent of half the angle that the crop's side takes in.
+        """
         photo = np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
-        irradiance = self._run("irradiance", photo)
-        ldr = self._run("illumination", np.concatenate([irradiance, photo[:, 3:]], axis=1))
-        ln_radiance = self._run("hdr", ldr)
-        return StageOutputs(
-            irradiance=_image(irradiance).clip(0.0, 1.0), ldr=_image(ldr), ln_radiance=_image(ln_radiance)
+        if self.stages == LIFT_STAGES:
+            return self._lift(photo, tan_half)
+        return self._chain(photo)
+
+    def _chain(self, photo: np.ndarray) -> Outputs:
+        (irradiance,) = self._run("irradiance", photo)
+        (ldr,) = self._run("illumination", np.concatenate([irradiance, photo[:, 3:]], axis=1))
+        (ln_radiance,) = self._run("hdr", ldr)
+        ldr, ln_radiance = _image(ldr), _image(ln_radiance)
+        return Outputs(
+            radiance=reconstruct(ldr, ln_radiance),  # Eq. 7-8
+            irradiance=_image(irradiance).clip(0.0, 1.0),
+            ldr=ldr,
+            ln_radiance=ln_radiance,
         )
 
-    def _run(self, stage: str, value: np.ndarray) -> np.ndarray:
+    def _lift(self, photo: np.ndarray, tan_half: float) -> Outputs:
+        angle = np.array([[tan_half]], dtype=np.float32)
+        irradiance, ln_radiance, confidence = self._run("light", photo, angle)
+        ln_radiance = _image(ln_radiance)
+        radiance = np.exp(ln_radiance)
+        return Outputs(
+            radiance=radiance,
+            irradiance=_image(irradiance).clip(0.0, 1.0),
+            ldr=response(radiance),
+            ln_radiance=ln_radiance,
+            confidence=confidence[0, 0],
+        )
+
+    def _run(self, stage: str, *values: np.ndarray) -> list[np.ndarray]:
         session = self._sessions[stage]
-        return session.run(None, {session.get_inputs()[0].name: value})[0]
+        names = [given.name for given in session.get_inputs()]
+        return session.run(None, dict(zip(names, values, strict=True)))
 
 
 def _image(batch: np.ndarray) -> np.ndarray:
@@ -108,11 +152,12 @@ def file_hashes(model: str) -> dict[str, str]:
     """First 12 hexadecimal digits of SHA-256 of each graph: the model's identity."""
     folder = weights_folder(model)
     return {
-        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in STAGES
+        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12]
+        for stage in stages_of(folder)
     }
 
 
 def model_id(model: str) -> str:
-    """Name and a hash over the three graphs, as sidecars carry it."""
+    """Name and a hash over the graphs, as sidecars carry it."""
     joined = "".join(file_hashes(model).values())
     return f"{weights_folder(model).name}-{hashlib.sha256(joined.encode()).hexdigest()[:8]}"

@@ -53,6 +53,18 @@ class Up(nn.Module):
         return self.conv(F.interpolate(x, scale_factor=2, mode="nearest"))
 
 
+class Rise(nn.Module):
+    """Twice the size, added to the skip, then a convolution: a third of what stacking them costs."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.narrow = nn.Conv2d(inputs, outputs, 1)
+        self.conv = conv(outputs, outputs)
+
+    def forward(self, x: torch.Tensor, skip: torch.Tensor) -> torch.Tensor:
+        return self.conv(F.interpolate(self.narrow(x), scale_factor=2, mode="nearest") + skip)
+
+
 class UNet(nn.Module):
     """Ronneberger et al. 2015: features of len(widths) scales, joined by skips.
 

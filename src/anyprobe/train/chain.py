@@ -6,14 +6,11 @@ losses do not mix, and one pass over the pairs trains all three.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import torch
 from torch import nn
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.dataset.pairs import Batch
-from anyprobe.errors import ModelError
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.hdr_net import HdrNet
@@ -25,24 +22,22 @@ from anyprobe.train.gradual import gradual_target
 NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}
 
 
-def load_nets(checkpoint: Path) -> nn.ModuleDict:
-    """The trained networks of a checkpoint, ready to run."""
-    if not checkpoint.is_file():
-        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
-    nets = nn.ModuleDict({stage: net() for stage, net in NETS.items()})
-    nets.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["nets"])
-    return nets.eval().requires_grad_(False)
-
-
 class Chain:
     """Losses of the three networks; float32 weights, bfloat16 arithmetic."""
 
+    columns = tuple(NETS)
+
     def __init__(self, config: RunConfig, device: str) -> None:
         self.config, self.device = config, device
-        self.nets = nn.ModuleDict({stage: net() for stage, net in NETS.items()})
+        self.nets = self.networks()
         self.nets.to(device, memory_format=torch.channels_last)
         weights = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({stage: net() for stage, net in NETS.items()})
 
     def _run(self, stage: str, x: torch.Tensor) -> torch.Tensor:
         with torch.autocast(self.device, dtype=torch.bfloat16):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from anyprobe.dataset.pairs import PairConfig
 from anyprobe.dataset.surfaces import SurfaceConfig
+from anyprobe.train.lift import LiftWeights
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -25,9 +26,11 @@ class LightConfig:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunConfig:
-    """The training of one chain of three networks, all on the same pairs.
+    """The training of one model on pairs made as it goes.
 
     name: of the run's folder.
+    model: "paper", the chain of three networks, or "lift", the one that lifts pixels to the map;
+        truth_share, gradual and hdr_share concern the first, lift the second.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
     gradual: whether the LDR targets sharpen as in Eq. 6.
@@ -37,6 +40,7 @@ class RunConfig:
 
     name: str
     steps: int
+    model: str = "paper"
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
     warmup: int = 200
@@ -45,6 +49,7 @@ class RunConfig:
     truth_share: float = 0.25
     hdr_share: float = 0.5
     gradual: bool = True
+    lift: LiftWeights = field(default_factory=LiftWeights)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
     light: LightConfig = field(default_factory=LightConfig)
@@ -53,6 +58,20 @@ class RunConfig:
 def paper() -> RunConfig:
     """The paper's chain (Sect. 3.2-3.4). It trains its networks one after another; here one pass serves all."""
     return RunConfig(name="paper", steps=10_000, pairs=PairConfig(seed=11))
+
+
+def lift() -> RunConfig:
+    """The model that ships: lifts what each pixel shows to where its light came from."""
+    return RunConfig(
+        name="lift",
+        model="lift",
+        steps=6_400,
+        learning_rate=2e-3,
+        warmup=100,
+        cooldown=0.6,
+        pairs=PairConfig(seed=23),
+        light=LightConfig(variants=90),
+    )
 
 
 def light_real() -> RunConfig:
@@ -79,7 +98,7 @@ def _light_trial(name: str, light: LightConfig) -> RunConfig:
     return replace(paper(), name=name, steps=600, warmup=50, light=light)
 
 
-RUNS = {run.__name__: run for run in (paper, light_real, light_own, light_both, light_variants)}
+RUNS = {run.__name__: run for run in (paper, lift, light_real, light_own, light_both, light_variants)}
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,21 +12,57 @@ from torch import nn
 
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.runtime import CONTRACT, PHOTO_SIZE, STAGES
+from anyprobe.infer.runtime import CONTRACT, PHOTO_SIZE
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.train.chain import load_nets
+from anyprobe.nets.light_net import LightNet
+from anyprobe.train.loop import load_nets
 
-INPUT_SHAPES = {
-    "irradiance": (1, 4, PHOTO_SIZE, PHOTO_SIZE),
-    "illumination": (1, 4, PHOTO_SIZE, PHOTO_SIZE),
-    "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT),
-}
+PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Graph:
+    """One graph: its network, and the shapes of its inputs and names of its outputs in order.
+
+    median: compare by the median difference, where a last bit may move a pixel to its neighbour.
+    """
+
+    net: nn.Module
+    inputs: dict[str, tuple[int, ...]]
+    outputs: tuple[str, ...] = ("output",)
+    median: bool = False
+
+
+class LightGraph(nn.Module):
+    """What the runtime reads of LightNet: irradiance, ln radiance, confidence [N, 1, 64, 128] in [0, 1]."""
+
+    def __init__(self, net: LightNet) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(
+        self, photo: torch.Tensor, tan_half: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        guess = self.net(photo, tan_half)
+        return guess.told.irradiance, guess.ln_radiance, torch.sigmoid(guess.confidence_logit)
+
+
+def graphs_of(nets: nn.ModuleDict) -> dict[str, Graph]:
+    """The graphs that a run's networks become, by stage."""
+    if "light" in nets:
+        net = LightGraph(nets["light"]).eval()
+        outputs = ("irradiance", "ln_radiance", "confidence")
+        return {
+            "light": Graph(net=net, inputs={"photo": PHOTO, "tan_half": (1, 1)}, outputs=outputs, median=True)
+        }
+    inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
+    return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
+
+
 def export(checkpoint: Path, folder: Path) -> dict[str, float]:
-    """Write the three graphs of a chain and return each one's largest difference from torch.
+    """Write the graphs of a run and return each one's largest difference from torch.
 
     Raises:
         ModelError: a graph disagrees with its network by more than TOLERANCE.
@@ -39,23 +76,27 @@ def export(checkpoint: Path, folder: Path) -> dict[str, float]:
         "pairs": str(stored["step"] * config["pairs"]["batch"]),
         "config": stored["config"],
     }
-    return {stage: _export_stage(stage, nets[stage], recipe, folder / f"{stage}.onnx") for stage in STAGES}
+    return {
+        stage: _export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
+        for stage, graph in graphs_of(nets).items()
+    }
 
 
-def _export_stage(stage: str, net: nn.Module, recipe: dict[str, str], path: Path) -> float:
+def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
     """One network: batch normalisation folded, weights stored as float16, computed as float32."""
     import onnx
     import onnxruntime
 
-    example = torch.rand(INPUT_SHAPES[stage], generator=torch.Generator().manual_seed(0))
+    generator = torch.Generator().manual_seed(0)
+    examples = tuple(torch.rand(shape, generator=generator) for shape in graph.inputs.values())
     with atomic_path(path) as temporary:
         torch.onnx.export(
-            net,
-            (example,),
+            graph.net,
+            examples,
             str(temporary),
-            input_names=["input"],
-            output_names=["output"],
-            dynamic_axes={"input": {0: "n"}, "output": {0: "n"}},
+            input_names=list(graph.inputs),
+            output_names=list(graph.outputs),
+            dynamic_axes={name: {0: "n"} for name in (*graph.inputs, *graph.outputs)},
             opset_version=17,
             dynamo=False,
         )
@@ -66,8 +107,11 @@ def _export_stage(stage: str, net: nn.Module, recipe: dict[str, str], path: Path
         onnx.save(model, str(temporary))
         session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
         with torch.no_grad():
-            expected = net(example).numpy()
-        difference = float(np.abs(session.run(None, {"input": example.numpy()})[0] - expected).max())
+            expected = graph.net(*examples)
+        expected = (expected,) if isinstance(expected, torch.Tensor) else expected
+        found = session.run(None, dict(zip(graph.inputs, (one.numpy() for one in examples), strict=True)))
+        typical = np.median if graph.median else np.max
+        difference = max(float(typical(np.abs(a - b.numpy()))) for a, b in zip(found, expected, strict=True))
         if not difference <= TOLERANCE:
             raise ModelError(f"{stage}: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
     return difference

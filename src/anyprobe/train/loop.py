@@ -20,9 +20,11 @@ from anyprobe.dataset.pairs import PairSource
 from anyprobe.dataset.stock import load_stock, own_map
 from anyprobe.dataset.surfaces import build_surfaces
 from anyprobe.dataset.variants import draw_variant
+from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.train.chain import NETS, Chain
+from anyprobe.train.chain import Chain
 from anyprobe.train.config import RunConfig
+from anyprobe.train.lift import Lift
 
 CHECKPOINT_SECONDS = 120.0
 LOG_STEPS = 25
@@ -57,15 +59,33 @@ def learning_rate(config: RunConfig, step: int) -> float:
     )
 
 
-def save_checkpoint(path: Path, chain: Chain, optimizer: torch.optim.Optimizer, step: int) -> None:
+def make_learner(config: RunConfig, device: str) -> Chain | Lift:
+    """What trains: networks, and their losses by name."""
+    return Lift(config.lift, device) if config.model == "lift" else Chain(config, device)
+
+
+def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
+    """The trained networks of a checkpoint, ready to run; ModelError if there is none."""
+    if not checkpoint.is_file():
+        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    model = json.loads(stored["config"]).get("model", "paper")
+    nets = (Lift if model == "lift" else Chain).networks()
+    nets.load_state_dict(stored["nets"])
+    return nets.eval().requires_grad_(False)
+
+
+def save_checkpoint(
+    path: Path, nets: torch.nn.ModuleDict, config: RunConfig, optimizer: torch.optim.Optimizer, step: int
+) -> None:
     """Everything that the next step depends on; pairs depend on the step's number alone."""
     with atomic_path(path) as temporary:
         torch.save(
             {
-                "nets": chain.nets.state_dict(),
+                "nets": nets.state_dict(),
                 "optimizer": optimizer.state_dict(),
                 "step": step,
-                "config": json.dumps(dataclasses.asdict(chain.config)),
+                "config": json.dumps(dataclasses.asdict(config)),
             },
             temporary,
         )
@@ -81,7 +101,7 @@ def train(
     stop_after: int | None = None,
     pairs: PairSource | None = None,
 ) -> Path:
-    """Train a chain to config.steps, going on from its checkpoint when there is one.
+    """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
@@ -98,14 +118,15 @@ def train(
     folder = runs / config.name
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "checkpoint.pt"
-    chain = Chain(config, device)
+    learner = make_learner(config, device)
+    nets = learner.nets
     optimizer = torch.optim.AdamW(
-        chain.nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
+        nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = 0
     if path.is_file():
         stored = torch.load(path, map_location=device, weights_only=True)
-        chain.nets.load_state_dict(stored["nets"])
+        nets.load_state_dict(stored["nets"])
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     last = config.steps if stop_after is None else min(stop_after, config.steps)
@@ -130,24 +151,24 @@ def train(
     ):
         rows = csv.writer(log)
         if first == 0:
-            rows.writerow(["step", "pairs", *NETS, "learning_rate", "pairs_per_second"])
+            rows.writerow(["step", "pairs", *learner.columns, "learning_rate", "pairs_per_second"])
         task = progress.add_task("", total=config.steps, completed=first)
         for step in range(first, last):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            losses = chain.losses(source.batch(step), step / config.steps)
+            losses = learner.losses(source.batch(step), step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
-            for net in chain.nets.values():
+            for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
-            history.append(torch.stack([losses[stage].detach() for stage in NETS]))
+            history.append(torch.stack([losses[stage].detach() for stage in learner.columns]))
             progress.advance(task)
             if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
-                means = dict(zip(NETS, torch.stack(history).mean(dim=0).tolist(), strict=True))
+                means = dict(zip(learner.columns, torch.stack(history).mean(dim=0).tolist(), strict=True))
                 speed = len(history) * config.pairs.batch / (time.monotonic() - since)
-                values = [f"{means[stage]:.6f}" for stage in NETS]
+                values = [f"{means[stage]:.6f}" for stage in learner.columns]
                 rows.writerow(
                     [step + 1, (step + 1) * config.pairs.batch, *values, f"{rate:.2e}", f"{speed:.1f}"]
                 )
@@ -157,7 +178,7 @@ def train(
                 progress.update(task, description=f"{' '.join(values)}  {speed:.0f} pairs/s")
                 history, since = [], time.monotonic()
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
-                save_checkpoint(path, chain, optimizer, step + 1)
+                save_checkpoint(path, nets, config, optimizer, step + 1)
                 saved = time.monotonic()
     return path
 

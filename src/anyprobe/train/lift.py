@@ -1,0 +1,144 @@
+"""Lift (noun): the network that lifts pixels to the map, and what it learns from a batch of pairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.response import MEAN_CURVE
+from anyprobe.dataset.pair import LN_RANGE
+from anyprobe.dataset.pairs import Batch
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.nets.light_net import Guess, LightNet
+
+CLOSE = 0.1
+"""Confidence is the probability that a pixel's display value is within this of the truth."""
+LOBES = (1.0, 16.0, 128.0)
+"""Powers of the cosine: what a diffuse, a glossy and a nearly mirroring ball see of the map."""
+FAINT = 0.02
+"""Added to radiance before its logarithm is compared: darker than this does not matter."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiftWeights:
+    """What each loss counts; 0 leaves it out."""
+
+    irradiance: float = 3.0
+    normals: float = 0.3
+    alpha: float = 0.2
+    ldr: float = 1.0
+    scales: float = 0.5
+    structure: float = 0.15
+    ln: float = 0.08
+    transport: float = 0.25
+    confidence: float = 0.05
+
+
+def display(ln_radiance: torch.Tensor) -> torch.Tensor:
+    """The mean camera curve of exp(ln_radiance) before it clips: a sigmoid, with a gradient everywhere."""
+    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
+    return (1 + sigma) * torch.sigmoid(n * ln_radiance - float(np.log(sigma)))
+
+
+def lobe_matrices(height: int, rows: int) -> torch.Tensor:
+    """Means of a map [height, 2 height] around the pixels of one of `rows` rows, [lobes, out, in]; rows sum to 1."""
+    out, seen = (pixel_directions(h).reshape(-1, 3).astype(np.float64) for h in (rows, height))
+    cosine = np.maximum(out @ seen.T, 0.0)
+    angles = np.repeat(pixel_solid_angles(height)[:, 0], 2 * height)
+    kernels = np.stack([cosine**power * angles for power in LOBES])
+    return torch.from_numpy((kernels / kernels.sum(axis=2, keepdims=True)).astype(np.float32))
+
+
+def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+    """1 - structural similarity over 7 x 7 boxes (Wang et al. 2004, Eq. 13), pictures [N, C, H, W] in [0, 1]."""
+
+    def mean(x: torch.Tensor) -> torch.Tensor:
+        return F.avg_pool2d(x, 7, stride=2)
+
+    mean_a, mean_b = mean(a), mean(b)
+    spread = mean(a * a) + mean(b * b) - mean_a**2 - mean_b**2
+    together = mean(a * b) - mean_a * mean_b
+    c1, c2 = 0.01**2, 0.03**2
+    likeness = (2 * mean_a * mean_b + c1) * (2 * together + c2)
+    return 1 - (likeness / ((mean_a**2 + mean_b**2 + c1) * (spread + c2))).mean()
+
+
+class Lift:
+    """Losses of LightNet; float32 weights, bfloat16 arithmetic."""
+
+    columns = tuple(name for name in LiftWeights.__dataclass_fields__)
+
+    def __init__(self, weights: LiftWeights, device: str) -> None:
+        self.weights, self.device = weights, device
+        self.nets = self.networks()
+        self.nets.to(device, memory_format=torch.channels_last)
+        angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
+        self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]  # [1, 1, H, 2H]
+        self._weight = (
+            0.5 + 0.5 * self._angles / angles.mean()
+        )  # between pixels that count alike and true areas
+        self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({"light": LightNet()})
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
+        with torch.autocast(self.device, dtype=torch.bfloat16):
+            photo = batch.photo.contiguous(memory_format=torch.channels_last)
+            guess = self.nets["light"](photo, batch.tan_half[:, None])
+        terms = {**self._told(guess, batch), **self._map(guess, batch)}
+        return {name: getattr(self.weights, name) * terms[name] for name in self.columns}
+
+    def _told(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
+        told, mask = guess.told, batch.photo[:, 3:]
+        share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
+        wrong = (told.irradiance.float() - batch.irradiance * mask) ** 2
+        normals = F.avg_pool2d(batch.normals, 2)
+        there = (F.avg_pool2d(mask, 2) > 0.99).float()
+        along = (F.normalize(normals, dim=1) * told.normals).sum(dim=1, keepdim=True)
+        there = there * (normals.square().sum(dim=1, keepdim=True) > 0.25)
+        return {
+            "irradiance": (wrong.mean(dim=(1, 2, 3)) / share).mean(),
+            "normals": ((1 - along) * there).sum() / there.sum().clip(min=1.0),
+            "alpha": (told.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
+        }
+
+    def _map(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
+        ln = guess.ln_radiance
+        shown = display(ln)
+        # above white nothing is seen: no matter how far above, while the truth is white too
+        shown = torch.where((shown > 1) & (batch.ldr >= 1), shown.clip(max=1.0), shown)
+        difference = shown - batch.ldr
+        weight = self._weight
+        scales, one = 0.0, difference
+        for _ in range(4):
+            one = F.avg_pool2d(one, 2)
+            scales = scales + one.square().mean() + 0.3 * one.abs().mean()
+        close = (difference.detach().abs().mean(dim=1, keepdim=True) < CLOSE).float()
+        confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)
+        return {
+            "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
+            "scales": scales,
+            "structure": structure_loss(shown.clip(max=1.0), batch.ldr),
+            "ln": (weight * (ln - batch.ln_radiance).abs()).mean(),
+            "transport": self._transport(ln, batch.ln_radiance),
+            "confidence": confidence,
+        }
+
+    def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
+        """What balls of three kinds would see, compared in stops and colours: energy counts, not pixels."""
+        seen = []
+        for one in (ln, true_ln):
+            power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self._angles, 2)
+            radiance = power / F.avg_pool2d(self._angles, 2)
+            balls = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
+            seen.append(torch.log(balls + FAINT))
+        return (seen[0] - seen[1]).abs().mean()
