@@ -54,9 +54,12 @@ def open_mitsuba():
             f"Mitsuba 3 with LLVM {OLDEST_LLVM} or newer is needed "
             f"(pip install mitsuba; apt-get install libllvm19): {last}"
         )
+    import drjit
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
+    if drjit.thread_count() < 2:  # on a single core the load of an XML scene would never end
+        drjit.set_thread_count(2)
     import support.mitsuba_plugins  # noqa: F401  registers them
 
     return mi
