@@ -388,3 +388,21 @@ def test_field_of_view_belongs_to_the_longer_side():
     tilt_tall = crop_object(make_photo(wide.T, long_fov_deg=90.0)).camera_from_crop @ (0, 0, -1)
     assert tilt_wide[0] == pytest.approx(0.5 / np.hypot(0.5, 1.0))
     assert -tilt_tall[1] == pytest.approx(tilt_wide[0])  # further down the picture: -Y
+
+
+@pytest.mark.parametrize("x", [100.0, 140.0, 175.0])
+def test_crop_takes_in_the_angle_of_its_window(x):
+    """Half the window's width and height, seen by a camera that is turned to the window's centre."""
+    columns, rows = np.arange(200) + 0.5, np.arange(100) + 0.5
+    mask = ((np.abs(rows - 50) < 13)[:, None] & (np.abs(columns - x) < 13)[None, :]).astype(float)
+    crop = crop_object(make_photo(mask, long_fov_deg=90.0))
+    half = crop.side_px / 2
+
+    def angle(dx, dy):
+        edge = np.array([(x + dx - 100.0) / 100.0, dy / 100.0, -1.0])
+        centre = np.array([(x - 100.0) / 100.0, 0.0, -1.0])
+        return np.arccos(edge @ centre / (np.linalg.norm(edge) * np.linalg.norm(centre)))
+
+    across = (np.tan(angle(half, 0)) + np.tan(angle(-half, 0))) / 2
+    down = np.tan(angle(0, half))
+    assert crop.tan_half == pytest.approx(np.sqrt(across * down), rel=0.03)
