@@ -11,6 +11,7 @@ from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.lift import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
+from anyprobe.nets.sphere_net import _close, _wrap  # noqa: E402
 from anyprobe.render.balls import ball_normals  # noqa: E402
 from anyprobe.train.lift import LOBES, display, lobe_matrices, structure_loss  # noqa: E402
 
@@ -108,3 +109,14 @@ def test_nothing_outside_the_mask_is_lifted():
         told = net(photo, torch.tensor([[0.1]])).told
     assert told.weight[..., 32:].abs().max() == 0
     assert told.irradiance[..., 64:].abs().max() == 0
+
+
+def test_no_seam_shows_where_two_sides_disagree():
+    """Each side's own account, a ramp over all its columns, is faded into the other's."""
+    circle = torch.rand(1, 1, 4, 64)
+    torch.testing.assert_close(_close(_wrap(circle, 8), 8), circle)
+    ramp = torch.linspace(0, 1, 80).expand(1, 1, 4, 80)  # the seam's two sides differ by 0.8
+    closed = _close(ramp, 8)
+    steps = (torch.roll(closed, -1, dims=3) - closed).abs()
+    assert steps[..., -1].max() < 0.06
+    assert steps.max() < 0.08

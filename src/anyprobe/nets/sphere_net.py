@@ -19,6 +19,17 @@ def _wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
     return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=3)
 
 
+def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
+    """Undo _wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
+    left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
+    first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
+    fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
+    return torch.cat(
+        [first + fade * (right - first), middle, last + fade.flip(0) * (left - last)],
+        dim=3,
+    )
+
+
 class SphereNet(nn.Module):
     """Lifted means at 64, 32, 16, 8 and 4 rows and a code -> [N, outputs, 64, 128].
 
@@ -59,4 +70,4 @@ class SphereNet(nn.Module):
         x = levels.pop()
         for rise in self.rise:
             x = rise(x, levels.pop())
-        return F.pixel_shuffle(self.head(x)[..., MARGIN:-MARGIN], 2)
+        return _close(F.pixel_shuffle(self.head(x), 2), 2 * MARGIN)
