@@ -40,7 +40,7 @@ class Chain:
         return nn.ModuleDict({stage: net() for stage, net in NETS.items()})
 
     def _run(self, stage: str, x: torch.Tensor) -> torch.Tensor:
-        with torch.autocast(self.device, dtype=torch.bfloat16):
+        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             return self.nets[stage](x.contiguous(memory_format=torch.channels_last)).float()
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:

@@ -15,7 +15,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.infer.runtime import CONTRACT, PHOTO_SIZE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.light_net import LightNet
-from anyprobe.train.loop import load_nets
+from anyprobe.train.loop import load_nets, pairs_seen
 
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 TOLERANCE = 0.02
@@ -73,7 +73,7 @@ def export(checkpoint: Path, folder: Path) -> dict[str, float]:
     recipe = {
         "run": config["name"],
         "steps": str(stored["step"]),
-        "pairs": str(stored["step"] * config["pairs"]["batch"]),
+        "pairs": str(pairs_seen(stored)),
         "config": stored["config"],
     }
     return {

@@ -91,7 +91,7 @@ class Lift:
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
-        with torch.autocast(self.device, dtype=torch.bfloat16):
+        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
             guess = self.nets["light"](photo, batch.tan_half[:, None])
         terms = {**self._told(guess, batch), **self._map(guess, batch)}

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import sys
 import time
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import torch
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import PairSource
@@ -24,10 +22,11 @@ from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.config import RunConfig
+from anyprobe.train.journal import Journal
 from anyprobe.train.lift import Lift
+from anyprobe.train.team import Team
 
 CHECKPOINT_SECONDS = 120.0
-LOG_STEPS = 25
 
 
 def make_pairs(
@@ -75,8 +74,18 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     return nets.eval().requires_grad_(False)
 
 
+def pairs_seen(stored: dict) -> int:
+    """How many pairs a checkpoint has learned from."""
+    return stored.get("pairs", stored["step"] * json.loads(stored["config"])["pairs"]["batch"])
+
+
 def save_checkpoint(
-    path: Path, nets: torch.nn.ModuleDict, config: RunConfig, optimizer: torch.optim.Optimizer, step: int
+    path: Path,
+    nets: torch.nn.ModuleDict,
+    config: RunConfig,
+    optimizer: torch.optim.Optimizer,
+    step: int,
+    pairs: int,
 ) -> None:
     """Everything that the next step depends on; pairs depend on the step's number alone."""
     with atomic_path(path) as temporary:
@@ -85,6 +94,7 @@ def save_checkpoint(
                 "nets": nets.state_dict(),
                 "optimizer": optimizer.state_dict(),
                 "step": step,
+                "pairs": pairs,
                 "config": json.dumps(dataclasses.asdict(config)),
             },
             temporary,
@@ -103,6 +113,8 @@ def train(
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
+    Started by torchrun, its processes train together (train.team).
+
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         runs: the checkpoint, log.csv and TensorBoard events go to runs/<config.name>.
@@ -111,10 +123,10 @@ def train(
     Returns:
         The checkpoint's path.
     """
-    from torch.utils.tensorboard import SummaryWriter
-
     warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
     torch.manual_seed(config.seed)
+    team = Team()
+    device = team.device(device)
     folder = runs / config.name
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "checkpoint.pt"
@@ -123,70 +135,37 @@ def train(
     optimizer = torch.optim.AdamW(
         nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
-    first = 0
+    first = seen = 0
     if path.is_file():
         stored = torch.load(path, map_location=device, weights_only=True)
         nets.load_state_dict(stored["nets"])
         optimizer.load_state_dict(stored["optimizer"])
-        first = stored["step"]
+        first, seen = stored["step"], pairs_seen(stored)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
     source = pairs or make_pairs(config, data, runs / "cache", device, compiled)
-    log_path = folder / "log.csv"
-    forget_after(log_path, first)
-    columns = (
-        TextColumn(config.name),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.description}"),
-    )
-    saved = since = time.monotonic()
-    history: list[torch.Tensor] = []
-    with (
-        SummaryWriter(str(folder / "tensorboard"), purge_step=first) as writer,
-        Progress(*columns, console=Console(stderr=True)) as progress,
-        log_path.open("a", newline="", encoding="utf-8") as log,
-    ):
-        rows = csv.writer(log)
-        if first == 0:
-            rows.writerow(["step", "pairs", *learner.columns, "learning_rate", "pairs_per_second"])
-        task = progress.add_task("", total=config.steps, completed=first)
+    journal = Journal(folder, config.name, learner.columns, first, last, config.steps)
+    saved, each = time.monotonic(), config.pairs.batch * team.size
+    with journal if team.is_first else nullcontext():
         for step in range(first, last):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            losses = learner.losses(source.batch(step), step / config.steps)
+            losses = learner.losses(source.batch(step * team.size + team.rank), step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
+            due = team.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
-            history.append(torch.stack([losses[stage].detach() for stage in learner.columns]))
-            progress.advance(task)
-            if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
-                means = dict(zip(learner.columns, torch.stack(history).mean(dim=0).tolist(), strict=True))
-                speed = len(history) * config.pairs.batch / (time.monotonic() - since)
-                values = [f"{means[stage]:.6f}" for stage in learner.columns]
-                rows.writerow(
-                    [step + 1, (step + 1) * config.pairs.batch, *values, f"{rate:.2e}", f"{speed:.1f}"]
-                )
-                log.flush()
-                for stage, mean in means.items():
-                    writer.add_scalar(f"loss/{stage}", mean, step + 1)
-                progress.update(task, description=f"{' '.join(values)}  {speed:.0f} pairs/s")
-                history, since = [], time.monotonic()
-            if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
-                save_checkpoint(path, nets, config, optimizer, step + 1)
+            seen += each
+            if team.is_first:
+                journal.note(step + 1, seen, each, losses, rate)
+            if due or step + 1 == last:
+                team.average_statistics(nets)
+                if team.is_first:
+                    save_checkpoint(path, nets, config, optimizer, step + 1, seen)
                 saved = time.monotonic()
+    team.leave()
     return path
-
-
-def forget_after(log: Path, step: int) -> None:
-    """Drop logged rows that a kill left after the last checkpoint."""
-    if not log.is_file():
-        return
-    lines = log.read_text(encoding="utf-8").splitlines()
-    kept = [line for line in lines if not line[:1].isdigit() or int(line.split(",")[0]) <= step]
-    log.write_text("".join(line + "\n" for line in (kept if step else [])), encoding="utf-8")
