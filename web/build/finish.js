@@ -1,6 +1,6 @@
 /**
  * What vite leaves to do: the runtime of the networks and the example beside the page, large files
- * packed, and the digest of the sources that tests/product/test_page_build.py compares.
+ * packed, and the digest of the sources that tests/rules/test_page.py compares.
  */
 
 import { copyFileSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
@@ -11,7 +11,14 @@ import { sourceDigest } from "./digest.js";
 
 const web = fileURLToPath(new URL("..", import.meta.url));
 const page = join(web, "../src/anyprobe/serve/page");
-const RUNTIME = ["ort.wasm.min.mjs", "ort-wasm-simd-threaded.mjs", "ort-wasm-simd-threaded.wasm"];
+const RUNTIME = [
+  "ort.wasm.min.mjs",
+  "ort-wasm-simd-threaded.mjs",
+  "ort-wasm-simd-threaded.wasm",
+  "ort.jspi.min.mjs",
+  "ort-wasm-simd-threaded.jspi.mjs",
+  "ort-wasm-simd-threaded.jspi.wasm",
+];
 const BUNDLED = ["three", "onnxruntime-web", "exifr", "swagger-ui-dist"];
 const PACK_FROM_BYTES = 100_000;
 const PACKED_KINDS = /\.(js|mjs|css|wasm)$/;

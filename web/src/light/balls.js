@@ -1,7 +1,8 @@
 /** Three balls under a map: matt, silver, mirror. Seen along -Z by an orthographic camera. */
 
 import { response } from "../core/response.js";
-import { MAP_HEIGHT, bilinear, directionToUv, pixelSolidAngles } from "../core/latlong.js";
+import { MAP_HEIGHT, bilinear, directionToUv } from "../core/latlong.js";
+import { halve } from "./environment.js";
 import { blurCosinePower } from "./filtering.js";
 
 export const BALL_SIZE = 96;
@@ -12,25 +13,6 @@ const SILVER_F0 = 0.9;
 const SILVER_SHARPNESS = 5;
 const SMALL = MAP_HEIGHT / 2;
 
-/** Every second row and column of a map, averaged by solid angle. */
-function halve(radiance) {
-  const weights = pixelSolidAngles(MAP_HEIGHT);
-  const half = new Float32Array(SMALL * 2 * SMALL * 3);
-  for (let row = 0; row < SMALL; row++) {
-    const [upper, lower] = [weights[2 * row], weights[2 * row + 1]];
-    for (let column = 0; column < 2 * SMALL; column++) {
-      for (let c = 0; c < 3; c++) {
-        const at = (r, x) => radiance[3 * (r * 2 * MAP_HEIGHT + x) + c];
-        const sum =
-          upper * (at(2 * row, 2 * column) + at(2 * row, 2 * column + 1)) +
-          lower * (at(2 * row + 1, 2 * column) + at(2 * row + 1, 2 * column + 1));
-        half[3 * (row * 2 * SMALL + column) + c] = sum / (2 * (upper + lower));
-      }
-    }
-  }
-  return half;
-}
-
 /**
  * The balls as display pictures.
  *
@@ -38,7 +20,7 @@ function halve(radiance) {
  * @returns {Record<string, Uint8ClampedArray>} RGBA of BALL_SIZE x BALL_SIZE, clear around the ball
  */
 export function drawBalls(radiance) {
-  const small = halve(radiance);
+  const small = halve(radiance, MAP_HEIGHT);
   const lobes = {
     matte: { map: blurCosinePower(small, SMALL, 3, 1), height: SMALL, gain: 1, mirrors: false },
     silver: {

@@ -1,6 +1,6 @@
 /** Operations on a whole radiance map. */
 
-import { bilinear, directionToUv, pixelDirections } from "../core/latlong.js";
+import { bilinear, directionToUv, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 
 /**
  * The map seen after the world is turned: new(d) = old(rotation^T d).
@@ -20,4 +20,25 @@ export function rotate(radiance, height, rotation) {
     bilinear(radiance, height, u, v, turned, at);
   }
   return turned;
+}
+
+/** The map at half its height, averaged by solid angle. */
+export function halve(radiance, height) {
+  const weights = pixelSolidAngles(height);
+  const half = new Float32Array(radiance.length / 4);
+  const line = 6 * height;
+  let to = 0;
+  for (let row = 0; row < height; row += 2) {
+    const [upper, lower] = [weights[row], weights[row + 1]];
+    const scale = 1 / (2 * (upper + lower));
+    for (let column = 0; column < 2 * height; column += 2) {
+      const at = row * line + 3 * column;
+      for (let c = at; c < at + 3; c++, to++) {
+        const above = radiance[c] + radiance[c + 3];
+        const below = radiance[c + line] + radiance[c + line + 3];
+        half[to] = scale * (upper * above + lower * below);
+      }
+    }
+  }
+  return half;
 }

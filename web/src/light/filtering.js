@@ -123,6 +123,18 @@ export function blurCosinePower(map, height, channels, sharpness) {
   return apply(map, height, channels, spectrum);
 }
 
+/** Average with the weight of a GGX lobe of width alpha seen along the normal, n.wi D; alpha 1 is a cosine. */
+export function blurGgx(map, height, channels, alpha) {
+  const spectrum = kept(`ggx ${height} ${alpha}`, () =>
+    kernelSpectrum(
+      height,
+      (cosine) => Math.max(cosine, 0) / (1 + alpha ** 2 + (alpha ** 2 - 1) * cosine) ** 2,
+      true,
+    ),
+  );
+  return apply(map, height, channels, spectrum);
+}
+
 /** Irradiance E(n) = integral of L max(0, n.wi) dwi, for n at every pixel centre. */
 export function irradianceMap(map, height) {
   const spectrum = kept(`irradiance ${height}`, () =>

@@ -2,6 +2,7 @@
 
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { rotate } from "./environment.js";
+import { prefilter } from "./prefilter.js";
 import { project } from "./harmonics.js";
 import { findMainLight } from "./mainLight.js";
 import { reconstruct } from "./reconstruct.js";
@@ -9,6 +10,7 @@ import { reconstruct } from "./reconstruct.js";
 /**
  * @typedef {object} Light
  * @property {Float32Array} radiance [64, 128, 3] linear Rec. 709 in the photo's exposure units, camera frame
+ * @property {Float32Array[]} prefiltered the same blurred for each roughness, as prefilter gives it
  * @property {Float32Array} sh9 27 radiance coefficients in the order of WebXR and three.js
  * @property {ReturnType<typeof findMainLight>} mainLight
  */
@@ -23,6 +25,7 @@ export function cameraRadiance({ ldr, lnRadiance }, cameraFromCrop) {
 export function describe(radiance) {
   return {
     radiance,
+    prefiltered: prefilter(radiance),
     sh9: project(radiance, MAP_HEIGHT),
     mainLight: findMainLight(radiance, MAP_HEIGHT),
   };

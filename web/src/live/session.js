@@ -1,4 +1,8 @@
-/** The camera's picture lit live: video in, virtual object over it, rates shown. */
+/**
+ * The camera's picture lit live: video in, virtual object over it, rates shown.
+ *
+ * Every light is told to whoever listens to the document's event "anyprobe-light".
+ */
 
 import { DEFAULT_LONG_FOV_DEG } from "../photo/crop.js";
 import { element, setStatus } from "../view/elements.js";
@@ -75,6 +79,7 @@ export class LiveSession {
     }
     if (!this.placed) return;
     this.stage.setLight(answer.light);
+    document.dispatchEvent(new CustomEvent("anyprobe-light", { detail: answer }));
     if (!answer.balls) return;
     this.stage.stage.setMask(answer.mask);
     const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };

@@ -30,13 +30,14 @@ export class Networks {
     });
   }
 
-  /** Open the networks once, at the first call. */
+  /** Open the networks once, at the first call; ?engine=wasm or webgpu in the page's address has its way. */
   open(config) {
     const base = document.baseURI;
     const weights = Object.fromEntries(
       Object.entries(config.weights).map(([stage, path]) => [stage, new URL(path, base).href]),
     );
-    this.opened ??= this.ask("open", { base, weights });
+    const engine = new URLSearchParams(location.search).get("engine");
+    this.opened ??= this.ask("open", { base, weights, engine });
     return this.opened;
   }
 }

@@ -14,17 +14,24 @@ import { refine } from "../photo/refine.js";
 import { resize } from "../photo/resize.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Models } from "./models.js";
-import { openRuntime } from "./runtime.js";
+import { chooseEngines, openRuntime } from "./runtime.js";
 
 let models = null;
 let live = null;
 
 const tasks = {
-  async open({ base, weights }) {
-    const { ort, providers, threads } = await openRuntime(base);
+  async open({ base, weights, engine }) {
     const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
-    models = await Models.open(ort, weights, { providers, onProgress });
-    return { provider: models.provider, threads, hasMask: models.hasMask };
+    const engines = await chooseEngines(engine);
+    for (const [index, name] of engines.entries()) {
+      try {
+        const { ort, threads } = await openRuntime(base, name);
+        models = await Models.open(ort, weights, { providers: [name], onProgress });
+        return { provider: name, threads, hasMask: models.hasMask };
+      } catch (error) {
+        if (index === engines.length - 1) throw error;
+      }
+    }
   },
 
   /** The mask of a still picture from clicks; without any, the network's own proposal. */

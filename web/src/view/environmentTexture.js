@@ -1,42 +1,32 @@
-/** Our map as three.js's environment: turned into its layout, prefiltered, one texture used again. */
+/** The light's blurred levels as three.js's environment: one cube texture, used again for every light. */
 
-import { DataTexture, EquirectangularReflectionMapping, FloatType, LinearFilter, PMREMGenerator, RGBAFormat } from "three";
-import { MAP_HEIGHT } from "../core/latlong.js";
-
-const WIDTH = 2 * MAP_HEIGHT;
-/** Half floats end here; three.js prefilters into them. */
-const HALF_MAX = 65504;
+import { CompressedCubeTexture, DataUtils, HalfFloatType, LinearFilter, LinearMipmapLinearFilter, RGBAFormat } from "three";
+import { FACE_SIZES } from "../light/prefilter.js";
 
 export class EnvironmentTexture {
-  constructor(renderer) {
-    this.generator = new PMREMGenerator(renderer);
-    this.data = new Float32Array(4 * WIDTH * MAP_HEIGHT);
-    this.source = new DataTexture(this.data, WIDTH, MAP_HEIGHT, RGBAFormat, FloatType);
-    this.source.mapping = EquirectangularReflectionMapping;
-    this.source.minFilter = this.source.magFilter = LinearFilter;
-    this.target = null;
+  constructor() {
+    // "compressed" is what three.js calls every cube whose levels are given; these are plain half floats
+    const faces = Array.from({ length: 6 }, () => ({
+      width: FACE_SIZES[0],
+      height: FACE_SIZES[0],
+      mipmaps: FACE_SIZES.map((size) => ({ width: size, height: size, data: new Uint16Array(4 * size * size) })),
+    }));
+    this.texture = new CompressedCubeTexture(faces, RGBAFormat, HalfFloatType);
+    this.texture.isPMREMTexture = true;
+    this.texture.minFilter = LinearMipmapLinearFilter;
+    this.texture.magFilter = LinearFilter;
   }
 
-  /** The prefiltered texture of a map; the last one is overwritten. */
-  update(radiance) {
-    fillThreeLayout(radiance, this.data);
-    this.source.needsUpdate = true;
-    this.target = this.generator.fromEquirectangular(this.source, this.target);
-    return this.target.texture;
-  }
-}
-
-/**
- * Ours to three.js's: u = 0.5 + atan2(z, x) / 2 pi, so a quarter of the columns roll to the left;
- * its first row is the lowest.
- */
-export function fillThreeLayout(radiance, rgba) {
-  for (let row = 0; row < MAP_HEIGHT; row++) {
-    for (let column = 0; column < WIDTH; column++) {
-      const from = 3 * (row * WIDTH + ((column + WIDTH / 4) % WIDTH));
-      const to = 4 * ((MAP_HEIGHT - 1 - row) * WIDTH + column);
-      for (let c = 0; c < 3; c++) rgba[to + c] = Math.min(radiance[from + c], HALF_MAX);
-      rgba[to + 3] = 1;
-    }
+  /** @param {Float32Array[]} levels of prefilter; the last ones are overwritten */
+  update(levels) {
+    levels.forEach((values, level) => {
+      const count = values.length / 6;
+      this.texture.image.forEach(({ mipmaps }, face) => {
+        const { data } = mipmaps[level];
+        for (let i = 0; i < count; i++) data[i] = DataUtils.toHalfFloat(values[face * count + i]);
+      });
+    });
+    this.texture.needsUpdate = true;
+    return this.texture;
   }
 }

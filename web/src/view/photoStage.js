@@ -41,7 +41,9 @@ export class PhotoStage {
 
   #fit(width, height) {
     this.frame.style.aspectRatio = `${width} / ${height}`;
-    this.frame.style.width = `min(100%, calc(27rem * ${width / height}))`;
+    const fitted = `min(100%, calc(27rem * ${width / height}))`;
+    this.frame.style.width = fitted;
+    element("before-row").style.width = fitted; // its knob stands below the line
   }
 
   place(width, height, longFovDeg, mask, box) {

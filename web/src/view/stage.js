@@ -47,7 +47,7 @@ export class Stage {
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
-    this.environment = new EnvironmentTexture(this.renderer);
+    this.environment = new EnvironmentTexture();
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
     this.camera.near = 0.05;
@@ -134,7 +134,7 @@ export class Stage {
     const real = Math.max(y1 - y0, 0.6 * (x1 - x0));
     const wide = Math.max(Math.min(0.75 * real, 0.85 * room), 0.3 * real);
     this.unit = (wide * DISTANCE) / this.#focalPx();
-    const away = Math.min(0.6 * wide + 0.05 * real, Math.max(room - 0.55 * wide, 0));
+    const away = Math.min(0.6 * wide + 0.05 * real, Math.max(room - 0.65 * wide, 0));
     this.moveTo(isRight ? x1 + away : x0 - away, Math.min(y1, 0.98 * this.height));
     this.#place();
   }
@@ -214,7 +214,7 @@ export class Stage {
   /** @param {import("../light/light.js").Light} light */
   setLight(light) {
     this.light = light;
-    this.scene.environment = this.environment.update(light.radiance);
+    this.scene.environment = this.environment.update(light.prefiltered);
     this.#aimShadow();
   }
 

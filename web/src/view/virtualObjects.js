@@ -6,7 +6,7 @@ import {
   Group,
   LatheGeometry,
   Mesh,
-  MeshPhysicalMaterial,
+  MeshStandardMaterial,
   SphereGeometry,
   TorusKnotGeometry,
   Vector2,
@@ -40,7 +40,7 @@ export const MATERIALS = {
 
 export function makeMaterial(name) {
   const { color, ...rest } = MATERIALS[name];
-  const material = new MeshPhysicalMaterial(rest);
+  const material = new MeshStandardMaterial(rest);
   material.color.setRGB(...color);
   return material;
 }

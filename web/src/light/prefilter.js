@@ -1,0 +1,110 @@
+/**
+ * A map blurred for each roughness, as the cube that three.js reads its reflections from.
+ *
+ * three.js's own generator integrates a quarter of a million directions by hundreds of samples on the
+ * GPU, for maps of any size. Ours has 8,192 pixels: here it takes milliseconds, in the networks' thread.
+ */
+
+import { MAP_HEIGHT, directionToUv } from "../core/latlong.js";
+import { blurGgx } from "./filtering.js";
+import { halve } from "./environment.js";
+
+/** Sides of the faces, sharpest first; three.js reads roughness 1 - sqrt(1 - level / 3) from each. */
+export const FACE_SIZES = [64, 32, 16, 8];
+
+/** Half floats end here. */
+const HALF_MAX = 65504;
+
+const roughnessOf = (level) => 1 - Math.sqrt(1 - level / (FACE_SIZES.length - 1));
+
+/** Direction through s, t in [-1, 1] of OpenGL's faces +X, -X, +Y, -Y, +Z, -Z; not of unit length. */
+const FACES = [
+  (s, t) => [1, -t, -s],
+  (s, t) => [-1, -t, s],
+  (s, t) => [s, 1, t],
+  (s, t) => [s, -1, -t],
+  (s, t) => [s, -t, 1],
+  (s, t) => [-s, -t, -1],
+];
+
+/**
+ * The levels of the cube, each [6, size, size, 4]; the last holds irradiance / pi.
+ *
+ * Directions are mirrored in X, as three.js has it for cubes that it did not draw itself. Level 1
+ * (roughness 0.18) is a mean of four texels: its lobe is about as wide as a pixel of the map.
+ *
+ * @param {Float32Array} radiance [64, 128, 3]
+ * @returns {Float32Array[]}
+ */
+export function prefilter(radiance) {
+  const small = halve(radiance, MAP_HEIGHT);
+  const mirror = sample(radiance, MAP_HEIGHT, FACE_SIZES[0]);
+  const rough = [2, 3].map((level) =>
+    sample(blurGgx(small, MAP_HEIGHT / 2, 3, roughnessOf(level) ** 2), MAP_HEIGHT / 2, FACE_SIZES[level]),
+  );
+  return [mirror, meanOfFours(mirror, FACE_SIZES[0]), ...rough];
+}
+
+const tables = new Map();
+
+/** For every texel of the faces the four pixels of a map that it lies between, and their shares. */
+function lookup(height, size) {
+  const key = `${height} ${size}`;
+  if (tables.has(key)) return tables.get(key);
+  const width = 2 * height;
+  const pixels = new Int32Array(24 * size * size);
+  const shares = new Float32Array(pixels.length);
+  let at = 0;
+  for (const direction of FACES) {
+    for (let row = 0; row < size; row++) {
+      for (let column = 0; column < size; column++, at += 4) {
+        const [x, y, z] = direction((2 * column + 1) / size - 1, (2 * row + 1) / size - 1);
+        const length = Math.hypot(x, y, z);
+        const [u, v] = directionToUv(-x / length, y / length, z / length);
+        const across = u * width - 0.5;
+        const down = Math.min(Math.max(v * height - 0.5, 0), height - 1);
+        const [x0, y0] = [Math.floor(across), Math.floor(down)];
+        const [fx, fy] = [across - x0, down - y0];
+        const columns = [(x0 + width) % width, (x0 + 1) % width];
+        const rows = [y0, Math.min(y0 + 1, height - 1)];
+        for (let corner = 0; corner < 4; corner++) {
+          const [right, lower] = [corner & 1, corner >> 1];
+          pixels[at + corner] = 3 * (rows[lower] * width + columns[right]);
+          shares[at + corner] = (right ? fx : 1 - fx) * (lower ? fy : 1 - fy);
+        }
+      }
+    }
+  }
+  tables.set(key, { pixels, shares });
+  return tables.get(key);
+}
+
+function sample(map, height, size) {
+  const { pixels, shares } = lookup(height, size);
+  const faces = new Float32Array(pixels.length);
+  for (let at = 0; at < faces.length; at += 4) {
+    for (let c = 0; c < 3; c++) {
+      let sum = 0;
+      for (let corner = at; corner < at + 4; corner++) sum += shares[corner] * map[pixels[corner] + c];
+      faces[at + c] = Math.min(sum, HALF_MAX);
+    }
+    faces[at + 3] = 1;
+  }
+  return faces;
+}
+
+/** Faces of half the side. */
+function meanOfFours(faces, size) {
+  const half = size / 2;
+  const means = new Float32Array(faces.length / 4);
+  let to = 0;
+  for (let row = 0; row < 6 * half; row++) { // the faces lie below each other
+    for (let column = 0; column < half; column++) {
+      const from = 4 * (2 * row * size + 2 * column);
+      for (let c = 0; c < 4; c++, to++) {
+        means[to] = (faces[from + c] + faces[from + 4 + c] + faces[from + 4 * size + c] + faces[from + 4 * size + 4 + c]) / 4;
+      }
+    }
+  }
+  return means;
+}
