@@ -15,7 +15,7 @@ from anyprobe.core.response import response
 from anyprobe.files.images import read_image
 from anyprobe.infer.photo import load_photo
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.relight.appearance import material_from_photo
+from anyprobe.relight.appearance import least_scale, material_from_photo
 from anyprobe.relight.objects import OBJECTS, open_object
 from anyprobe.relight.relight import Arrangement, Stage
 from anyprobe.relight.shadow import REACH
@@ -178,6 +178,14 @@ def test_material_of_the_photo_is_found_again():
     found = material_from_photo(photo, made_map())
     np.testing.assert_allclose(found.albedo, albedo, rtol=0.1)
     assert found.alpha == 0.8
+
+
+@pytest.mark.parametrize(("dimmed", "gain"), [(1.0, 1 / 0.9), (2.0, 1.0), (0.25, 4 / 0.9)])
+def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
+    light = np.full((16, 32, 3), 0.5, np.float32)
+    photo = load_photo(ball_photo((60, 90), DIAMETER, HEIGHT, WIDTH))
+    white = np.where(photo.mask[..., None] > 0, response(np.full(3, 0.5)), 0).astype(np.float32)
+    assert least_scale(replace(photo, rgb=white), dimmed * light) == pytest.approx(gain, rel=0.02)
 
 
 # The command

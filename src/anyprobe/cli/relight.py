@@ -102,7 +102,7 @@ def relight(
     traced = uses_mitsuba(renderer)
     mesh = open_object(name)
     taken = load_photo(photo, fov_deg=fov, **where)
-    radiance = _radiance(taken, light, model)
+    radiance, gain = _radiance(taken, light, model)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
@@ -120,6 +120,7 @@ def relight(
         "foot_px": [round(float(v), 1) for v in spot],
         "pitch_deg": round(stage.placement.pitch_deg, 2),
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
+        "light_gain": round(gain, 3),
         "warnings": list(taken.warnings),
     }
     if as_json:
@@ -132,14 +133,18 @@ def relight(
         )
 
 
-def _radiance(photo, light: Path | None, model: str) -> np.ndarray:
+def _radiance(photo, light: Path | None, model: str) -> tuple[np.ndarray, float]:
+    """The given map as it is; or the estimate, made as bright as the real object asks, and its gain."""
     if light is not None:
         from anyprobe.files.radiance import read_radiance
 
-        return read_radiance(light)
+        return read_radiance(light), 1.0
     from anyprobe.infer.estimate import Estimator
+    from anyprobe.relight.appearance import least_scale
 
-    return Estimator(model).from_photo(photo).radiance
+    radiance = Estimator(model).from_photo(photo).radiance
+    gain = least_scale(photo, radiance)
+    return radiance * np.float32(gain), gain
 
 
 def point(text: str | None) -> tuple[float, float] | None:

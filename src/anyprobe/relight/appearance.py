@@ -1,4 +1,4 @@
-"""The real object's material, as far as one photo and an estimate of its light tell it.
+"""What the real object tells beside its light: its material, and how bright the light is at least.
 
 A ball of each of a few widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
 as a metal its f0 is the one whose ball has the object's mean colour: the shading is linear in either, so
@@ -16,13 +16,16 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.infer.photo import Photo
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.balls import ball_normals
+from anyprobe.render.balls import ball_normals, diffuse, mirror
 from anyprobe.render.integrate import NUM_LAMPS, shade
 from anyprobe.scatter.brdf import Material
 
 ALPHAS = (0.05, 0.15, 0.35, 0.8)
 DIELECTRIC_F0 = 0.045
 LEAST_METAL_F0 = 0.2
+MOST_REFLECTED = 0.9
+"""Of the light on it; paper and silver send back about so much."""
+
 BALL = 24
 NUM_QUANTILES = 32
 
@@ -45,6 +48,20 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
             if error < least:
                 best, least = material, error
     return best
+
+
+def least_scale(photo: Photo, radiance: np.ndarray) -> float:
+    """The gain, at least 1, that a map needs so that the object sends back no more than MOST_REFLECTED.
+
+    Estimates tend to be too dim where the lamps are small and strong; the real object then looks
+    brighter than anything could under them, and a virtual one beside it looks unlit. The object is taken
+    for a ball, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
+    """
+    seen = photo.rgb[photo.mask > 0.9]
+    seen = photo.rgb[photo.mask > 0.5] if len(seen) == 0 else seen
+    on = ball_normals(BALL)[1]
+    white = max(float(luminance(ball(radiance, BALL)[on]).mean()) for ball in (diffuse, mirror))
+    return max(1.0, float(luminance(inverse_response(seen)).mean()) / (MOST_REFLECTED * max(white, 1e-6)))
 
 
 def _candidates(ball, mean: np.ndarray, alpha: float):

@@ -15,6 +15,7 @@ from anyprobe.files.radiance import write_exr
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import Photo
 from anyprobe.light.temporal import step
+from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.relight import Arrangement, Stage
 from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.brdf import Material
@@ -147,10 +148,12 @@ class ClipRun:
         steady = done.light.radiance
         if self.exr:
             write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady)
+        if self.virtual is not None:
+            done.gain = least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
             self._set_up(self._photo)
             done.stage_index = frame.index
-            material = self._stage.material(self.virtual.material, steady)
+            material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
 
@@ -172,7 +175,8 @@ class ClipRun:
         material = Material(
             **{**numbers, "albedo": np.array(numbers["albedo"]), "f0": np.array(numbers["f0"])}
         )
-        return to_bytes(stage.relit(state.radiance, material, self.virtual.renderer, self._shadow))
+        radiance = state.radiance * np.float32(self.progress.gain)
+        return to_bytes(stage.relit(radiance, material, self.virtual.renderer, self._shadow))
 
     def _save(self, next_index: int, pictures: list[tuple[float, np.ndarray]]) -> None:
         done = self.progress

@@ -31,6 +31,7 @@ class Progress:
     light: the filter's state, and time_s of the light it last saw.
     box: where the object is looked for next. pieces: of the relit clip that are written.
     stage_index: the frame that the virtual object was placed in. material: its, as plain numbers.
+    gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     """
 
     settings: dict[str, Any]
@@ -42,6 +43,7 @@ class Progress:
     pieces: int = 0
     stage_index: int | None = None
     material: dict | None = None
+    gain: float = 1.0
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
