@@ -31,10 +31,14 @@ class Guess:
 
 
 class LightNet(nn.Module):
-    """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1] -> Guess."""
+    """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1] -> Guess.
 
-    def __init__(self, features: int = 8, code: int = 192) -> None:
+    lifting: False leaves the lifted maps empty, so that all passes through the code.
+    """
+
+    def __init__(self, features: int = 8, code: int = 192, lifting: bool = True) -> None:
         super().__init__()
+        self.lifting = lifting
         self.object = ObjectNet(features=features, code=code)
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, 4)
 
@@ -47,7 +51,8 @@ class LightNet(nn.Module):
         )
         pixel = map_pixel(mirror_direction(told.normals, told.wo).detach(), MAP_HEIGHT)
         values = torch.cat([seen, told.features], dim=1).float()
-        scales = pyramid(lift(values, told.weight, pixel, MAP_HEIGHT), SCALES)
+        weight = told.weight if self.lifting else torch.zeros_like(told.weight)
+        scales = pyramid(lift(values, weight, pixel, MAP_HEIGHT), SCALES)
         scales[0] = torch.cat([scales[0][:, :COLORS], scales[0][:, -1:]], dim=1)
         out = self.sphere(scales, torch.cat([told.code, told.root_alpha], dim=1)).float()
         return Guess(told=told, ln_radiance=out[:, :3] * 2 + MEAN_LN, confidence_logit=out[:, 3:])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from anyprobe.dataset.pairs import PairConfig
 from anyprobe.dataset.surfaces import SurfaceConfig
-from anyprobe.train.lift import LiftWeights
+from anyprobe.train.lift import LiftConfig
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,7 +49,7 @@ class RunConfig:
     truth_share: float = 0.25
     hdr_share: float = 0.5
     gradual: bool = True
-    lift: LiftWeights = field(default_factory=LiftWeights)
+    lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
     light: LightConfig = field(default_factory=LightConfig)
@@ -72,6 +72,16 @@ def lift() -> RunConfig:
         pairs=PairConfig(seed=23),
         light=LightConfig(variants=90),
     )
+
+
+def lift_trial() -> RunConfig:
+    """A short run of it, of as many pairs as light_real."""
+    return replace(lift(), name="lift_trial", steps=600, warmup=50, cooldown=0.5)
+
+
+def code_trial() -> RunConfig:
+    """The same without lifting: everything passes through one vector."""
+    return replace(lift_trial(), name="code_trial", lift=LiftConfig(lifting=False))
 
 
 def light_real() -> RunConfig:
@@ -98,7 +108,10 @@ def _light_trial(name: str, light: LightConfig) -> RunConfig:
     return replace(paper(), name=name, steps=600, warmup=50, light=light)
 
 
-RUNS = {run.__name__: run for run in (paper, lift, light_real, light_own, light_both, light_variants)}
+RUNS = {
+    run.__name__: run
+    for run in (paper, lift, lift_trial, code_trial, light_real, light_own, light_both, light_variants)
+}
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -25,8 +25,8 @@ FAINT = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LiftWeights:
-    """What each loss counts; 0 leaves it out."""
+class LiftConfig:
+    """What each loss counts; 0 leaves it out. lifting: False for the network that has only its code."""
 
     irradiance: float = 3.0
     normals: float = 0.3
@@ -37,6 +37,7 @@ class LiftWeights:
     ln: float = 0.08
     transport: float = 0.25
     confidence: float = 0.05
+    lifting: bool = True
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:
@@ -71,11 +72,11 @@ def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 class Lift:
     """Losses of LightNet; float32 weights, bfloat16 arithmetic."""
 
-    columns = tuple(name for name in LiftWeights.__dataclass_fields__)
+    columns = tuple(field.name for field in fields(LiftConfig) if field.type == "float")
 
-    def __init__(self, weights: LiftWeights, device: str) -> None:
-        self.weights, self.device = weights, device
-        self.nets = self.networks()
+    def __init__(self, config: LiftConfig, device: str) -> None:
+        self.config, self.device = config, device
+        self.nets = self.networks(config)
         self.nets.to(device, memory_format=torch.channels_last)
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]  # [1, 1, H, 2H]
@@ -85,9 +86,9 @@ class Lift:
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
 
     @staticmethod
-    def networks() -> nn.ModuleDict:
+    def networks(config: LiftConfig) -> nn.ModuleDict:
         """Untrained."""
-        return nn.ModuleDict({"light": LightNet()})
+        return nn.ModuleDict({"light": LightNet(lifting=config.lifting)})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
@@ -95,7 +96,7 @@ class Lift:
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
             guess = self.nets["light"](photo, batch.tan_half[:, None])
         terms = {**self._told(guess, batch), **self._map(guess, batch)}
-        return {name: getattr(self.weights, name) * terms[name] for name in self.columns}
+        return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
     def _told(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
         told, mask = guess.told, batch.photo[:, 3:]

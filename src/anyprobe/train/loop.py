@@ -23,7 +23,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.config import RunConfig
 from anyprobe.train.journal import Journal
-from anyprobe.train.lift import Lift
+from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.team import Team
 
 CHECKPOINT_SECONDS = 120.0
@@ -68,8 +68,11 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     if not checkpoint.is_file():
         raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
-    model = json.loads(stored["config"]).get("model", "paper")
-    nets = (Lift if model == "lift" else Chain).networks()
+    config = json.loads(stored["config"])
+    if config.get("model") == "lift":
+        nets = Lift.networks(LiftConfig(**config["lift"]))
+    else:
+        nets = Chain.networks()
     nets.load_state_dict(stored["nets"])
     return nets.eval().requires_grad_(False)
 
