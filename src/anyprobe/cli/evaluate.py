@@ -45,12 +45,14 @@ def evaluate(
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
 ) -> None:
     """Render a fixed test set, score the model and two baselines, print the table."""
+    from anyprobe.core.response import response
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.plan import balanced_recipes
     from anyprobe.dataset.recipe import digest
     from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.baselines import chrome_ball, mean_map
+    from anyprobe.evaluate.calibration import Calibration
     from anyprobe.evaluate.pictures import PictureGrid
     from anyprobe.evaluate.protocol import METRICS, run
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
@@ -59,11 +61,13 @@ def evaluate(
     from anyprobe.infer.runtime import Models, model_id
 
     models = Models(model)
-    irradiance_scores = []
+    irradiance_scores, calibration = [], Calibration()
 
     def network(pair):
         outputs = models(pair.crop, pair.tan_half)
         irradiance_scores.append(irradiance_score(outputs.irradiance, pair.irradiance / 255.0))
+        if outputs.confidence is not None:
+            calibration.add(outputs.confidence, outputs.ldr, response(pair.radiance))
         return outputs.radiance
 
     methods = {
@@ -102,6 +106,7 @@ def evaluate(
         "shapes": [asset.name for asset in stock.shapes.values()],
         "better": METRICS,
         "irradiance": irradiance,
+        "confidence": calibration.result(),
         "scores": table,
     }
     with atomic_path(out / "scores.json") as temporary:
