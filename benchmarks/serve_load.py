@@ -115,7 +115,8 @@ def server(workers: int):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "anyprobe", "serve", "--port", str(port), "--workers", str(workers)]
+    program = Path(sys.executable).with_name("anyprobe")
+    command = [str(program), "serve", "--port", str(port), "--workers", str(workers)]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         for _ in range(600):

@@ -1,0 +1,43 @@
+// What can be reached without a mouse, and whether a phone shows all of it.
+
+import { focusable, openPage } from "./page_steps.mjs";
+
+export default async ({ page, url }) => {
+  await openPage(page, url);
+  const named = await focusable(page);
+  const reached = [];
+  await page.evaluate(() => document.body.focus());
+  for (let i = 0; i < named.length; i++) {
+    await page.keyboard.press("Tab");
+    reached.push(await page.evaluate(() => document.activeElement.id));
+  }
+  const unnamed = await page.evaluate(() =>
+    [...document.querySelectorAll("canvas, video")]
+      .filter((one) => !one.getAttribute("aria-label") && !one.closest("[aria-hidden=true]"))
+      .map((one) => one.id),
+  );
+  await page.focus("#overlay");
+  const foot = () => page.evaluate(() => document.getElementById("overlay").toDataURL().length);
+  const size = await page.inputValue("#size");
+  await page.keyboard.press("+");
+  const larger = await page.inputValue("#size");
+  await page.focus("#mask");
+  await page.keyboard.press("ArrowRight");
+  const cross = await page.evaluate(() => document.getElementById("cross").style.left);
+  return {
+    named,
+    reached,
+    unnamed,
+    drawn: await foot(),
+    sizes: [size, larger].map(Number),
+    cross,
+    live: await page.getAttribute("#status", "aria-live"),
+    headings: await page.evaluate(() => [...document.querySelectorAll("h1, h2, h3")].map((one) => one.tagName)),
+    width: await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]),
+    small: await page.evaluate(() =>
+      [...document.querySelectorAll("button, select")]
+        .filter((one) => one.checkVisibility() && one.getBoundingClientRect().height < 40)
+        .map((one) => one.id),
+    ),
+  };
+}

@@ -1,0 +1,40 @@
+// A photo of one's own: chosen, marked by clicks, relit, taken away.
+// arguments: { photo, opaque, glb, click, folder }
+
+import { join } from "node:path";
+import { estimated, openPage, waitForStatus } from "./page_steps.mjs";
+
+export default async ({ page, url, arguments: given }) => {
+  const elsewhere = await openPage(page, url);
+  const seen = { example: await page.textContent("#direction") };
+  await page.setInputFiles("#file", given.photo);
+  await estimated(page);
+  seen.direction = await page.textContent("#direction");
+
+  const files = {};
+  const save = async (name, click) => {
+    const [download] = await Promise.all([page.waitForEvent("download"), click()]);
+    files[name] = join(given.folder, download.suggestedFilename());
+    await download.saveAs(files[name]);
+  };
+  for (const kind of ["exr", "hdr", "json", "png"]) await save(kind, () => page.click(`#downloads button >> text=.${kind}`));
+  for (const target of given.targets) {
+    await page.selectOption("#targets", target);
+    await save(target, () => page.click("#export"));
+  }
+
+  // one without an alpha channel: the mask is the network's, or the click's
+  await page.setInputFiles("#file", given.opaque);
+  await waitForStatus(page, /^Estimated|^Click/);
+  const box = await page.locator("#mask").boundingBox();
+  await page.evaluate(() => (document.getElementById("status").textContent = ""));
+  await page.locator("#mask").click({ position: { x: given.click[0] * box.width, y: given.click[1] * box.height } });
+  seen.clicked = await waitForStatus(page, /^Estimated|^Click/);
+
+  await page.setInputFiles("#model-file", given.glb);
+  await page.waitForFunction(() => document.getElementById("shape").value === "own", null, { polling: 200 });
+  seen.material = await page.inputValue("#material");
+  await page.setInputFiles("#model-file", { name: "no.glb", mimeType: "model/gltf-binary", buffer: Buffer.from("nothing") });
+  seen.fault = await page.waitForSelector("#status.fault").then((line) => line.textContent());
+  return { ...seen, files, elsewhere };
+}

@@ -1,0 +1,107 @@
+"""The live page in a real browser: a photo, clicks, downloads, the camera, keys, a phone."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.browser import run_steps
+from support.camera import camera_flags, write_y4m
+from support.mesh_files import glb
+
+from anyprobe.export.targets import TARGETS
+from anyprobe.files.radiance import read_radiance
+
+pytestmark = pytest.mark.slow
+
+VASE = Path(__file__).parents[2] / "examples" / "vase.png"
+MIDDLE = [0.5, 0.55]
+"""Of the picture: on the vase."""
+
+
+def test_own_photo_is_estimated_clicked_relit_and_taken_away(page_url, vase_photo, estimator, tmp_path):
+    tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    (tmp_path / "own.glb").write_bytes(
+        glb(tetrahedron, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
+    )
+    seen = run_steps(
+        "page_photo.mjs",
+        page_url,
+        {
+            "photo": str(VASE),
+            "opaque": str(vase_photo),
+            "glb": str(tmp_path / "own.glb"),
+            "click": MIDDLE,
+            "targets": list(TARGETS),
+            "folder": str(tmp_path),
+        },
+        viewport=(1280, 900),
+    )
+    assert seen["elsewhere"] == []
+    assert seen["clicked"].startswith("Estimated")
+    assert seen["material"] == "own"
+    assert "no.glb" in seen["fault"]
+
+    expected = estimator(VASE)
+    files = {kind: Path(path) for kind, path in seen["files"].items()}
+    for kind, tolerance in (("exr", 0.01), ("hdr", 0.02)):
+        found = read_radiance(files[kind])
+        np.testing.assert_allclose(found, expected.radiance, rtol=tolerance, atol=0.02)
+    told = json.loads(files["json"].read_text())
+    assert told["photo"] == "vase"
+    np.testing.assert_allclose(told["sh9"], expected.sh9(), atol=0.02)
+    assert Image.open(files["png"]).size == (128, 64)
+    for target in TARGETS:
+        names = zipfile.ZipFile(io.BytesIO(files[target].read_bytes())).namelist()
+        assert f"light_{target}.json" in names
+
+
+def test_static_page_works_without_a_server(static_url, tmp_path):
+    seen = run_steps("page_static.mjs", static_url, {"photo": str(VASE), "folder": str(tmp_path)})
+    assert seen["elsewhere"] == []
+    assert seen["isolated"]
+    assert seen["targets_hidden"]
+    assert read_radiance(Path(seen["file"])).shape == (64, 128, 3)
+
+
+def test_keys_reach_everything_and_everything_has_a_name(page_url):
+    seen = run_steps("page_access.mjs", page_url, viewport=(1280, 900))
+    assert [one["id"] for one in seen["named"] if not one["name"]] == []
+    assert seen["unnamed"] == []
+    assert {one["id"] for one in seen["named"]} <= set(seen["reached"])
+    assert seen["sizes"][1] > seen["sizes"][0]
+    assert seen["cross"] == "52%"
+    assert seen["live"] == "polite"
+    assert seen["headings"][0] == "H1"
+
+
+def test_phone_shows_all_of_it(page_url):
+    seen = run_steps("page_access.mjs", page_url, viewport=(360, 740))
+    width, shown = seen["width"]
+    assert width <= shown
+    assert seen["small"] == []
+
+
+def test_camera_is_followed_and_closed(page_url, vase_frame, tmp_path):
+    rng = np.random.default_rng(7)
+    frames = [
+        np.clip(vase_frame + rng.normal(0, 2, vase_frame.shape), 0, 255).astype(np.uint8) for _ in range(8)
+    ]
+    video = write_y4m(tmp_path / "camera.y4m", frames)
+    seen = run_steps(
+        "page_camera.mjs",
+        page_url,
+        {"seconds": 4, "click": MIDDLE},
+        flags=camera_flags(video),
+        viewport=(1280, 900),
+    )
+    assert len(seen["lights"]) > 1
+    assert "lights/s" in seen["rates"]
+    directions = np.array([light["direction"] for light in seen["lights"]])
+    assert (directions @ directions[-1] > np.cos(np.radians(10))).all()  # a still scene
+    assert seen["stopped"]
