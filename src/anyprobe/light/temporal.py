@@ -50,8 +50,8 @@ class Smoothing:
     noise_s: float = 1.0
     least_noise: float = 0.01
     cut_level: float = 1.2
-    calm: float = 3.5
-    moved: float = 6.0
+    calm: float = 2.0
+    moved: float = 4.5
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -16,8 +16,8 @@ export const SMOOTHING = {
   noiseS: 1,
   leastNoise: 0.01,
   cutLevel: 1.2,
-  calm: 3.5,
-  moved: 6,
+  calm: 2,
+  moved: 4.5,
 };
 
 const gain = (dt, time) => -Math.expm1(-dt / time);
