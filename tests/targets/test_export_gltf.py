@@ -19,7 +19,9 @@ from anyprobe.light.harmonics import irradiance
 
 pytestmark = pytest.mark.slow
 
-D = probe_directions(24)
+D = probe_directions(16)
+LEFT_HANDED = np.array([-1, 1, 1])
+"""Babylon.js' default world from glTF's axes."""
 
 
 def test_faces_and_coefficients_are_turned_or_mirrored(tmp_path):
@@ -32,14 +34,17 @@ def test_faces_and_coefficients_are_turned_or_mirrored(tmp_path):
         pytest.skip(
             "Babylon.js is needed (npm install --no-save babylonjs babylonjs-loaders in tests/browser)"
         )
-    radiance = two_phase(64)
+    radiance = 0.4 * two_phase(64)
+    radiance[12:15, 100:104] += (40, 30, 20)
     light = prepare(radiance, "two phase")
     export(radiance, "gltf", tmp_path, "two phase")
     folders = {"/": FOLDER, "/export/": tmp_path, "/node_modules/": modules}
     with serve(folders) as url:
         seen = run_steps("babylon_gltf.mjs", url, {"file": "two phase_gltf.glb", "directions": D.tolist()})
-    assert_same_way_round(np.array(seen["mirror"]), D, degrees=8)
+    off = (D @ light.main.direction) < 0.95
+    assert_same_way_round(np.array(seen["mirror"])[off] / 0.4, D[off], degrees=5)
     wanted = irradiance(light.sh_ambient, D.astype(np.float32)) / np.pi
-    np.testing.assert_allclose(np.array(seen["white"]), wanted, atol=0.08)
+    np.testing.assert_allclose(np.array(seen["white"]), wanted, atol=0.03)
     (sun,) = seen["lights"]
-    np.testing.assert_allclose(sun["direction"], -light.main.direction, atol=1e-4)
+    np.testing.assert_allclose(sun["direction"] * LEFT_HANDED, -light.main.direction, atol=1e-4)
+    np.testing.assert_allclose(np.multiply(sun["color"], sun["intensity"]), light.main.irradiance, rtol=1e-4)

@@ -1,7 +1,8 @@
 """glTF: one .glb that holds no mesh, only light: EXT_lights_image_based and KHR_lights_punctual.
 
 The extension wants a cube of six PNGs a mip, its values packed as RGBD and filtered by GGX, rougher
-from mip to mip; and nine SH coefficients of irradiance. Babylon.js reads it.
+from mip to mip; and nine SH coefficients of irradiance. Its text leaves the cube's axes, the signs of
+the SH and RGBD's curve open: all three are as Babylon.js, its only reader, has them by default.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.sampling import hammersley
-from anyprobe.export.cubemap import clipped_share, cube_faces, face_directions, face_size
+from anyprobe.export.cubemap import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
 from anyprobe.export.light import ExportedLight, numbers
-from anyprobe.export.sh_layouts import irradiance
+from anyprobe.export.sh_layouts import gltf
 from anyprobe.export.usd import pointing_away
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_LAMPS, shade_specular
@@ -28,10 +29,7 @@ RGBD_MAX = 255.0
 """Largest value that RGBD holds: colour 1 over alpha 1 / 255."""
 
 GAMMA = 2.2
-"""RGBD's colour is kept as a power of itself; the extension's text leaves that to its readers."""
-
-FLIPPED = (1, 0, 2, 3, 4, 5)
-"""Order that makes of faces with x turned round those of our directions, flipped from left to right."""
+"""RGBD's colour is kept as a power of itself."""
 
 SMALLEST_SIDE = 16
 """Side of the last mip, which holds roughness 1."""
@@ -52,15 +50,15 @@ def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
     """Mips [6, S, S, 3] of our map from size down to 16, roughness 0 to 1 in even steps.
 
     Each is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The
-    faces are those of a cube asked for our own directions, each flipped about its vertical axis.
+    faces are those of our other cubes, the last row first.
     """
     count = max(1, size.bit_length() - SMALLEST_SIDE.bit_length() + 1)
-    levels = [cube_faces(radiance, size)[list(FLIPPED)]]
+    levels = [cube_faces(radiance, size)[:, ::-1]]
     pyramid, u = build_pyramid(radiance, lamps=NUM_LAMPS), hammersley(NUM_SAMPLES)
     for i in range(1, count):
         roughness = i / (count - 1)
         side = size >> i
-        n = face_directions(side)[:, :, ::-1].reshape(-1, 3).astype(np.float32)
+        n = (face_directions(side) * C_FROM_OURS)[:, ::-1].reshape(-1, 3).astype(np.float32)
         blurred = [shade_specular(pyramid, part, part, roughness**2, u)[0] for part in np.array_split(n, 24)]
         levels.append(np.concatenate(blurred).reshape(6, side, side, 3))
     return levels
@@ -88,7 +86,7 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
                         "name": light.name,
                         "intensity": 1.0,  # readers take a missing one for nothing
                         "rotation": [0.0, 0.0, 0.0, 1.0],
-                        "irradianceCoefficients": numbers(irradiance(light.sh_ambient)),
+                        "irradianceCoefficients": numbers(gltf(light.sh_ambient)),
                         "specularImageSize": levels[0].shape[1],
                         "specularImages": np.arange(len(views)).reshape(-1, 6).tolist(),
                     }
@@ -118,7 +116,13 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     (folder / f"{light.name}.glb").write_bytes(_glb(document, bytes(blob)))
     return {
         "clipped_energy": clipped_share(levels[0], RGBD_MAX),
-        "gltf": {"size": levels[0].shape[1], "mips": len(levels), "encoding": "RGBD, gamma 2.2"},
+        "gltf": {
+            "size": levels[0].shape[1],
+            "mips": len(levels),
+            "encoding": "RGBD, gamma 2.2",
+            "faces": "asked for (-x, y, z), the last row first",
+            "babylon": "set scene.environmentTexture.gammaSpace = false; left-handed scenes, its default",
+        },
     }
 
 

@@ -14,6 +14,9 @@ from anyprobe.light.harmonics import COSINE_LOBE, K
 ODD_IN_Z = (2, 5, 7)
 """z, yz and xz: they change sign when z does."""
 
+ODD_IN_Y = (1, 4, 5)
+"""y, xy and yz."""
+
 
 def webxr(coefficients: np.ndarray) -> np.ndarray:
     """Radiance, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
@@ -30,8 +33,18 @@ def planar(coefficients: np.ndarray) -> np.ndarray:
 
 
 def irradiance(coefficients: np.ndarray) -> np.ndarray:
-    """A_l L_i: E(n) = sum of these times Y_i(n), [9, 3] (glTF EXT_lights_image_based)."""
+    """A_l L_i: E(n) = sum of these times Y_i(n), [9, 3]."""
     return coefficients * COSINE_LOBE[:, None]
+
+
+def gltf(coefficients: np.ndarray) -> np.ndarray:
+    """irradiance() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
+
+    It asks for (-x, y, z) with the signs of Condon and Shortley, which is ours with y turned round.
+    """
+    turned = irradiance(coefficients)
+    turned[list(ODD_IN_Y)] *= -1
+    return turned
 
 
 def polynomial(coefficients: np.ndarray) -> np.ndarray:
