@@ -15,7 +15,7 @@ import torch
 from anyprobe.core.hints import draw_hints
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.camera import blur
-from anyprobe.dataset.retakes import retake
+from anyprobe.dataset.retakes import part_around, retake
 from anyprobe.dataset.scenes import SIZE, Scene, draw_scene
 from anyprobe.dataset.sprites import LitView, ViewSource
 
@@ -31,6 +31,11 @@ CENTRE_SIGMA = 0.35
 HINTS = {"none": 0.4, "click": 0.3, "clicks": 0.15, "box": 0.15}
 """Shares of the kinds of hints: nothing, a click, up to three and some beside the object, a loose box."""
 
+CLOSE_SHARE = 0.5
+"""So many questions are second looks: the object fills much of the photo, and something is always told."""
+
+CLOSE_HINTS = {"click": 0.35, "clicks": 0.15, "box": 0.5}
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneConfig:
@@ -38,8 +43,8 @@ class SceneConfig:
     new at each step; views kept, and how many scenes one new view serves; textures: patterns drawn at the start."""
 
     batch: int = 24
-    scenes: int = 480
-    fresh: int = 3
+    scenes: int = 320
+    fresh: int = 1
     views: int = 40
     scenes_per_view: int = 12
     textures: int = 160
@@ -72,8 +77,7 @@ class SceneSource:
         rng = np.random.default_rng((config.seed, 5, step))
         images, masks = [], []
         for which in rng.integers(len(scenes), size=config.batch):
-            scene = retake(rng, scenes[which])
-            hint, mask = ask(rng, scene, str(rng.choice(list(HINTS), p=list(HINTS.values()))))
+            scene, hint, mask = _question(rng, scenes[which])
             images.append(torch.cat([scene.photo, torch.from_numpy(hint)[None]]))
             masks.append(mask[None])
         return Batch(image=torch.stack(images), mask=torch.stack(masks))
@@ -120,21 +124,45 @@ def unasked_target(scene: Scene) -> int | None:
     return best
 
 
-def ask(rng: np.random.Generator, scene: Scene, kind: str) -> tuple[np.ndarray, torch.Tensor]:
-    """A hint of a kind of HINTS and the answer to it: channel [S, S], target's cover [S, S].
+def _question(rng: np.random.Generator, scene: Scene) -> tuple[Scene, np.ndarray, torch.Tensor]:
+    """A retake of the scene, a hint and the answer."""
+    which = _draw_target(rng, scene)
+    if which is None or rng.random() >= CLOSE_SHARE:
+        scene = retake(rng, scene)
+        kind = str(rng.choice(list(HINTS), p=list(HINTS.values())))
+        return scene, *ask(rng, scene, kind)
+    scene = retake(rng, scene, part_around(rng, cover_box(scene.covers[which]), scene.bounds))
+    kind = str(rng.choice(list(CLOSE_HINTS), p=list(CLOSE_HINTS.values())))
+    return scene, *ask(rng, scene, kind, which)
 
-    Where nothing is told but no object stands out, it is told by a click after all.
-    """
+
+def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
+    """An object large enough to be meant, large ones more often; None where there is none."""
     areas = scene.covers.sum(dim=(1, 2)).numpy() if len(scene.covers) else np.zeros(0)
     possible = np.flatnonzero(areas >= MIN_TARGET_PX)
     if not len(possible):
+        return None
+    return int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
+
+
+def ask(
+    rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None
+) -> tuple[np.ndarray, torch.Tensor]:
+    """A hint of a kind of HINTS and the answer to it: channel [S, S], target's cover [S, S].
+
+    Where nothing is told but no object stands out, it is told by a click after all.
+
+    which: the object meant; else a random one.
+    """
+    if which is None:
+        which = _draw_target(rng, scene)
+    if which is None:
         return np.zeros((SIZE, SIZE), np.float32), torch.zeros(SIZE, SIZE)
     if kind == "none":
         best = unasked_target(scene)
         if best is not None:
             return np.zeros((SIZE, SIZE), np.float32), scene.covers[best]
         kind = "click"
-    which = int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
     cover = scene.covers[which]
     if kind == "box":
         box = cover_box(cover)

@@ -16,16 +16,28 @@ CROPPED_SHARE = 0.6
 SMALLEST_CROP = 0.45
 """Sides of a crop in those of the photo."""
 
+CLOSE_SIDES = (1.3, 2.4)
+"""Side of a second look in the object's longer sides."""
 
-def retake(rng: np.random.Generator, scene: Scene) -> Scene:
-    """Another photo of the same objects, with their covers; colours keep their order."""
+
+Part = tuple[float, float, float, float]
+"""x, y of the upper left corner, width and height of a part of a photo, in pixels of the square."""
+
+
+def retake(rng: np.random.Generator, scene: Scene, part: Part | None = None) -> Scene:
+    """Another photo of the same objects, with their covers; colours keep their order.
+
+    part: what it shows; else CROPPED_SHARE of the retakes show a random part.
+    """
     photo, covers, bounds = scene.photo, scene.covers, scene.bounds
+    size = photo.shape[-1]
+    if part is None and rng.random() < CROPPED_SHARE:
+        part = _draw_part(rng, bounds)
+    if part is not None:
+        photo, covers, bounds = _crop(photo, covers, part)
     if rng.random() < MIRRORED_SHARE:
-        size = photo.shape[-1]
         photo, covers = photo.flip(-1), covers.flip(-1)
         bounds = (bounds[0], bounds[1], size - bounds[3], size - bounds[2])
-    if rng.random() < CROPPED_SHARE:
-        photo, covers, bounds = _crop(rng, photo, covers, bounds)
     top, bottom, left, right = bounds
     toned = torch.full_like(photo, GREY)
     inside = photo[:, top:bottom, left:right].clip(1e-4, 1.0)
@@ -34,18 +46,35 @@ def retake(rng: np.random.Generator, scene: Scene) -> Scene:
     return Scene(photo=toned, covers=covers, uniform=scene.uniform, bounds=bounds)
 
 
-def _crop(
-    rng: np.random.Generator, photo: torch.Tensor, covers: torch.Tensor, bounds: tuple[int, int, int, int]
-) -> tuple[torch.Tensor, torch.Tensor, tuple[int, int, int, int]]:
-    """A window of the photo brought to the square's full width or height, grey beside it."""
-    size = photo.shape[-1]
+def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> Part:
+    """What a second look at a box x0, y0, x1, y1 shows: its surroundings within the photo, not quite centred."""
+    top, bottom, left, right = bounds
+    x0, y0, x1, y1 = box
+    longer = max(x1 - x0, y1 - y0)
+    side = longer * float(np.exp(rng.uniform(np.log(CLOSE_SIDES[0]), np.log(CLOSE_SIDES[1]))))
+    width, height = min(side, right - left), min(side, bottom - top)
+    x, y = (
+        np.array([x0 + x1, y0 + y1]) / 2 + rng.normal(0.0, 0.08 * longer, 2) - np.array([width, height]) / 2
+    )
+    return float(np.clip(x, left, right - width)), float(np.clip(y, top, bottom - height)), width, height
+
+
+def _draw_part(rng: np.random.Generator, bounds: tuple[int, int, int, int]) -> Part:
     top, bottom, left, right = bounds
     aspect = float(rng.choice(ASPECTS))
     longest = min((right - left) / min(1.0, aspect), (bottom - top) / min(1.0, 1 / aspect))
     longer = longest * float(rng.uniform(SMALLEST_CROP, 1.0))
     width, height = longer * min(1.0, aspect), longer * min(1.0, 1 / aspect)
-    x, y = float(rng.uniform(left, right - width)), float(rng.uniform(top, bottom - height))
-    inner = round(size * min(1.0, 1 / aspect)), round(size * min(1.0, aspect))
+    return float(rng.uniform(left, right - width)), float(rng.uniform(top, bottom - height)), width, height
+
+
+def _crop(
+    photo: torch.Tensor, covers: torch.Tensor, part: Part
+) -> tuple[torch.Tensor, torch.Tensor, tuple[int, int, int, int]]:
+    """A part of the photo brought to the square's full width or height, grey beside it."""
+    size = photo.shape[-1]
+    x, y, width, height = part
+    inner = [max(1, round(size * side / max(width, height))) for side in (height, width)]
     columns = (x + (torch.arange(inner[1]) + 0.5) * width / inner[1]) / size * 2 - 1
     rows = (y + (torch.arange(inner[0]) + 0.5) * height / inner[0]) / size * 2 - 1
     grid = torch.stack(torch.meshgrid(columns, rows, indexing="xy"), dim=-1)

@@ -10,6 +10,9 @@ from anyprobe.nets.blocks import conv
 
 SIZE = 160
 
+HINT_GAIN = 4.0
+"""The few pixels of a hint count as much as the many of the photo, from the first step on."""
+
 
 class Residual(nn.Module):
     """x plus two 3 x 3 convolutions of it."""
@@ -49,7 +52,8 @@ class MaskNet(nn.Module):
 
     def logits(self, image: torch.Tensor) -> torch.Tensor:
         """[N, 1, 160, 160] before the sigmoid."""
-        features = [self.first(image)]
+        told = torch.cat([image[:, :3], HINT_GAIN * image[:, 3:]], dim=1)
+        features = [self.first(told)]
         for down in self.down:
             features.append(down(features[-1]))
         x = self.deep(features.pop())

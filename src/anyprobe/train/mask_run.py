@@ -25,19 +25,26 @@ from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
 from anyprobe.train.config import LightConfig
-from anyprobe.train.loop import CHECKPOINT_SECONDS, LOG_STEPS, forget_after
+from anyprobe.train.journal import LOG_STEPS, forget_after
+from anyprobe.train.loop import CHECKPOINT_SECONDS
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MaskRunConfig:
-    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share."""
+    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+
+    small: side of the pictures in the first small_share of the steps, which cost a third there and
+    teach what an object is as well; the rest are at full size and teach its edge.
+    """
 
     name: str = "mask"
-    steps: int = 9000
+    steps: int = 3300
+    small: int = 96
+    small_share: float = 0.7
     learning_rate: float = 2e-3
     weight_decay: float = 1e-4
     warmup: int = 50
-    cooldown: float = 0.5
+    cooldown: float = 0.25
     seed: int = 0
     scenes: SceneConfig = field(default_factory=SceneConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
@@ -80,6 +87,14 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     either = (cover + target - cover * target).sum(dim=(1, 2, 3))
     told = (target.sum(dim=(1, 2, 3)) > 0).float()
     return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * told).mean()
+
+
+def shrink(batch: Batch, size: int) -> Batch:
+    """The same questions and answers [B, C, size, size], averaged over areas."""
+    return Batch(
+        image=F.interpolate(batch.image, size=(size, size), mode="area"),
+        mask=F.interpolate(batch.mask, size=(size, size), mode="area"),
+    )
 
 
 def train_mask(
@@ -133,6 +148,8 @@ def train_mask(
             for group in optimizer.param_groups:
                 group["lr"] = rate
             batch = source.batch(step)
+            if step < config.small_share * config.steps:
+                batch = shrink(batch, config.small)
             history.append(_step(net, optimizer, batch))
             progress.advance(task)
             if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
