@@ -74,6 +74,7 @@ class DrawnRenderer:
                 irradiance=_picture(rng, 128, 128, 3),
                 radiance=np.zeros((64, 128, 3), np.float32),
                 tan_half=float(rng.uniform(0.1, 0.4)),
+                normals=np.zeros((128, 128, 3), np.float32),
                 material=Material(albedo=rng.random(3), f0=rng.random(3), alpha=float(rng.random())),
                 shape_name="ball",
                 **shown,

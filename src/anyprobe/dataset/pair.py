@@ -41,6 +41,7 @@ class Pair:
     radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
     map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
     tan_half: tangent of half the angle that the photo's side takes in.
+    normals [S, S, 3]: in the camera's frame, zero off the object; only methods that are told shapes may look.
     """
 
     recipe: Recipe
@@ -50,6 +51,7 @@ class Pair:
     map_from_camera: np.ndarray
     gain: np.ndarray
     tan_half: float
+    normals: np.ndarray
     material: Material
     map_name: str
     shape_name: str
@@ -110,6 +112,8 @@ def render_pair(recipe: Recipe, stock: Stock) -> Pair:
     irradiance = np.zeros((*surface.mask.shape, 3), np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
+    normals = np.zeros((*surface.mask.shape, 3), np.float32)
+    normals[surface.mask] = surface.normals
     return Pair(
         recipe=recipe,
         photo=np.concatenate([display * mask[..., None], mask[..., None] * np.uint8(255)], axis=-1),
@@ -118,6 +122,7 @@ def render_pair(recipe: Recipe, stock: Stock) -> Pair:
         map_from_camera=map_from_camera,
         gain=gains,
         tan_half=camera.tan_half,
+        normals=normals,
         material=material,
         map_name=asset.name,
         shape_name=shape.name,

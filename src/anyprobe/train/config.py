@@ -29,8 +29,10 @@ class RunConfig:
     """The training of one model on pairs made as it goes.
 
     name: of the run's folder.
-    model: "paper", the chain of three networks, or "lift", the one that lifts pixels to the map;
-        truth_share, gradual and hdr_share concern the first, lift the second.
+    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the map, or
+        "designs", every design of the paper's Table 1 and two rivals at half size;
+        truth_share, gradual and hdr_share concern the first, lift the second, truth_share and
+        hdr_share the third.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
     gradual: whether the LDR targets sharpen as in Eq. 6.
@@ -84,6 +86,20 @@ def code_trial() -> RunConfig:
     return replace(lift_trial(), name="code_trial", lift=LiftConfig(lifting=False))
 
 
+def designs() -> RunConfig:
+    """The paper's designs and two rivals, each on the same pairs, to be compared (docs/results.md)."""
+    return RunConfig(
+        name="designs",
+        model="designs",
+        steps=3_000,
+        learning_rate=2e-3,
+        warmup=100,
+        cooldown=0.5,
+        pairs=PairConfig(seed=41, batch=16),
+        light=LightConfig(variants=90),
+    )
+
+
 def light_real() -> RunConfig:
     """A short run on real maps only; with the three below it measures what other maps add."""
     return _light_trial("light_real", LightConfig(procedural=0))
@@ -110,7 +126,17 @@ def _light_trial(name: str, light: LightConfig) -> RunConfig:
 
 RUNS = {
     run.__name__: run
-    for run in (paper, lift, lift_trial, code_trial, light_real, light_own, light_both, light_variants)
+    for run in (
+        paper,
+        lift,
+        lift_trial,
+        code_trial,
+        designs,
+        light_real,
+        light_own,
+        light_both,
+        light_variants,
+    )
 }
 
 

@@ -22,6 +22,7 @@ from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.config import RunConfig
+from anyprobe.train.designs import Designs
 from anyprobe.train.journal import Journal
 from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.team import Team
@@ -58,9 +59,12 @@ def learning_rate(config: RunConfig, step: int) -> float:
     )
 
 
-def make_learner(config: RunConfig, device: str) -> Chain | Lift:
+LEARNERS = {"paper": Chain, "lift": Lift, "designs": Designs}
+
+
+def make_learner(config: RunConfig, device: str) -> Chain | Lift | Designs:
     """What trains: networks, and their losses by name."""
-    return Lift(config.lift, device) if config.model == "lift" else Chain(config, device)
+    return LEARNERS[config.model](config.lift if config.model == "lift" else config, device)
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
@@ -69,10 +73,11 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
         raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     config = json.loads(stored["config"])
-    if config.get("model") == "lift":
+    model = config.get("model", "paper")
+    if model == "lift":
         nets = Lift.networks(LiftConfig(**config["lift"]))
     else:
-        nets = Chain.networks()
+        nets = LEARNERS[model].networks()
     nets.load_state_dict(stored["nets"])
     return nets.eval().requires_grad_(False)
 
