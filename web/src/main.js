@@ -16,6 +16,9 @@ const networks = new Networks(({ done, of }) => {
   if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
 });
 const config = await (await fetch("config.json")).json();
+if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
+  element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
+}
 const stage = new PhotoStage();
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
@@ -69,7 +72,7 @@ async function estimate(mask) {
   const result = await networks.ask("estimate", { picture, mask, longFovDeg });
   if (mine !== turn) return;
   show(result, mask, box);
-  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser.`);
+  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below.`);
 }
 
 function show(result, mask, box) {

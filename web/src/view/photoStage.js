@@ -43,7 +43,7 @@ export class PhotoStage {
     this.frame.style.aspectRatio = `${width} / ${height}`;
     const fitted = `min(100%, calc(27rem * ${width / height}))`;
     this.frame.style.width = fitted;
-    element("before-row").style.width = fitted; // its knob stands below the line
+    element("divide").style.width = fitted; // its knob stands below the line
   }
 
   place(width, height, longFovDeg, mask, box) {

@@ -134,7 +134,7 @@ export class Stage {
     const real = Math.max(y1 - y0, 0.6 * (x1 - x0));
     const wide = Math.max(Math.min(0.75 * real, 0.85 * room), 0.3 * real);
     this.unit = (wide * DISTANCE) / this.#focalPx();
-    const away = Math.min(0.6 * wide + 0.05 * real, Math.max(room - 0.65 * wide, 0));
+    const away = Math.min(0.6 * wide + 0.05 * real, Math.max(room - 0.75 * wide, 0));
     this.moveTo(isRight ? x1 + away : x0 - away, Math.min(y1, 0.98 * this.height));
     this.#place();
   }
