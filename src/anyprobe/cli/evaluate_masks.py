@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, MissingExtra
 
 
 def evaluate_masks(
@@ -31,8 +31,7 @@ def evaluate_masks(
     overlays: Annotated[int, typer.Option(help="So many overlays of each told kind are drawn.")] = 16,
 ) -> None:
     """Score the mask network and baselines by IoU on rendered scenes, on photos, or on both."""
-    from anyprobe.dataset.stock import load_stock
-    from anyprobe.evaluate.masks import iou, methods, photo_cases, rendered_cases
+    from anyprobe.evaluate.masks import iou, methods, photo_cases
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
     from anyprobe.masks.overlay import draw_overlay
@@ -44,6 +43,13 @@ def evaluate_masks(
     compared = methods(MaskNetwork(graph))
     sets = {}
     if data is not None:
+        try:
+            import torch  # noqa: F401
+        except ImportError as error:
+            raise MissingExtra("torch", "train", "rendering scenes") from error
+        from anyprobe.dataset.stock import load_stock
+        from anyprobe.evaluate.mask_scenes import rendered_cases
+
         sets["scenes"] = rendered_cases(load_stock(data, "test", commercial_only=False), scenes, seed)
     if photos is not None:
         sets["photos"] = photo_cases(photos)

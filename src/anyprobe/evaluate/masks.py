@@ -1,31 +1,18 @@
-"""How well masks are found: IoU of the network and of two baselines, on rendered scenes and on photos."""
+"""How well masks are found: IoU of the network and of baselines, on photos whose masks are known."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.asks import inside_click, unasked_target
-from anyprobe.dataset.backdrops import TexturePool
-from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.scenes import cover_box, draw_scene
-from anyprobe.dataset.sprites import ViewSource
-from anyprobe.dataset.stock import Stock
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.images import read_image
-from anyprobe.masks.grabcut import cut_edge, mask_from_box
+from anyprobe.masks.grabcut import cut_around, cut_edge, mask_from_box
 from anyprobe.masks.propose import MaskNetwork
 from anyprobe.masks.refine import refine, resize
 from anyprobe.masks.sources import mask_from_file
-
-SIZE = 480
-"""Longer side of the rendered photos; the network sees them at 160."""
-
-SCENES_PER_VIEW = 3
-TEXTURES = 160
 
 BOX_MARGIN = 0.04
 """A told box leaves so much of the object's longer side free on every side."""
@@ -44,35 +31,6 @@ class Case:
     box: tuple[float, float, float, float]
 
 
-def rendered_cases(stock: Stock, count: int, seed: int) -> Iterator[Case]:
-    """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
-    surfaces = build_surfaces(list(stock.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
-    illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
-    views, textures = ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES)
-    rng = np.random.default_rng((seed, 4))
-    made = drawn = 0
-    while made < count:
-        if drawn % SCENES_PER_VIEW == 0:
-            view = views.view(drawn // SCENES_PER_VIEW)
-        drawn += 1
-        scene = draw_scene(rng, view, textures, SIZE)
-        target = unasked_target(scene)
-        if target is None:
-            continue
-        top, bottom, left, right = scene.bounds
-        cover = scene.covers[target]
-        x, y = inside_click(rng, cover)
-        x0, y0, x1, y1 = cover_box(cover)
-        yield _case(
-            f"scene-{seed}-{made}",
-            scene.photo[:, top:bottom, left:right].permute(1, 2, 0).numpy(),
-            cover[top:bottom, left:right].numpy(),
-            (x - left, y - top),
-            (x0 - left, y0 - top, x1 - left, y1 - top),
-        )
-        made += 1
-
-
 def photo_cases(folder: Path) -> Iterator[Case]:
     """Photos NAME.* with NAME_mask.png beside them; the click is the pixel deepest inside the mask."""
     for mask_path in sorted(folder.glob("*_mask.png")):
@@ -82,7 +40,7 @@ def photo_cases(folder: Path) -> Iterator[Case]:
         mask = mask_from_file(mask_path, pixels.rgb.shape[:2])
         rows, columns = np.nonzero(mask > 0.5)
         corners = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-        yield _case(stem, pixels.rgb, mask, deepest_point(mask), corners)
+        yield make_case(stem, pixels.rgb, mask, deepest_point(mask), corners)
 
 
 def deepest_point(mask: np.ndarray) -> tuple[float, float]:
@@ -147,6 +105,10 @@ def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
     table["nothing: ellipse in the middle"] = lambda case: _ellipse(
         case.mask.shape, tuple(share * side for share in (0.25, 0.75) for side in case.mask.shape[::-1])
     )
+    table["nothing: GrabCut in the middle"] = lambda case: grabcut_box(
+        replace(case, box=tuple(share * side for share in (0.15, 0.85) for side in case.mask.shape[::-1]))
+    )
+    table["click: GrabCut around it"] = lambda case: cut_around(case.rgb, case.click)
     table["box: GrabCut"] = grabcut_box
     table["box: ellipse in it"] = lambda case: _ellipse(case.mask.shape, case.box)
     return table
@@ -160,8 +122,8 @@ def _ellipse(shape: tuple[int, int], box: tuple[float, float, float, float]) -> 
     return across**2 + down**2 <= 1.0
 
 
-def _case(name: str, rgb, mask, click, corners) -> Case:
-    """The case with the box widened by BOX_MARGIN inside the photo."""
+def make_case(name: str, rgb, mask, click, corners) -> Case:
+    """A case; its box is corners x0, y0, x1, y1 widened by BOX_MARGIN inside the photo."""
     height, width = mask.shape
     x0, y0, x1, y1 = (float(v) for v in corners)
     more = BOX_MARGIN * max(x1 - x0, y1 - y0)

@@ -19,6 +19,10 @@ EDGE_ROUNDS = 2
 EDGE_BAND_PX = 19
 """Width of the band around a coarse mask's edge in which GrabCut decides, at GRABCUT_LONG_PX."""
 
+CLICK_REACH, CLICK_SURE, BORDER = 0.15, 0.02, 0.02
+"""Radii around a click that start as perhaps and surely the object, and width of the border that surely is
+not, in longer sides."""
+
 
 def mask_from_box(rgb: np.ndarray, box: Sequence[float]) -> np.ndarray:
     """Cut the object out of a box around it with GrabCut (Rother et al. 2004).
@@ -50,6 +54,26 @@ def mask_from_box(rgb: np.ndarray, box: Sequence[float]) -> np.ndarray:
             "pass --mask FILE"
         )
     return check_mask(_smooth(cv2, cut, width, height))
+
+
+def cut_around(rgb: np.ndarray, point: tuple[float, float]) -> np.ndarray | None:
+    """What GrabCut makes of one click x, y alone: [H, W], or None where nothing stands out.
+
+    The click's surroundings start as the object, the photo's border as what is not.
+    """
+    cv2 = _need_cv2("cutting out what was clicked")
+    height, width = rgb.shape[:2]
+    small, scale = _shrink(cv2, rgb)
+    longer = max(small.shape[:2])
+    y, x = np.ogrid[: small.shape[0], : small.shape[1]]
+    distance = np.hypot(x + 0.5 - point[0] * scale, y + 0.5 - point[1] * scale) / longer
+    labels = np.full(small.shape[:2], cv2.GC_PR_BGD, np.uint8)
+    labels[distance < CLICK_REACH] = cv2.GC_PR_FGD
+    border = max(1, round(BORDER * longer))
+    labels[:border] = labels[-border:] = labels[:, :border] = labels[:, -border:] = cv2.GC_BGD
+    labels[distance < CLICK_SURE] = cv2.GC_FGD
+    cut = _cut(cv2, small, labels, None, GRABCUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
+    return _smooth(cv2, cut, width, height) if cut.any() else None
 
 
 def cut_edge(rgb: np.ndarray, cover: np.ndarray) -> np.ndarray:

@@ -1,0 +1,51 @@
+"""Photos of held-out shapes under held-out maps, with their objects' true masks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from anyprobe.dataset.asks import cover_box, inside_click, unasked_target
+from anyprobe.dataset.backdrops import TexturePool
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.scenes import draw_scene
+from anyprobe.dataset.sprites import ViewSource
+from anyprobe.dataset.stock import Stock
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.evaluate.masks import Case, make_case
+
+SIZE = 480
+"""Longer side of the rendered photos; the network sees them at 160."""
+
+SCENES_PER_VIEW = 3
+TEXTURES = 160
+
+
+def rendered_cases(stock: Stock, count: int, seed: int) -> Iterator[Case]:
+    """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
+    surfaces = build_surfaces(list(stock.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
+    illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
+    views, textures = ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES)
+    rng = np.random.default_rng((seed, 4))
+    made = drawn = 0
+    while made < count:
+        if drawn % SCENES_PER_VIEW == 0:
+            view = views.view(drawn // SCENES_PER_VIEW)
+        drawn += 1
+        scene = draw_scene(rng, view, textures, SIZE)
+        target = unasked_target(scene)
+        if target is None:
+            continue
+        top, bottom, left, right = scene.bounds
+        cover = scene.covers[target]
+        x, y = inside_click(rng, cover)
+        x0, y0, x1, y1 = cover_box(cover)
+        yield make_case(
+            f"scene-{seed}-{made}",
+            scene.photo[:, top:bottom, left:right].permute(1, 2, 0).numpy(),
+            cover[top:bottom, left:right].numpy(),
+            (x - left, y - top),
+            (x0 - left, y0 - top, x1 - left, y1 - top),
+        )
+        made += 1
