@@ -23,6 +23,7 @@ ONLY = {
     "torch": {"render", "nets", "dataset", "train", "cli"},
     "onnxruntime": {"masks", "infer", "train", "cli"},
     "onnx": {"train"},
+    "openvino": {"infer"},
     "cv2": {"masks"},
     "trimesh": {"files"},
     "typer": {"cli"},

@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from anyprobe.files.images import ImageSource
+from anyprobe.infer.engines import DEFAULT_ENGINE
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
 from anyprobe.infer.runtime import DEFAULT_MODEL, PHOTO_SIZE, Models, model_id
@@ -23,8 +24,11 @@ class Estimator:
     >>> light = estimator("vase.png", mask="mask.png")   # doctest: +SKIP
     """
 
-    def __init__(self, model: str = DEFAULT_MODEL, *, threads: int | None = None) -> None:
-        self.models = Models(model, threads)
+    def __init__(
+        self, model: str = DEFAULT_MODEL, *, threads: int | None = None, engine: str = DEFAULT_ENGINE
+    ) -> None:
+        """Open a bundled model, or a folder of graphs, by an engine of infer.engines.ENGINES."""
+        self.models = Models(model, threads, engine)
         self.model_id = model_id(model)
 
     def __call__(self, source: ImageSource, *, fov_deg: float | None = None, **where: Unpack[Where]) -> Light:

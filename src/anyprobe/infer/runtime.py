@@ -12,6 +12,7 @@ import onnxruntime
 
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import ModelError
+from anyprobe.infer.engines import DEFAULT_ENGINE, open_engine
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import reconstruct
 
@@ -71,10 +72,12 @@ def stages_of(folder: Path) -> tuple[str, ...]:
 class Models:
     """Sessions opened once and used for many photos; safe to share between threads."""
 
-    def __init__(self, model: str = DEFAULT_MODEL, threads: int | None = None) -> None:
+    def __init__(
+        self, model: str = DEFAULT_MODEL, threads: int | None = None, engine: str = DEFAULT_ENGINE
+    ) -> None:
         """Open a bundled model by name, or a folder of graphs.
 
-        threads: cores for one network; None leaves it to the runtime.
+        threads: cores for one network; None leaves it to the engine, one of infer.engines.ENGINES.
         """
         self.name = model
         folder = weights_folder(model)
@@ -83,7 +86,10 @@ class Models:
         if threads is not None:
             options.intra_op_num_threads = threads
         self.stages = stages_of(folder)
-        self._sessions = {stage: _open(folder / f"{stage}.onnx", stage, options) for stage in self.stages}
+        self._run = {}
+        for stage in self.stages:
+            path = folder / f"{stage}.onnx"
+            self._run[stage] = open_engine(_open(path, stage, options), path, engine, threads)
 
     def __call__(self, image: np.ndarray, tan_half: float) -> Outputs:
         """Run on a crop.
@@ -98,9 +104,9 @@ class Models:
         return self._chain(photo)
 
     def _chain(self, photo: np.ndarray) -> Outputs:
-        (irradiance,) = self._run("irradiance", photo)
-        (ldr,) = self._run("illumination", np.concatenate([irradiance, photo[:, 3:]], axis=1))
-        (ln_radiance,) = self._run("hdr", ldr)
+        (irradiance,) = self._run["irradiance"](photo)
+        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1))
+        (ln_radiance,) = self._run["hdr"](ldr)
         ldr, ln_radiance = _image(ldr), _image(ln_radiance)
         return Outputs(
             radiance=reconstruct(ldr, ln_radiance),  # Eq. 7-8
@@ -111,7 +117,7 @@ class Models:
 
     def _lift(self, photo: np.ndarray, tan_half: float) -> Outputs:
         angle = np.array([[tan_half]], dtype=np.float32)
-        irradiance, ln_radiance, confidence = self._run("light", photo, angle)
+        irradiance, ln_radiance, confidence = self._run["light"](photo, angle)
         ln_radiance = _image(ln_radiance)
         radiance = np.exp(ln_radiance)
         return Outputs(
@@ -121,11 +127,6 @@ class Models:
             ln_radiance=ln_radiance,
             confidence=confidence[0, 0],
         )
-
-    def _run(self, stage: str, *values: np.ndarray) -> list[np.ndarray]:
-        session = self._sessions[stage]
-        names = [given.name for given in session.get_inputs()]
-        return session.run(None, dict(zip(names, values, strict=True)))
 
 
 def _image(batch: np.ndarray) -> np.ndarray:
