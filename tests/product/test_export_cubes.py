@@ -68,6 +68,14 @@ def test_faces_are_pictures_from_inside():
     assert_same_way_round(right[None], np.array([[-0.66, 0, 0.75]]), degrees=3)
 
 
+def test_six_files_are_pictures_from_inside(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    export(two_phase(64), "cube", tmp_path, "vase")
+    named = [tmp_path / f"vase_cube_{face}.hdr" for face in ("px", "nx", "py", "ny", "pz", "nz")]
+    faces = np.array([cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1] for path in named])
+    assert_same_way_round(look_up(faces, ASKED), D, degrees=2)
+
+
 def test_cube_keeps_the_light():
     radiance = two_phase(64)
     radiance[20, 30] = 500

@@ -1,6 +1,6 @@
 """Run by the Python that has bpy: three balls under an export, as an .exr.
 
-python blender_balls.py script.py picture.exr
+python blender_balls.py script.py|stage.usda picture.exr
 """
 
 import runpy
@@ -15,7 +15,7 @@ scene.render.engine = "CYCLES"
 scene.cycles.device = "CPU"
 scene.cycles.samples = 64
 scene.cycles.use_denoising = False
-scene.render.threads_mode, scene.render.threads = "FIXED", 2
+scene.render.threads_mode, scene.render.threads = "FIXED", 1
 scene.render.resolution_x, scene.render.resolution_y = 480, 180
 scene.render.image_settings.file_format = "OPEN_EXR"
 scene.render.image_settings.color_depth = "32"
@@ -40,5 +40,9 @@ eye.data.sensor_fit = "VERTICAL"
 eye.data.angle = np.radians(26)
 scene.collection.objects.link(eye)
 scene.camera = eye
-runpy.run_path(sys.argv[1])
+if sys.argv[1].endswith(".py"):
+    runpy.run_path(sys.argv[1])
+else:
+    scene.world = bpy.data.worlds.new("imported")
+    bpy.ops.wm.usd_import(filepath=sys.argv[1])
 bpy.ops.render.render(write_still=True)

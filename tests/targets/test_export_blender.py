@@ -20,11 +20,12 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.targets import export
 from anyprobe.light.main_light import find_main_light
+from anyprobe.render.balls import ball_images, ball_normals
 
 pytestmark = pytest.mark.slow
 
-SCRIPT = Path(support.__path__[0]) / "blender_recovers.py"
-D = probe_directions(24)
+SUPPORT = Path(support.__path__[0])
+D = probe_directions(12)
 N = np.array([[0, 0, 1.0], [0, 1, 0], [1, 0, 0], [-0.6, 0.8, 0], [0, -0.6, -0.8]])
 BLENDER = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Blender's (x, -z, y) from ours."""
@@ -50,13 +51,13 @@ def recover(python, path, folder):
     order.write_text(
         json.dumps({"directions": (D @ BLENDER.T).tolist(), "normals": (N @ BLENDER.T).tolist()})
     )
-    subprocess.run(
-        [python, str(SCRIPT), str(path), str(order), str(answer)],
-        check=True,
-        capture_output=True,
-        timeout=500,
-    )
+    run(python, "blender_recovers.py", path, order, answer)
     return json.loads(answer.read_text())
+
+
+def run(python, script, *arguments):
+    order = [python, str(SUPPORT / script), *map(str, arguments)]
+    subprocess.run(order, check=True, capture_output=True, timeout=600)
 
 
 def irradiance(radiance):
@@ -70,6 +71,8 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
     radiance = light_of()
     suffix = {"blender": ".py", "usd": ".usda"}[target]
     path = next(p for p in export(radiance, target, tmp_path, "two phase") if p.suffix == suffix)
+    if target == "blender":
+        path.write_text(path.read_text().replace("SUN = False", "SUN = True"))
     found = recover(python, path, tmp_path)
     off = (D @ find_main_light(radiance).direction) < 0.95
     assert_same_way_round(np.array(found["seen"])[off] / 0.4, D[off], degrees=1.5)
@@ -79,3 +82,17 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
     if target == "blender":
         np.testing.assert_allclose(np.multiply(sun["color"], sun["energy"]), main.irradiance, rtol=1e-3)
         np.testing.assert_allclose(found["lit"], irradiance(radiance) / np.pi, rtol=0.06, atol=0.01)
+
+
+def test_balls_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path):
+    """The script opened in Blender's text editor, as docs/export.md says."""
+    radiance, size = light_of(), 48
+    path = next(p for p in export(radiance, "blender", tmp_path, "two phase") if p.suffix == ".py")
+    run(python, "blender_each_ball.py", path, size, tmp_path / "balls.npy")
+    normals, mask = ball_normals(size)
+    facing = np.zeros((size, size), bool)
+    facing[mask] = normals[:, 2] > 0.35  # a ball of flat faces has another edge
+    for seen, ours in zip(np.load(tmp_path / "balls.npy"), ball_images(radiance, size).values(), strict=True):
+        difference = np.abs(seen - ours)[facing].sum(axis=1) / ours[facing].sum(axis=1)
+        assert np.median(difference) < 0.05
+        np.testing.assert_allclose(seen[facing].mean(axis=0), ours[facing].mean(axis=0), rtol=0.05)

@@ -1,4 +1,4 @@
-"""Blender: two .exr maps and a script that makes the World and a Sun of them."""
+"""Blender: two .exr maps and a script that makes the World of them, and a Sun if asked."""
 
 from __future__ import annotations
 

@@ -1,10 +1,13 @@
-"""Makes Blender's World and a Sun of the light that lies beside this file.
+"""Makes Blender's World of the light that lies beside this file.
 
     blender scene.blend --python NAME_blender.py
     or in Blender: Scripting > Open > this file > Run
 
-The camera sees the whole map; everything else is lit by the map without its main light, and by a
-Sun in its place. Front of the photo is +Y. Run it again to replace what it made.
+The World is the whole map. With SUN = True below, a Sun stands for the main light, to be moved and
+for renderers that draw no shadow of a World; the camera still sees the whole map, everything else is
+lit by the map without the main light, and mirrors show the Sun as a disc.
+
+Front of the photo is +Y. Run it again to replace what it made.
 """
 
 import json
@@ -14,6 +17,7 @@ import bpy
 from mathutils import Vector
 
 NAME = "@NAME@"
+SUN = False
 
 
 def folder_of_the_light():
@@ -47,7 +51,7 @@ def make_world(folder):
     rays = nodes.new("ShaderNodeLightPath")
     links.new(rays.outputs["Is Camera Ray"], mix.inputs[0])
     links.new(mix.outputs[0], output.inputs["Surface"])
-    for slot, suffix in ((1, "_ambient"), (2, "")):
+    for slot, suffix in ((1, "_ambient" if SUN else ""), (2, "")):
         picture = nodes.new("ShaderNodeTexEnvironment")
         picture.image = load_map(folder / f"{NAME}{suffix}.exr")
         background = nodes.new("ShaderNodeBackground")
@@ -62,7 +66,7 @@ def make_sun(light):
         bpy.data.objects.remove(old)
     rgb = [light["primaryLightIntensity"][axis] for axis in "xyz"]
     strength = max(rgb)
-    if strength <= 0:
+    if not SUN or strength <= 0:
         return
     sun = bpy.data.lights.new(NAME, "SUN")
     sun.energy = strength
