@@ -276,6 +276,16 @@ def test_photo_of_any_format_becomes_an_upright_png(client, photo_rgba):
     assert picture.size == (image.height, image.width)
 
 
+def test_heic_photo_is_opened_for_browsers_that_cannot(client, photo_rgba):
+    pillow_heif = pytest.importorskip("pillow_heif", reason="needs the heic extra")
+    stream = io.BytesIO()
+    pillow_heif.from_pillow(Image.fromarray(photo_rgba[..., :3])).save(stream, quality=95)
+    answer = client.post("/v1/photo", content=stream.getvalue())
+    assert answer.headers["content-type"] == "image/png"
+    picture = np.asarray(Image.open(io.BytesIO(answer.content))).astype(int)
+    assert np.abs(picture - photo_rgba[..., :3]).mean() < 4
+
+
 def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_path):
     parts = {"photo": (str(tmp_path / "secret" / "ball.png"), photo)}
     told = client.post("/v1/estimate", files=parts, params={"include": "stages,mask,radiance"}).json()
