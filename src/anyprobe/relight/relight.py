@@ -73,6 +73,7 @@ class Stage:
         material: str | Material,
         renderer: str = "auto",
         shadow: GroundShadow | None = None,
+        drawn: np.ndarray | None = None,
     ) -> np.ndarray:
         """The photo with the object in it, [H, W, 3] display values in [0, 1].
 
@@ -80,18 +81,21 @@ class Stage:
             radiance: [H, 2H, 3], camera frame, the photo's exposure units.
             material: a name that material() takes, or a Material.
             renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
-            shadow: what shadow(radiance) gave, where it is at hand.
+            shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
         """
-        if isinstance(material, str):
-            material = self.material(material, radiance)
         shadow = shadow or self.shadow(radiance)
-        if uses_mitsuba(renderer):
-            ground = self._ground(radiance)
-            drawn = trace_mesh(self.placement.mesh, self.window.camera, radiance, material, ground)
-        else:
-            drawn = draw_mesh(self.placement.mesh, self.window.camera, radiance, material)
+        drawn = self.draw(radiance, material, renderer) if drawn is None else drawn
         picture = cast_shadow(self.photo, self.view, shadow)
         return lay_over(picture, drawn, self.window, self.photo, behind=self._behind())
+
+    def draw(self, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> np.ndarray:
+        """The object alone in its window, [S, S, 4] as render.picture.draw_mesh has it; see relit."""
+        if isinstance(material, str):
+            material = self.material(material, radiance)
+        mesh, camera = self.placement.mesh, self.window.camera
+        if uses_mitsuba(renderer):
+            return trace_mesh(mesh, camera, radiance, material, self._ground(radiance))
+        return draw_mesh(mesh, camera, radiance, material)
 
     def material(self, name: str, radiance: np.ndarray) -> Material:
         """A material of scatter.presets, or "photo": the real object's own under a map."""

@@ -17,6 +17,7 @@ from anyprobe.infer.photo import Photo
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.brdf import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
@@ -83,7 +84,7 @@ class ClipRun:
         self.every, self.exr, self.virtual = every, exr, virtual
         self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
-        self._shadow = None
+        self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
         self._photo: Photo | None = None
 
     def __call__(self, watch: Callable[[int], None]) -> Outcome:
@@ -103,7 +104,7 @@ class ClipRun:
                     self._set_up(self.follower.photo(frame))
                 continue
             if frame.index == done.next_index and done.next_index:
-                self.follower.box, self._shadow = done.box, None
+                self.follower.box, self._shown = done.box, None
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
@@ -144,7 +145,7 @@ class ClipRun:
             return {**record, "error": " ".join(str(error).splitlines())}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         done.light = step(done.light, light.radiance, dt_s)
-        done.light_time_s, self._shadow = frame.time_s, None
+        done.light_time_s, self._shown = frame.time_s, None
         steady = done.light.radiance
         if self.exr:
             write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady)
@@ -169,14 +170,14 @@ class ClipRun:
         rgb = frame.rgb.astype(np.float32) / 255
         mask = np.zeros(rgb.shape[:2], np.float32) if self._photo is None else self._photo.mask
         stage = self._stage.on(replace(self._stage.photo, rgb=rgb, mask=mask))
-        if self._shadow is None:
-            self._shadow = stage.shadow(state.radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
-        numbers = self.progress.material
-        material = Material(
-            **{**numbers, "albedo": np.array(numbers["albedo"]), "f0": np.array(numbers["f0"])}
-        )
         radiance = state.radiance * np.float32(self.progress.gain)
-        return to_bytes(stage.relit(radiance, material, self.virtual.renderer, self._shadow))
+        if self._shown is None:
+            numbers = {key: np.array(value) for key, value in self.progress.material.items()}
+            material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
+            drawn = stage.draw(radiance, material, self.virtual.renderer)
+            self._shown = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID), drawn
+        shadow, drawn = self._shown
+        return to_bytes(stage.relit(radiance, self.virtual.material, shadow=shadow, drawn=drawn))
 
     def _save(self, next_index: int, pictures: list[tuple[float, np.ndarray]]) -> None:
         done = self.progress
