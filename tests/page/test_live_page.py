@@ -41,6 +41,7 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(page_url, vase_phot
             "folder": str(tmp_path),
         },
         viewport=(1280, 900),
+        timeout_s=600,
     )
     assert seen["elsewhere"] == []
     assert seen["clicked"].startswith("Estimated")
@@ -99,6 +100,7 @@ def test_camera_is_followed_and_closed(page_url, vase_frame, tmp_path):
         {"seconds": 4, "click": MIDDLE},
         flags=camera_flags(video),
         viewport=(1280, 900),
+        timeout_s=600,
     )
     assert len(seen["lights"]) > 1
     assert "lights/s" in seen["rates"]
