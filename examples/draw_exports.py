@@ -49,9 +49,10 @@ def draw_blender(radiance: np.ndarray, folder: Path) -> np.ndarray:
 
 
 def draw_usd(radiance: np.ndarray, folder: Path) -> np.ndarray:
-    """The exported stage imported by Blender: dome, and main light as a sun."""
-    seen = folder / "seen.exr"
-    _run_blender("blender_balls.py", _exported(radiance, "usd", folder, ".usda"), seen)
+    """The exported stage, everything in its dome, imported by Blender."""
+    seen, stage = folder / "seen.exr", _exported(radiance, "usd", folder, ".usda")
+    stage.write_text(stage.read_text().replace('mainLight = "separate"', 'mainLight = "inTheDome"'))
+    _run_blender("blender_balls.py", stage, seen)
     return response(_read_picture(seen))
 
 

@@ -35,7 +35,8 @@ bpy.ops.object.shade_smooth()
 ball = bpy.context.object
 
 text = bpy.data.texts.load(str(script))
-exec(compile(text.as_string(), text.name, "exec"), {"__name__": "__main__"})  # what Run Script does
+where = str(Path(bpy.data.filepath) / text.name)  # what Run Script takes for the file
+exec(compile(text.as_string(), where, "exec"), {"__name__": "__main__", "__file__": where})
 
 pictures = []
 for shader, color, alpha in (("Diffuse", 1.0, None), ("Glossy", 0.9, 0.3), ("Glossy", 1.0, 0.0)):

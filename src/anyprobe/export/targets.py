@@ -46,7 +46,7 @@ TARGETS = {
     "usd": Target(
         write=usd.write,
         frame=OPENEXR,
-        checked="OpenUSD 26.11 reads it; Blender 5.0.1 imports it the right way round",
+        checked="OpenUSD 26.11 reads it; Blender 5.0.1 imports the dome as it is, the sun 4 times too strong",
     ),
     "mitsuba": Target(
         write=mitsuba.write, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
