@@ -6,7 +6,7 @@
 
 import { describe, cameraRadiance } from "../light/light.js";
 import { drawBalls } from "../light/balls.js";
-import { cropObject } from "../photo/crop.js";
+import { CROP_SIZE, cropObject } from "../photo/crop.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { propose } from "../photo/propose.js";
@@ -15,6 +15,9 @@ import { resize } from "../photo/resize.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Models } from "./models.js";
 import { chooseEngines, openRuntime } from "./runtime.js";
+
+/** The first run compiles what later ones use. */
+const TRIAL_MS = 15_000;
 
 let models = null;
 let live = null;
@@ -27,6 +30,7 @@ const tasks = {
       try {
         const { ort, threads } = await openRuntime(base, name);
         models = await Models.open(ort, weights, { providers: [name], onProgress });
+        if (engines.length > index + 1) await tryOnce(models);
         return { provider: name, threads, hasMask: models.hasMask };
       } catch (error) {
         if (index === engines.length - 1) throw error;
@@ -62,6 +66,13 @@ const tasks = {
     live.click(clicks);
   },
 };
+
+/** Throws where an engine that has another behind it gives no numbers, or none in time. */
+async function tryOnce(models) {
+  const late = new Promise((_, reject) => setTimeout(() => reject(new Error("The GPU is too slow.")), TRIAL_MS));
+  const { lnRadiance } = await Promise.race([models.light(new Float32Array(4 * CROP_SIZE ** 2).fill(0.5)), late]);
+  if (!lnRadiance.every(Number.isFinite)) throw new Error("The GPU gives no numbers.");
+}
 
 /** The mask of a picture, its edge on the photo's own. */
 async function findMask(picture, clicks) {
