@@ -85,7 +85,10 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
 
 
 def test_balls_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path):
-    """The script opened in Blender's text editor, as docs/export.md says."""
+    """The script opened in Blender's text editor, as docs/export.md says.
+
+    Its glossy ball has no Fresnel term, ours reflects a little more towards its edge.
+    """
     radiance, size = light_of(), 48
     path = next(p for p in export(radiance, "blender", tmp_path, "two phase") if p.suffix == ".py")
     run(python, "blender_each_ball.py", path, size, tmp_path / "balls.npy")
@@ -95,4 +98,4 @@ def test_balls_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path)
     for seen, ours in zip(np.load(tmp_path / "balls.npy"), ball_images(radiance, size).values(), strict=True):
         difference = np.abs(seen - ours)[facing].sum(axis=1) / ours[facing].sum(axis=1)
         assert np.median(difference) < 0.05
-        np.testing.assert_allclose(seen[facing].mean(axis=0), ours[facing].mean(axis=0), rtol=0.05)
+        np.testing.assert_allclose(seen[facing].mean(axis=0), ours[facing].mean(axis=0), rtol=0.08)
