@@ -170,8 +170,12 @@ def relit(path: Path) -> None:
     """examples/table.mp4 beside what `anyprobe video` makes of it, as an animated WebP."""
     from anyprobe.video.clip import open_clip, read_frames
 
-    with tempfile.TemporaryDirectory() as folder:
-        command = f"video {HERE / 'table.mp4'} -o {folder} --click 115,135 --fov {LONG_FOV_DEG:g} --every 3"
+    with tempfile.TemporaryDirectory() as folder, Image.open(HERE / "table.png") as still:
+        masks = Path(folder) / "masks"
+        masks.mkdir()
+        for index in range(FPS * SECONDS):  # neither the vase nor the camera moves
+            still.getchannel("A").resize(CLIP_SIZE).save(masks / f"{index:04d}.png")
+        command = f"video {HERE / 'table.mp4'} -o {folder} --masks {masks} --fov {LONG_FOV_DEG:g} --every 3"
         command += f" --object ball --material gold --at 228,183 --size 0.6 --pitch {PITCH_DEG:g}"
         subprocess.run([*ANYPROBE, *command.split()], check=True)
         clips = (read_frames(open_clip(one), []) for one in (HERE / "table.mp4", Path(folder) / "relit.mp4"))

@@ -14,14 +14,14 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import SIZE, ball_frame, ball_mask, turned, write_clip, write_masks
 
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
 from anyprobe.relight.relight import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import open_clip, read_frames
-from anyprobe.video.following import MaskFollower
+from anyprobe.video.following import MaskFollower, inner_point
 from anyprobe.video.run import ClipRun, VirtualObject
 
 COUNT, FPS = 10, 24
@@ -97,13 +97,32 @@ def test_frame_without_object_keeps_the_light_and_is_named(begin, made, tmp_path
     assert "sh9" in run.progress.frames[5]
 
 
-def test_box_of_the_first_frame_is_followed(made):
+@pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])
+def test_object_of_the_first_frame_is_followed(made, where):
     pytest.importorskip("cv2")
-    follower = MaskFollower(None, {"box": (12, 32, 70, 90)}, None)
+    follower = MaskFollower(None, where, None)
+    truth = ball_mask() > 127
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         mask = follower.photo(frame).mask > 0.5
-        truth = ball_mask() > 127
         assert (mask & truth).sum() / (mask | truth).sum() > 0.7
+
+
+def test_another_object_is_not_taken_for_it(made):
+    follower = MaskFollower(None, {}, None)
+    follower.last = [40.0, 60.0, 100.0, 20, 40, 60, 80]  # the ball has some 1250 pixels
+    with pytest.raises(InvalidMask, match="about 100 pixels"):
+        follower.photo(next(read_frames(open_clip(made / "clip.mp4"), [])))
+    assert follower.last[2] == 100.0
+
+
+@pytest.mark.parametrize("size", [(96, 128), (700, 900)])
+def test_inner_point_of_a_crescent_lies_on_it(size):
+    """Its middle does not; the thickest place is at the left."""
+    rows, columns = np.mgrid[0 : size[0], 0 : size[1]] / size[0]
+    moon = (np.hypot(rows - 0.5, columns - 0.5) < 0.4) & (np.hypot(rows - 0.5, columns - 0.62) > 0.35)
+    x, y = inner_point(moon.astype(np.float32))
+    assert x / size[0] == pytest.approx(0.185, abs=0.04)
+    assert y / size[0] == pytest.approx(0.5, abs=0.06)
 
 
 # Going on

@@ -1,8 +1,10 @@
-"""The object's mask from frame to frame: from a folder, or found once and then followed by GrabCut."""
+"""The object's mask from frame to frame: from a folder, or found anew around a point of the last one.
+
+Each frame's mask owes nothing to the last one's edge, so that no error grows from frame to frame.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,14 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.infer.photo import Photo, load_photo, object_box
 from anyprobe.video.clip import Frame
 
-GROWTH = 0.12
-"""The object of the last frame is looked for in its box, grown by this share on every side."""
+GROWTH = 0.08
+"""The box that the network is told is the last mask's, grown by this share on every side."""
+
+MOST_CHANGE = 1.4
+"""An object that is so many times larger or smaller than in the last frame is another."""
+
+COARSE_PX = 128
+"""Longer side of the mask that the inner point is looked for in."""
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 
@@ -20,8 +28,8 @@ MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 class MaskFollower:
     """Frames in order become photos whose object is marked.
 
-    told: what the caller said about the first frame; may be empty. box: where the next frame's object
-    is looked for, None before the first.
+    told: what the caller said about the first frame; may be empty. last: x, y of a point well
+    inside the last mask, that mask's pixels, and its box; None before the first.
     """
 
     def __init__(self, masks: Path | None, where: dict, fov_deg: float | None) -> None:
@@ -32,7 +40,7 @@ class MaskFollower:
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
             self._files = sorted(path for path in masks.iterdir() if path.suffix.lower() in MASK_SUFFIXES)
         self.told, self._fov_deg = where, fov_deg
-        self.box: Sequence[float] | None = None
+        self.last: list[float] | None = None
 
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask; InvalidMask where there is none."""
@@ -43,14 +51,43 @@ class MaskFollower:
                     f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
                 )
             return load_photo(frame.rgb, mask=self._files[frame.index], fov_deg=self._fov_deg)
-        where = self.told if self.box is None else {"box": self.box}
+        where = self.told if self.last is None else self._around_last(frame.rgb.shape)
         photo = load_photo(frame.rgb, fov_deg=self._fov_deg, **where)
-        self.box = self._grown(photo.mask)
+        pixels = float(photo.mask.sum())
+        if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
+            raise InvalidMask(
+                f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
+                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass --masks"
+            )
+        self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
 
-    @staticmethod
-    def _grown(mask: np.ndarray) -> tuple[int, int, int, int]:
-        height, width = mask.shape
-        x0, y0, x1, y1 = object_box(mask)
-        right, down = round(GROWTH * (x1 - x0)) + 2, round(GROWTH * (y1 - y0)) + 2
-        return max(x0 - right, 0), max(y0 - down, 0), min(x1 + right, width), min(y1 + down, height)
+    def _around_last(self, shape: tuple[int, ...]) -> dict:
+        x0, y0, x1, y1 = self.last[3:]
+        whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
+        return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}
+
+
+def _grown_box(mask: np.ndarray) -> list[float]:
+    height, width = mask.shape
+    x0, y0, x1, y1 = object_box(mask)
+    right, down = GROWTH * (x1 - x0), GROWTH * (y1 - y0)
+    return [
+        float(v)
+        for v in (max(x0 - right, 0), max(y0 - down, 0), min(x1 + right, width), min(y1 + down, height))
+    ]
+
+
+def inner_point(mask: np.ndarray) -> tuple[float, float]:
+    """x, y of a pixel far from the edge of a mask [H, W] that is not empty; of several the most central."""
+    step = max(1, -(-max(mask.shape) // COARSE_PX))
+    inside = mask[step // 2 :: step, step // 2 :: step] > 0.5
+    if not inside.any():
+        inside, step = mask > 0, 1
+    left = inside
+    while left.any():
+        inside, padded = left, np.pad(left, 1)
+        left = left & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    rows, columns = np.nonzero(inside)
+    nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+    return float(columns[nearest] * step + step // 2), float(rows[nearest] * step + step // 2)

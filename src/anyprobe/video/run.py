@@ -104,7 +104,7 @@ class ClipRun:
                     self._set_up(self.follower.photo(frame))
                 continue
             if frame.index == done.next_index and done.next_index:
-                self.follower.box, self._shown = done.box, None
+                self.follower.last, self._shown = done.last, None
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
@@ -185,7 +185,7 @@ class ClipRun:
             write_piece(self._piece(done.pieces), pictures)
             done.pieces += 1
         done.next_index = next_index
-        done.box = None if self.follower.box is None else [int(v) for v in self.follower.box]
+        done.last = self.follower.last
         save_progress(self.folder, done)
 
     def _piece(self, number: int) -> Path:

@@ -29,7 +29,7 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    box: where the object is looked for next. pieces: of the relit clip that are written.
+    last: of the follower. pieces: of the relit clip that are written.
     stage_index: the frame that the virtual object was placed in. material: its, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     """
@@ -39,7 +39,7 @@ class Progress:
     frames: list[dict] = field(default_factory=list)
     light: Steadied | None = None
     light_time_s: float = 0.0
-    box: list[float] | None = None
+    last: list[float] | None = None
     pieces: int = 0
     stage_index: int | None = None
     material: dict | None = None
