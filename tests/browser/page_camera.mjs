@@ -1,4 +1,5 @@
-// The camera's lights for some seconds. arguments: { seconds, click, screenshot? }
+// The camera's lights for some seconds. arguments: { seconds, click, lights?, screenshot? };
+// first it waits for so many lights (3), however long they take.
 // Chromium's --use-file-for-fake-video-capture gives the video.
 
 import { openPage } from "./page_steps.mjs";
@@ -19,7 +20,7 @@ export default async ({ page, context, url, arguments: given }) => {
     const box = await page.locator("#mask").boundingBox();
     await page.locator("#mask").click({ position: { x: given.click[0] * box.width, y: given.click[1] * box.height } });
   }
-  await page.waitForFunction(() => seen.length > 2, null, { polling: 200 });
+  await page.waitForFunction((count) => seen.length >= count, given.lights ?? 3, { polling: 200 });
   const told = await page.evaluate(async (seconds) => {
     const start = performance.now() / 1000;
     let frames = 0;
@@ -28,7 +29,7 @@ export default async ({ page, context, url, arguments: given }) => {
     await new Promise((done) => setTimeout(done, 1000 * seconds));
     const took = performance.now() / 1000 - start;
     const lights = seen.filter(({ time }) => time > start);
-    return { lights, took, frames, rates: document.getElementById("rates").textContent };
+    return { all: seen, lights, took, frames, rates: document.getElementById("rates").textContent };
   }, given.seconds);
   if (given.screenshot) await page.screenshot({ path: given.screenshot, fullPage: true });
   await page.click("#camera");
