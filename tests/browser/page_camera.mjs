@@ -21,6 +21,7 @@ export default async ({ page, context, url, arguments: given }) => {
     await page.locator("#mask").click({ position: { x: given.click[0] * box.width, y: given.click[1] * box.height } });
   }
   await page.waitForFunction((count) => seen.length >= count, given.lights ?? 3, { polling: 200 });
+  await page.waitForFunction(() => document.getElementById("rates").textContent, null, { polling: 200 });
   const told = await page.evaluate(async (seconds) => {
     const start = performance.now() / 1000;
     let frames = 0;
