@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import numpy as np
 import OpenEXR
@@ -15,6 +16,7 @@ from anyprobe.files.images import read_image
 from anyprobe.infer.photo import load_photo
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask
+from anyprobe.masks.grabcut import cut_seeded
 from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.pointing import check_clicks
 from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, keep_large_parts
@@ -212,7 +214,7 @@ def test_told_nothing_the_example_is_found(project_root):
     photo = load_photo(rgb)
     assert photo.mask_source == "network"
     assert photo.mask_confidence > 0.6
-    assert overlap(photo.mask, true) > 0.85
+    assert overlap(photo.mask, true) > 0.75
 
 
 def test_a_click_and_a_box_find_it_too(project_root):
@@ -220,14 +222,36 @@ def test_a_click_and_a_box_find_it_too(project_root):
     rows, columns = np.nonzero(true > 0.5)
     point = (float(columns.mean()), float(rows.mean()))
     box = (columns.min() - 5.0, rows.min() - 5.0, columns.max() + 6.0, rows.max() + 6.0)
-    for told, source in (
-        ({"click": point}, "click"),
-        ({"box": box}, "box"),
-        ({"click": point, "box": box}, "click"),
+    for told, source, least in (
+        ({"click": point}, "click", 0.8),
+        ({"box": box}, "box", 0.6),
+        ({"click": point, "box": box}, "click", 0.95),
     ):
         found = find_mask(read_image(rgb), **told)
         assert found.source == source
-        assert overlap(found.mask, true) > 0.85
+        assert overlap(found.mask, true) > least
+
+
+def test_grabcut_starts_from_a_rough_mask_and_believes_clicks():
+    pytest.importorskip("cv2", reason="needs the box extra")
+    true = disc(240, 320, 160, 120, 70)
+    rgb = np.where(true[..., None] > 0.5, (0.7, 0.3, 0.2), (0.3, 0.4, 0.5)).astype(np.float32)
+    rough = disc(60, 80, 44, 27, 12)
+    assert overlap(resize(rough, 320, 240), true) < 0.6
+    assert overlap(cut_seeded(rgb, rough), true) > 0.97
+    assert cut_seeded(rgb, np.zeros((60, 80), np.float32)) is None
+    clicked = cut_seeded(rgb, rough, on=[(160, 120)], off=[(200, 120)])
+    assert clicked[120, 160] == 1.0
+    assert clicked[120, 200] == 0.0
+
+
+def test_without_opencv_the_guided_filter_finishes(project_root, monkeypatch):
+    rgb, true = vase(project_root)
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    rows, columns = np.nonzero(true > 0.5)
+    found = find_mask(read_image(rgb), click=(float(columns.mean()), float(rows.mean())))
+    assert found.source == "click"
+    assert 0.3 < overlap(found.mask, true) < 1.0
 
 
 def test_nothing_to_find():
@@ -280,7 +304,7 @@ def test_mask_command_writes_a_mask_that_estimate_takes(tmp_path, monkeypatch, c
     assert outcome.status == 0
     assert "by network" in outcome.out
     assert {p.name for p in (tmp_path / "masks").iterdir()} == {"vase_mask.png", "vase_overlay.png"}
-    assert overlap(np.asarray(Image.open("masks/vase_mask.png")) / 255, true) > 0.85
+    assert overlap(np.asarray(Image.open("masks/vase_mask.png")) / 255, true) > 0.75
     assert command("estimate", "vase.png", "--mask", "masks", "-o", "light").status == 0
     assert json.loads((tmp_path / "light" / "vase.json").read_text())["mask"]["source"] == "mask"
     assert command("estimate", "vase.png", "-o", "light").status == 0

@@ -61,7 +61,7 @@ def evaluate_masks(
             found = {name: find(case) for name, find in compared.items()}
             scores[group][case.name] = {name: iou(mask, case.mask) for name, mask in found.items()}
             for name, mask in found.items():
-                if number < overlays and name.endswith("guided filter"):
+                if number < overlays and name.endswith("network, GrabCut"):
                     told = name.split(":")[0]
                     empty = np.zeros(case.mask.shape, np.float32)
                     on = [case.click] if told == "click" else []

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.files.images import read_image
-from anyprobe.masks.grabcut import cut_around, cut_edge, mask_from_box
+from anyprobe.masks.grabcut import cut_around, cut_seeded, mask_from_box
 from anyprobe.masks.propose import MaskNetwork
 from anyprobe.masks.refine import refine, resize
 from anyprobe.masks.sources import mask_from_file
@@ -69,21 +69,21 @@ def iou(found: Found, true: np.ndarray) -> float:
 def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
     """What is compared, by name: told what, found how."""
 
-    def asked(told: Callable[[Case], dict], finish: Callable[[Case, np.ndarray], np.ndarray], again=True):
+    def proposed(told: dict, finish: Callable[[Case, np.ndarray, dict], Found]) -> Callable[[Case], Found]:
         def find(case: Case) -> Found:
-            proposal = network.propose(case.rgb, **told(case), again=again)
-            return None if proposal.confidence == 0.0 else finish(case, proposal.cover)
+            asked = {name: tell(case) for name, tell in told.items()}
+            return finish(case, network.propose(case.rgb, **asked).cover, asked)
 
         return find
 
-    def plain(case: Case, cover: np.ndarray) -> np.ndarray:
+    def plain(case: Case, cover: np.ndarray, asked: dict) -> Found:
         return resize(cover, case.rgb.shape[1], case.rgb.shape[0])
 
-    def guided(case: Case, cover: np.ndarray) -> np.ndarray:
+    def guided(case: Case, cover: np.ndarray, asked: dict) -> Found:
         return refine(case.rgb, cover)
 
-    def grabcut_edge(case: Case, cover: np.ndarray) -> np.ndarray:
-        return cut_edge(case.rgb, plain(case, cover))
+    def cut(case: Case, cover: np.ndarray, asked: dict) -> Found:
+        return cut_seeded(case.rgb, cover, asked.get("on", ()))
 
     def grabcut_box(case: Case) -> Found:
         try:
@@ -91,17 +91,12 @@ def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
         except ValueError:
             return None
 
-    told = {
-        "nothing": lambda case: {},
-        "click": lambda case: {"on": [case.click]},
-        "box": lambda case: {"box": case.box},
-    }
+    told = {"nothing": {}, "click": {"on": lambda case: [case.click]}, "box": {"box": lambda case: case.box}}
     table = {}
     for name, tell in told.items():
-        table[f"{name}: network, no second look"] = asked(tell, plain, again=False)
-        table[f"{name}: network"] = asked(tell, plain)
-        table[f"{name}: network, guided filter"] = asked(tell, guided)
-        table[f"{name}: network, GrabCut at the edge"] = asked(tell, grabcut_edge)
+        table[f"{name}: network"] = proposed(tell, plain)
+        table[f"{name}: network, guided filter"] = proposed(tell, guided)
+        table[f"{name}: network, GrabCut"] = proposed(tell, cut)
     table["nothing: ellipse in the middle"] = lambda case: _ellipse(
         case.mask.shape, tuple(share * side for share in (0.25, 0.75) for side in case.mask.shape[::-1])
     )

@@ -8,11 +8,12 @@ from typing import TypedDict
 
 import numpy as np
 
-from anyprobe.errors import InvalidMask
+from anyprobe.core.hints import Point
+from anyprobe.errors import InvalidMask, MissingExtra
 from anyprobe.files.images import Pixels
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.depth import DepthSource, mask_from_depth
-from anyprobe.masks.grabcut import mask_from_box
+from anyprobe.masks.grabcut import cut_seeded, mask_from_box
 from anyprobe.masks.pointing import Clicks, check_box, check_clicks
 from anyprobe.masks.propose import shared_network
 from anyprobe.masks.refine import refine
@@ -95,8 +96,8 @@ def _pointed_at(pixels: Pixels, click, click_off, box) -> FoundMask:
         return FoundMask(mask=mask_from_box(pixels.rgb, corners), source="box")
     source = "click" if on or box is None else "box"
     proposal = shared_network().propose(pixels.rgb, on, off, corners)
-    found = refine(pixels.rgb, proposal.cover)
-    if not (found > 0.5).any():
+    found = _cut_out(pixels.rgb, proposal.cover, on, off)
+    if found is None:
         shown = f"the {source}" if on or box is not None else "the clicks beside it"
         raise InvalidMask(
             f"{pixels.name}: expected an object at {shown}, found none that stands out; "
@@ -107,12 +108,11 @@ def _pointed_at(pixels: Pixels, click, click_off, box) -> FoundMask:
 
 def _proposed(pixels: Pixels) -> FoundMask:
     proposal = shared_network().propose(pixels.rgb)
-    found = refine(pixels.rgb, proposal.cover)
-    is_empty = not (found > 0.5).any()
-    if is_empty or proposal.confidence < UNSURE:
+    found = _cut_out(pixels.rgb, proposal.cover)
+    if found is None or proposal.confidence < UNSURE:
         seen = (
             "nothing stands out"
-            if is_empty
+            if found is None
             else f"the network is unsure ({proposal.confidence:.2f}, {UNSURE} needed)"
         )
         raise InvalidMask(
@@ -120,3 +120,16 @@ def _proposed(pixels: Pixels) -> FoundMask:
             "pass --click X,Y, --box X0,Y0,X1,Y1 or --mask FILE, or a photo with an alpha channel"
         )
     return FoundMask(mask=check_mask(found), source="network", confidence=proposal.confidence)
+
+
+def _cut_out(
+    rgb: np.ndarray, cover: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = ()
+) -> np.ndarray | None:
+    """The proposal cut out by GrabCut, or by the guided filter without OpenCV; None where nothing is."""
+    if not on and not (cover > 0.5).any():
+        return None
+    try:
+        found = cut_seeded(rgb, cover, on, off)
+    except MissingExtra:
+        found = refine(rgb, cover)
+    return found if found is not None and (found > 0.5).any() else None

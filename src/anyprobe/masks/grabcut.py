@@ -7,21 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from anyprobe.errors import InvalidMask, MissingExtra
-from anyprobe.masks.check import check_mask
+from anyprobe.masks.check import check_mask, object_box
 from anyprobe.masks.pointing import check_box
 
 GRABCUT_LONG_PX = 640
 """Longer side of the picture that GrabCut works on; its time grows with the area."""
 
 GRABCUT_ROUNDS = 5
-EDGE_ROUNDS = 2
-
-EDGE_BAND_PX = 19
-"""Width of the band around a coarse mask's edge in which GrabCut decides, at GRABCUT_LONG_PX."""
 
 CLICK_REACH, CLICK_SURE, BORDER = 0.15, 0.02, 0.02
 """Radii around a click that start as perhaps and surely the object, and width of the border that surely is
 not, in longer sides."""
+
+SEED_MARGIN = 0.12
+"""Reach around a rough mask's box in which GrabCut may find the object, in the box's longer sides."""
 
 
 def mask_from_box(rgb: np.ndarray, box: Sequence[float]) -> np.ndarray:
@@ -76,24 +75,35 @@ def cut_around(rgb: np.ndarray, point: tuple[float, float]) -> np.ndarray | None
     return _smooth(cv2, cut, width, height) if cut.any() else None
 
 
-def cut_edge(rgb: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    """A coarse mask with its edge moved by GrabCut; what is sure in it stays.
+def cut_seeded(
+    rgb: np.ndarray, cover: np.ndarray, on: Sequence[tuple[float, float]] = (), off=()
+) -> np.ndarray | None:
+    """GrabCut that starts from a rough mask and may move far from it; None where nothing is left.
 
     Args:
         rgb: [H, W, 3] display values in [0, 1].
-        cover: [H, W] in [0, 1]; sure where it is, averaged over 3 % of the longer side, beyond 0.05 and 0.95.
+        cover: [h, w] in [0, 1] of the same extent; the object is somewhere around cover > 0.5.
+        on, off: clicks x, y on the object and beside it, which are believed.
     """
-    cv2 = _need_cv2("cutting the object's edge")
-    height, width = cover.shape
-    small, _ = _shrink(cv2, rgb)
+    cv2 = _need_cv2("cutting out what was found")
+    height, width = rgb.shape[:2]
+    small, scale = _shrink(cv2, rgb)
     coarse = cv2.resize(np.ascontiguousarray(cover, np.float32), (small.shape[1], small.shape[0]))
-    soft = cv2.blur(coarse, (EDGE_BAND_PX, EDGE_BAND_PX))
-    labels = np.where(coarse > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    labels[soft < 0.05], labels[soft > 0.95] = cv2.GC_BGD, cv2.GC_FGD
-    if not (labels % 2 == 0).any() or not (labels % 2 == 1).any():
-        return cover
-    cut = _cut(cv2, small, labels, None, EDGE_ROUNDS, cv2.GC_INIT_WITH_MASK)
-    return _smooth(cv2, cut, width, height)
+    labels = np.full(coarse.shape, cv2.GC_BGD, np.uint8)
+    if (coarse > 0.5).any():
+        x0, y0, x1, y1 = object_box(coarse)
+        more = max(2, round(SEED_MARGIN * max(x1 - x0, y1 - y0)))
+        around = (slice(max(y0 - more, 0), y1 + more), slice(max(x0 - more, 0), x1 + more))
+        labels[around] = np.where(coarse[around] > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD)
+    y, x = np.ogrid[: labels.shape[0], : labels.shape[1]]
+    for points, label in ((on, cv2.GC_FGD), (off, cv2.GC_BGD)):
+        for column, row in points:
+            distance = np.hypot(x + 0.5 - column * scale, y + 0.5 - row * scale)
+            labels[distance < CLICK_SURE * max(labels.shape)] = label
+    if len(np.unique(labels % 2)) < 2:
+        return None
+    cut = _cut(cv2, small, labels, None, GRABCUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
+    return _smooth(cv2, cut, width, height) if cut.any() else None
 
 
 def _need_cv2(purpose: str):
