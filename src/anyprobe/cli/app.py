@@ -7,6 +7,7 @@ import sys
 import typer
 
 from anyprobe import __version__
+from anyprobe.cli.compare import compare
 from anyprobe.cli.data import data
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
@@ -15,6 +16,7 @@ from anyprobe.cli.evaluate_masks import evaluate_masks
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.relight import relight
+from anyprobe.cli.report import report, timing
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
 from anyprobe.cli.video import video
@@ -36,6 +38,9 @@ for command in (
     serve,
     evaluate,
     evaluate_masks,
+    compare,
+    timing,
+    report,
     doctor,
     train,
     weights,

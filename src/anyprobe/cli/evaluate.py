@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from anyprobe.cli.evaluate_real import evaluate_real
+from anyprobe.errors import InputError
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
 COLUMNS = (
@@ -31,9 +33,10 @@ COLUMNS = (
 
 def evaluate(
     hdri: Annotated[
-        Path, typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor).")
-    ],
-    meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")],
+        Path | None,
+        typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor)."),
+    ] = None,
+    meshes: Annotated[Path | None, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")] = None,
     pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = 200,
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = 2020,
     frozen: Annotated[
@@ -43,9 +46,21 @@ def evaluate(
         "evaluation"
     ),
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    real: Annotated[
+        Path | None,
+        typer.Option(help="Folder of real photos with measured maps (docs/evaluation.md) instead."),
+    ] = None,
 ) -> None:
     """Render a fixed test set, score the model and two baselines, print the table."""
     from anyprobe.core.response import response
+
+    if real is not None:
+        evaluate_real(real, model, out)
+        return
+    if hdri is None or meshes is None:
+        raise InputError(
+            "expected --hdri DIR and --meshes DIR of held-out assets, or --real DIR, got neither"
+        )
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.plan import balanced_recipes

@@ -1,0 +1,137 @@
+"""anyprobe compare: the paper's designs, its rivals, shipped models and baselines on one test set, into files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from anyprobe.errors import InputError, MissingExtra
+
+RESULTS = Path("docs/results")
+
+
+def _need_torch() -> None:
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra("torch", "train", "running the trained designs") from error
+
+
+def compare(
+    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for evaluate.")],
+    meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
+    run: Annotated[
+        Path | None, typer.Option(help="Folder of the run that anyprobe train designs left; else no designs.")
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(help="Bundled model or folder of graphs to set beside; repeat for more."),
+    ] = None,
+    pairs: Annotated[int, typer.Option(min=2, help="The first so many of the frozen 1,000 pairs.")] = 1000,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the result files.")] = RESULTS,
+    kept: Annotated[
+        Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
+    ] = None,
+    figures: Annotated[int, typer.Option(min=1, help="Pairs shown in the pictures.")] = 8,
+) -> None:
+    """Score every method on the frozen test set; write table1.json, fig13.json ... and pictures for the report."""
+    from anyprobe.dataset.catalog import load_maps, load_shapes
+    from anyprobe.dataset.recipe import digest
+    from anyprobe.dataset.stock import Stock
+    from anyprobe.evaluate.figures import Figures
+    from anyprobe.evaluate.kept_pairs import kept_pairs
+    from anyprobe.evaluate.study import study
+    from anyprobe.evaluate.tables import result_files
+    from anyprobe.evaluate.test_set import FROZEN, read_recipes
+
+    methods, trained = open_methods(run, model or [])
+    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+
+    def warn(line: str) -> None:
+        talk.print(f"warning: {line}", soft_wrap=True)
+
+    stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
+    recipes = read_recipes(FROZEN)
+    chosen = recipes[:pairs]
+    drawn = Figures(len(chosen), figures)
+    columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=talk) as progress:
+        task = progress.add_task("", total=len(chosen))
+
+        def watch(index, pair, estimates):
+            drawn.add(index, pair, estimates)
+            progress.advance(task)
+
+        result = study(kept_pairs(chosen, stock, kept), methods, watch)
+    about = {
+        "command": _command(hdri, meshes, run, model or [], len(chosen)),
+        "commit": _commit(),
+        "recipes": digest(recipes),
+        **trained,
+    }
+    for name, content in result_files(result, about).items():
+        write_result(out / f"{name}.json", content)
+    if run is not None:
+        write_result(out / "gradual.json", about | curves(run / "log.csv"))
+    for path in drawn.save(out):
+        talk.print(str(path))
+    talk.print(f"{out / 'table1.json'} and the others; anyprobe report draws them together")
+
+
+def open_methods(run: Path | None, models: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Methods by name, baselines first, and what the result files say of their training."""
+    from anyprobe.evaluate.methods import baselines, shipped
+
+    methods, trained = baselines(), {}
+    if run is not None:
+        _need_torch()
+        from anyprobe.train.design_methods import DesignMethods
+
+        designs = DesignMethods(run / "checkpoint.pt")
+        trained = {"designs": designs.run}
+        methods |= designs.methods()
+    for name in models:
+        methods[Path(name).name], trained[Path(name).name] = shipped(name)
+    return methods, trained
+
+
+def curves(log: Path) -> dict[str, Any]:
+    """The columns of a run's log: Fig. 6 and the learning curves."""
+    import csv
+
+    if not log.is_file():
+        raise InputError(f"{log}: expected the run's log, found none; keep it beside the checkpoint")
+    with log.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    names = [name for name in rows[0] if name not in ("step", "learning_rate", "pairs_per_second")]
+    return {"columns": {name: [round(float(row[name]), 6) for row in rows] for name in names}}
+
+
+def write_result(path: Path, content: dict[str, Any]) -> None:
+    """JSON, whole or not at all."""
+    from anyprobe.files.atomic import atomic_path
+
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _command(hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int) -> str:
+    parts = [f"anyprobe compare --hdri {hdri.name} --meshes {meshes.name}"]
+    parts += [f"--run {run.name}"] if run is not None else []
+    parts += [f"--model {Path(name).name}" for name in models]
+    return " ".join([*parts, f"--pairs {pairs}"])
+
+
+def _commit() -> str:
+    """Of the working tree, or "unknown" outside one."""
+    asked = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=10"]
+    try:
+        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

@@ -1,0 +1,124 @@
+"""Real photos with measured maps: the paper's real groups, from a folder that a user supplies."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.latlong import bilinear
+from anyprobe.core.response import response
+from anyprobe.errors import InputError
+from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.evaluate.panel import Method, ball_scores, ldr_scores
+from anyprobe.files.radiance import read_radiance
+from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.light.main_light import find_main_light
+
+COLUMNS = ("photo", "mask", "map", "fov_deg", "gain", "kind")
+KINDS = ("specular", "diffuse")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RealPair:
+    """A photo's crop [128, 128, 4] and the measured map [64, 128, 3] in the crop's frame and exposure."""
+
+    name: str
+    kind: str
+    crop: np.ndarray
+    tan_half: float
+    radiance: np.ndarray
+
+
+def read_real(folder: Path) -> list[dict[str, str]]:
+    """Rows of manifest.csv, checked: every file there, numbers positive, kinds known.
+
+    Raises:
+        InputError: with the row's number and what was expected.
+    """
+    path = folder / "manifest.csv"
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(
+            f"{path}: expected a table with the columns {', '.join(COLUMNS)}, found none readable"
+        ) from error
+    if not rows:
+        raise InputError(f"{path}: expected a row for each photo, got an empty table")
+    for number, row in enumerate(rows, 2):
+        place = f"{path} line {number}"
+        missing = [name for name in COLUMNS if not row.get(name)]
+        if missing:
+            raise InputError(f"{place}: expected a value for {', '.join(missing)}, got none")
+        for name in ("photo", "mask", "map"):
+            if not (folder / row[name]).is_file():
+                raise InputError(f"{place}: expected the file {row[name]}, found none")
+        if row["kind"] not in KINDS:
+            raise InputError(f"{place}: expected kind {' or '.join(KINDS)}, got {row['kind']!r}")
+        for name in ("fov_deg", "gain"):
+            if not _positive(row[name]):
+                raise InputError(f"{place}: expected {name} > 0, got {row[name]!r}")
+    return rows
+
+
+def load_real(folder: Path, rows: list[dict[str, str]]) -> Iterator[RealPair]:
+    """Each row's photo, cropped, and its map, turned to the crop and scaled to the photo's exposure."""
+    for row in rows:
+        photo = load_photo(folder / row["photo"], fov_deg=float(row["fov_deg"]), mask=folder / row["mask"])
+        crop = crop_object(photo)
+        measured = read_radiance(folder / row["map"]) * float(row["gain"])
+        yield RealPair(
+            name=row["photo"],
+            kind=row["kind"],
+            crop=crop.image,
+            tan_half=crop.tan_half,
+            radiance=shrink(rotate(_fit(measured), crop.camera_from_crop.T), MAP_HEIGHT).astype(np.float32),
+        )
+
+
+def score_real(pairs: Iterator[RealPair], methods: Mapping[str, Method]) -> dict[str, dict]:
+    """Group ("specular", "diffuse") -> {"pairs", "rows"}, as fig13.json has them."""
+    scores: dict[str, dict[str, list[dict[str, float]]]] = {}
+    for pair in pairs:
+        true_ldr = response(pair.radiance)
+        true_light = find_main_light(pair.radiance).direction
+        for name, method in methods.items():
+            one = method(pair)
+            row = ball_scores(one.ldr, true_ldr) | ldr_scores(one.ldr, true_ldr)
+            if one.radiance is not None:
+                row["main_light_deg"] = direction_error_deg(
+                    find_main_light(one.radiance).direction, true_light
+                )
+            scores.setdefault(pair.kind, {}).setdefault(name, []).append(row)
+    return {
+        kind: {
+            "pairs": len(next(iter(by_method.values()))),
+            "rows": [
+                {"design": name}
+                | {key: round(float(np.mean([row[key] for row in rows])), 5) for key in rows[0]}
+                for name, rows in by_method.items()
+            ],
+        }
+        for kind, by_method in scores.items()
+    }
+
+
+def _fit(radiance: np.ndarray) -> np.ndarray:
+    """A map of a multiple of 64 rows, interpolated up where it is not one."""
+    rows = -(-radiance.shape[0] // MAP_HEIGHT) * MAP_HEIGHT
+    if rows == radiance.shape[0]:
+        return radiance
+    u, v = np.meshgrid((np.arange(2 * rows) + 0.5) / (2 * rows), (np.arange(rows) + 0.5) / rows)
+    return bilinear(radiance, np.stack([u, v], axis=-1).astype(np.float32))
+
+
+def _positive(text: str) -> bool:
+    try:
+        return 0 < float(text) < float("inf")
+    except ValueError:
+        return False

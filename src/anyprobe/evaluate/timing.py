@@ -1,0 +1,65 @@
+"""How long a model's networks take: each by itself, and the whole call from photo to light."""
+
+from __future__ import annotations
+
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.runtime import stages_of, weights_folder
+
+WARM = 3
+"""Calls that do not count."""
+
+
+def time_model(model: str, photo: Path, threads: int, repeats: int) -> dict[str, Any]:
+    """Median seconds of each network on one input, and of Estimator on a photo's path.
+
+    Returns:
+        {"networks": {stage: seconds}, "whole": seconds}.
+    """
+    estimator = Estimator(model, threads=threads)
+    folder = weights_folder(model)
+    networks = {
+        stage: _median(_network(folder / f"{stage}.onnx", threads), repeats) for stage in stages_of(folder)
+    }
+    return {"networks": networks, "whole": _median(lambda: estimator(photo), repeats)}
+
+
+def machine_name() -> str:
+    """The processor's name where the system tells it."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
+    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor() or platform.machine()
+
+
+def _network(path: Path, threads: int) -> Callable[[], Any]:
+    """One run of a graph on zeros of its inputs' shapes, batch of one."""
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    options.intra_op_num_threads = threads
+    session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    values = {
+        given.name: np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)
+        for given in session.get_inputs()
+    }
+    return lambda: session.run(None, values)
+
+
+def _median(call: Callable[[], Any], repeats: int) -> float:
+    for _ in range(WARM):
+        call()
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        seconds.append(time.perf_counter() - start)
+    return round(statistics.median(seconds), 6)

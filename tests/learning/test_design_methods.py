@@ -1,0 +1,97 @@
+"""Trained designs as methods: each is given what its name says, and nothing else."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from support.some_pair import ball_pair
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
+
+from anyprobe.core.response import response  # noqa: E402
+from anyprobe.errors import ModelError  # noqa: E402
+from anyprobe.evaluate.panel import score_pair  # noqa: E402
+from anyprobe.light.reconstruct import THRESHOLD  # noqa: E402
+from anyprobe.train.config import designs, paper, smoke  # noqa: E402
+from anyprobe.train.design_methods import DesignMethods, read_run  # noqa: E402
+from anyprobe.train.designs import Designs  # noqa: E402
+
+
+def checkpoint(path, config):
+    nets = Designs.networks()
+    for name in ("ours", "irradiance"):  # untrained ones of one seed are the same
+        for p in nets[name].parameters():
+            p.data += 0.05 * torch.randn(p.shape, generator=torch.Generator().manual_seed(len(name)))
+    stored = {"nets": nets.state_dict(), "step": 7, "config": json.dumps(asdict(config))}
+    torch.save(stored | {"pairs": 112}, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def methods(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "checkpoint.pt"
+    return DesignMethods(checkpoint(path, smoke(designs()))).methods()
+
+
+def test_every_method_scores(methods):
+    pair = ball_pair()
+    rows = score_pair(pair, {name: method(pair) for name, method in methods.items()})
+    assert set(rows) == {
+        "direct",
+        "irradiance",
+        "ours",
+        "irradiance_2",
+        "ours_2",
+        "ideal",
+        "georgoulis",
+        "meka",
+    }
+    for name in ("direct", "irradiance", "ours", "ideal"):
+        assert np.isfinite(rows[name]["hdr_psnr"])
+    assert "hdr_psnr" not in rows["georgoulis"]
+    assert "irradiance_ssim" not in rows["direct"]
+    assert rows["ours"]["irradiance_ssim"] == rows["ideal"]["irradiance_ssim"]
+
+
+def test_each_sees_what_its_name_says(methods):
+    """The true irradiance changes ideal alone; normals change Meka alone; the map's truth only ideal's HDR."""
+    pair = ball_pair()
+    others = {
+        "irradiance": (replace(pair, irradiance=pair.irradiance[::-1].copy()), {"ideal"}),
+        "normals": (replace(pair, normals=pair.normals[:, ::-1].copy()), {"meka"}),
+        "photo": (
+            replace(pair, photo=np.concatenate([255 - pair.photo[..., :3], pair.photo[..., 3:]], axis=-1)),
+            set(methods) - {"ideal"},
+        ),
+    }
+    before = {name: method(pair).ldr for name, method in methods.items()}
+    for changed, expected in others.values():
+        moved = {
+            name for name, method in methods.items() if not np.array_equal(method(changed).ldr, before[name])
+        }
+        assert moved == expected
+
+
+def test_ideal_radiance_is_exact_where_the_true_map_is_not_saturated(methods):
+    pair = ball_pair()
+    radiance = methods["ideal"](pair).radiance
+    below = response(pair.radiance).max(axis=-1) <= THRESHOLD
+    assert 0.05 < below.mean() < 1.0
+    np.testing.assert_allclose(radiance[below], pair.radiance[below], rtol=1e-3, atol=1e-5)
+
+
+def test_meka_is_grey(methods):
+    ldr = methods["meka"](ball_pair()).ldr
+    assert np.ptp(ldr, axis=-1).max() == 0.0
+
+
+def test_a_run_says_what_it_has_learned_from(tmp_path):
+    run = read_run(checkpoint(tmp_path / "a.pt", smoke(designs(), 9)))
+    assert (run["steps"], run["of_steps"], run["pairs"], run["irradiance_pairs"]) == (7, 9, 112, 320_000)
+    with pytest.raises(ModelError, match="run of designs, got one of paper"):
+        read_run(checkpoint(tmp_path / "b.pt", smoke(paper())))
+    with pytest.raises(ModelError, match="anyprobe train designs"):
+        read_run(tmp_path / "none.pt")

@@ -1,0 +1,158 @@
+"""From a study to result files to the page: means, orders and sentences that follow from the numbers."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.some_pair import ball_pair
+
+from anyprobe.core.response import response
+from anyprobe.errors import InputError
+from anyprobe.evaluate.figures import Figures
+from anyprobe.evaluate.kept_pairs import read_pair, write_pair
+from anyprobe.evaluate.methods import baselines
+from anyprobe.evaluate.panel import Estimate
+from anyprobe.evaluate.report import smooth, write_report
+from anyprobe.evaluate.sheets import draw_chart, heat
+from anyprobe.evaluate.study import Study, study
+from anyprobe.evaluate.tables import result_files
+from anyprobe.evaluate.verdict import step_holds
+
+ABOUT = {"command": "anyprobe compare", "commit": "abc", "recipes": "0123"}
+
+
+def invented(**ssim):
+    """A study of two specular and two diffuse pairs in which only ldr_ssim was measured."""
+    result = Study()
+    for index, material in enumerate((0, 0, 1, 1)):
+        pair = ball_pair(index, alpha=0.2 if material == 0 else 0.8, material=material)
+        result.add(pair, {name: {"ldr_ssim": values[index]} for name, values in ssim.items()})
+    return result
+
+
+def test_means_go_by_group():
+    result = invented(ours=(0.1, 0.3, 0.5, 0.9))
+    assert result.means("ours")["ldr_ssim"] == pytest.approx(0.45)
+    assert result.means("ours", "specular")["ldr_ssim"] == pytest.approx(0.2)
+    assert result.means("ours", "alpha 0.75-1")["ldr_ssim"] == pytest.approx(0.7)
+    assert result.count("diffuse") == 2
+
+
+def test_difference_is_paired():
+    result = invented(ours=(0.2, 0.4, 0.6, 1.0), direct=(0.1, 0.3, 0.5, 0.9))
+    one = result.difference("ours", "direct", "ldr_ssim")
+    assert one == {"mean": pytest.approx(0.1), "standard_error": pytest.approx(0.0), "share_above": 1.0}
+    d = np.array([0.1, 0.1, 0.1, 0.5])
+    shifted = invented(ours=(0.2, 0.4, 0.6, 1.4), direct=(0.1, 0.3, 0.5, 0.9))
+    error = shifted.difference("ours", "direct", "ldr_ssim")["standard_error"]
+    assert error == pytest.approx(d.std(ddof=1) / 2, abs=1e-5)
+
+
+def test_a_step_holds_only_beyond_two_standard_errors():
+    assert step_holds("ldr_ssim", {"mean": 0.03, "standard_error": 0.01}) == "holds"
+    assert step_holds("ldr_ssim", {"mean": 0.015, "standard_error": 0.01}) == "is open"
+    assert step_holds("ldr_ssim", {"mean": -0.03, "standard_error": 0.01}) == "is reversed"
+    assert step_holds("ldr_rmse", {"mean": -0.03, "standard_error": 0.01}) == "holds"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Result files and pictures of a real study of two pairs, with invented designs."""
+    folder = tmp_path_factory.mktemp("results")
+
+    def design(amount):
+        def method(pair):
+            rng = np.random.default_rng(0)
+            radiance = pair.radiance * np.exp(rng.normal(scale=amount, size=pair.radiance.shape))
+            radiance = radiance.astype(np.float32)
+            return Estimate(ldr=response(radiance), radiance=radiance, irradiance=pair.irradiance / 256.0)
+
+        return method
+
+    methods = baselines() | {"direct": design(1.0), "irradiance": design(0.7), "ours": design(0.9)}
+    methods |= {"ideal": design(0.1), "meka": lambda pair: Estimate(ldr=0.999 * response(pair.radiance))}
+    pairs = [ball_pair(0), ball_pair(1, alpha=0.8, indoor=False, material=1)]
+    figures = Figures(2)
+    result = study(pairs, methods, figures.add)
+    trained = {"designs": {"steps": 5, "of_steps": 9, "pairs": 80, "seed": 3, "irradiance_pairs": 320000}}
+    for name, content in result_files(result, ABOUT | trained).items():
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    curve = [0.5 - 0.01 * k for k in range(30)]
+    columns = {name: curve for name in ("direct", "irradiance", "ours", "ours_sharp")}
+    columns["pairs"] = [16 * (k + 1) for k in range(30)]
+    (folder / "gradual.json").write_text(json.dumps({"columns": columns}))
+    figures.save(folder)
+    return folder
+
+
+def test_table1_has_the_rows_and_names_that_readers_look_for(results):
+    table = json.loads((results / "table1.json").read_text())
+    rows = {row["design"]: row for row in table["rows"]}
+    assert {"direct", "irradiance", "ours", "ideal"} <= set(rows)
+    for name in ("irradiance_ssim", "ldr_psnr", "ldr_rmse", "ldr_ssim", "hdr_psnr", "hdr_rmse", "hdr_ssim"):
+        assert rows["ours"][name] > 0
+    assert table["pairs"] == 2
+    assert table["command"] == ABOUT["command"]
+    assert table["designs"]["pairs"] == 80
+    assert "hdr_psnr" not in rows["meka"]
+    assert rows["ideal"]["ldr_ssim"] > rows["irradiance"]["ldr_ssim"] > rows["ours"]["ldr_ssim"]
+
+
+def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path):
+    page = write_report(results, results.parent / "results.md")
+    text = page.read_text()
+    assert "17.88" in text  # the paper's row beside ours
+    assert "80 pairs" in text
+    assert "irradiance < ours in ldr ssim (is reversed)" in text or "(is open)" in text
+    assert "direct < irradiance in ldr ssim (is reversed)" not in text
+    assert "not better than meka" in text  # it was given the truth
+    assert not re.search(r"\bnan\b|\binf\b", text)
+    for line in text.splitlines():
+        if line.startswith("!["):
+            name = line.split("(")[1].rstrip(")")
+            if name != "irradiance_kinds.png":
+                with Image.open(page.parent / name) as picture:
+                    assert picture.width > 100
+    again = text
+    assert write_report(results, page).read_text() == again
+
+
+def test_no_results_is_one_clear_line(tmp_path):
+    with pytest.raises(InputError, match="run anyprobe compare"):
+        write_report(tmp_path, tmp_path / "page.md")
+    (tmp_path / "table1.json").write_text("{")
+    with pytest.raises(InputError, match="damaged"):
+        write_report(tmp_path, tmp_path / "page.md")
+
+
+def test_a_kept_pair_comes_back_as_it_was(tmp_path):
+    pair = replace(ball_pair(3), tan_half=0.25)
+    write_pair(tmp_path / "a.npz", pair)
+    back = read_pair(tmp_path / "a.npz")
+    assert back.recipe == pair.recipe
+    assert (back.tan_half, back.indoor, back.map_name) == (0.25, True, "drawn")
+    assert back.material.alpha == pair.material.alpha
+    for name in ("photo", "irradiance", "radiance", "normals", "gain"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(pair, name))
+
+
+def test_heat_goes_from_black_to_white():
+    picture = heat(np.array([[[0.0] * 3, [10.0] * 3, [5.0] * 3]]))
+    np.testing.assert_allclose(picture[0], [[0, 0, 0], [1, 1, 1], [0.85, 0, 0.2]], atol=1e-6)
+
+
+def test_chart_draws_a_line_where_its_values_are():
+    chart = np.asarray(draw_chart({"one": ([0, 1], [0, 1])}, "x", "y").convert("RGB")).astype(int)
+    blue = (np.abs(chart - [0x1F, 0x77, 0xB4]).sum(-1) < 20).nonzero()
+    left, right = blue[0][blue[1] < 100], blue[0][(blue[1] > 540) & (blue[1] < 590)]
+    assert left.min() > 250  # low on the left, high on the right
+    assert right.min() < 80
+
+
+def test_smoothing_keeps_the_last_of_x_and_means_of_y():
+    x, y = smooth(list(range(40)), [float(k % 2) for k in range(40)])
+    assert x[-1] == 39
+    assert y[0] == pytest.approx(0.5)
