@@ -12,19 +12,23 @@ import pytest
 from PIL import Image
 from support.parity_case import write_parity_case
 
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.runtime import bundled_models
+
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
 
 pytestmark = pytest.mark.slow
 
 
-def test_page_gives_what_the_package_gives(tmp_path, estimator):
+@pytest.mark.parametrize("model", bundled_models())
+def test_page_gives_what_the_package_gives(tmp_path, model):
     if shutil.which("node") is None or not (WEB / "node_modules" / "onnxruntime-web").is_dir():
         pytest.skip("needs Node.js and the packages of web/ (cd web && npm ci)")
     with Image.open(ROOT / "examples" / "vase.png") as image:
         photo = np.asarray(image.convert("RGBA"))
     off_centre = np.ascontiguousarray(photo[60:440, 60:])
-    write_parity_case(tmp_path, estimator, off_centre, long_fov_deg=50.0)
+    write_parity_case(tmp_path, Estimator(model), off_centre, long_fov_deg=50.0)
     ended = subprocess.run(
         ["node", "--test", "test/"],
         cwd=WEB,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import load_photo
-from anyprobe.infer.runtime import STAGES, weights_folder
+from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.infer.runtime import weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
@@ -42,6 +42,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     answers = {
         "mask": loaded.mask,
         "crop": light.stages["photo"].transpose(2, 0, 1),
+        "tan_half": [crop_object(loaded).tan_half],
         "camera_from_crop": light.camera_from_crop,
         "irradiance": light.stages["irradiance"],
         "ldr": light.stages["ldr"],
@@ -62,7 +63,8 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
     (folder / "photo.rgba").write_bytes(photo.tobytes())
-    weights = {stage: str(weights_folder(estimator.models.name) / f"{stage}.onnx") for stage in STAGES}
+    folder_of_graphs = weights_folder(estimator.models.name)
+    weights = {stage: str(folder_of_graphs / f"{stage}.onnx") for stage in estimator.models.stages}
     weights["mask"] = str(default_graph())
     case = {
         "height": photo.shape[0],

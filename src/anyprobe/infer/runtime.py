@@ -51,13 +51,19 @@ class Outputs:
     confidence: np.ndarray | None = None
 
 
+def bundled_models() -> list[str]:
+    """Names of the models in the package."""
+    root = Path(str(resources.files("anyprobe") / "weights"))
+    return sorted(path.parent.name for first in FIRST_STAGES for path in root.glob(f"*/{first}.onnx"))
+
+
 def weights_folder(model: str) -> Path:
     """Where a model lives: a bundled one's name, or a folder of its graphs; ModelError if neither."""
     root = Path(str(resources.files("anyprobe") / "weights"))
     for folder in (root / model, Path(model)):
         if model and any((folder / f"{first}.onnx").is_file() for first in FIRST_STAGES):
             return folder
-    names = sorted(path.parent.name for first in FIRST_STAGES for path in root.glob(f"*/{first}.onnx"))
+    names = bundled_models()
     raise ModelError(
         f"model {model!r}: expected one of {', '.join(names) or 'none installed'}, or a folder with "
         "light.onnx, or with irradiance.onnx, illumination.onnx and hdr.onnx"

@@ -28,7 +28,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import read_image
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import load_photo
-from anyprobe.infer.runtime import STAGES, weights_folder
+from anyprobe.infer.runtime import stages_of, weights_folder
 from anyprobe.serve.answers import light_json, mask_png, png
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import Job, WorkerPool
@@ -70,7 +70,7 @@ class Page:
         if "index.html" not in self.files:
             raise ModelError("page: expected the built page in the package, found none; reinstall anyprobe")
         weights = weights_folder(model)
-        self.files |= {f"weights/{stage}.onnx": weights / f"{stage}.onnx" for stage in STAGES}
+        self.files |= {f"weights/{stage}.onnx": weights / f"{stage}.onnx" for stage in stages_of(weights)}
         mask = weights_folder("paper").parent / "mask" / "mask.onnx"
         if mask.is_file():
             self.files["weights/mask.onnx"] = mask

@@ -5,7 +5,6 @@ import { rotate } from "./environment.js";
 import { prefilter } from "./prefilter.js";
 import { project } from "./harmonics.js";
 import { findMainLight } from "./mainLight.js";
-import { reconstruct } from "./reconstruct.js";
 
 /**
  * @typedef {object} Light
@@ -16,8 +15,8 @@ import { reconstruct } from "./reconstruct.js";
  */
 
 /** What the networks said of a crop, as radiance in the photo's camera frame, never below zero. */
-export function cameraRadiance({ ldr, lnRadiance }, cameraFromCrop) {
-  const turned = rotate(reconstruct(ldr, lnRadiance), MAP_HEIGHT, cameraFromCrop);
+export function cameraRadiance({ radiance }, cameraFromCrop) {
+  const turned = rotate(radiance, MAP_HEIGHT, cameraFromCrop);
   return turned.map((value) => Math.max(value, 0));
 }
 

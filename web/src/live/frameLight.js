@@ -59,7 +59,7 @@ export class FrameLight {
     const size = { width: picture.width, height: picture.height };
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg);
-    const stages = await this.models.light(crop.image);
+    const stages = await this.models.light(crop.image, crop.tanHalf);
     const networksMs = performance.now() - start - maskMs;
     const radiance = cameraRadiance(stages, crop.cameraFromCrop);
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);

@@ -1,16 +1,21 @@
 /**
- * The networks of anyprobe through onnxruntime-web.
+ * The networks of anyprobe through onnxruntime-web, as anyprobe.infer.runtime runs them.
  *
- * The three of the chain are those of anyprobe.infer.runtime; the mask network is optional.
+ * A model is one graph that lifts pixels to the map, or the paper's chain of three; the mask
+ * network is optional.
  */
 
 import { CROP_SIZE } from "../photo/crop.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
+import { response } from "../core/response.js";
+import { reconstruct } from "../light/reconstruct.js";
 
 /** Side of the square that the mask network sees. */
 export const MASK_SIZE = 160;
 
+const LIFT = ["light"];
 const CHAIN = ["irradiance", "illumination", "hdr"];
+const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
 
 export class Models {
   /**
@@ -25,14 +30,14 @@ export class Models {
   }
 
   /**
-   * Open the chain, and the mask network where there is one.
+   * Open a model, and the mask network where there is one.
    *
    * @param {object} ort
    * @param {Record<string, string | Uint8Array>} weights address or bytes of each graph
    * @param {{providers?: string[], onProgress?: (done: number, of: number) => void}} [options]
    */
   static async open(ort, weights, { providers = ["wasm"], onProgress = () => {} } = {}) {
-    const stages = [...CHAIN, ...(weights.mask ? ["mask"] : [])];
+    const stages = [...(weights.light ? LIFT : CHAIN), ...(weights.mask ? ["mask"] : [])];
     const sessions = {};
     for (const [index, stage] of stages.entries()) {
       onProgress(index, stages.length);
@@ -50,25 +55,34 @@ export class Models {
   }
 
   /**
-   * Run the chain on a crop.
+   * Run the model on a crop.
    *
    * @param {Float32Array} image [4, 128, 128] display RGB times mask, and mask
-   * @returns {Promise<{irradiance: Float32Array, ldr: Float32Array, lnRadiance: Float32Array}>}
-   *   row by row, channel last: [128, 128, 3] in [0, 1], [64, 128, 3], [64, 128, 3]
+   * @param {number} tanHalf tangent of half the angle that the crop's side takes in
+   * @returns {Promise<{radiance: Float32Array, irradiance: Float32Array, ldr: Float32Array, lnRadiance: Float32Array}>}
+   *   row by row, channel last: maps [64, 128, 3] in the crop's frame, irradiance [128, 128, 3] in [0, 1]
    */
-  async light(image) {
-    const irradiance = await this.#run("irradiance", image, [1, 4, CROP_SIZE, CROP_SIZE]);
+  async light(image, tanHalf) {
+    return "light" in this.sessions ? this.#lift(image, tanHalf) : this.#chain(image);
+  }
+
+  async #lift(image, tanHalf) {
+    const [irradiance, ln] = await this.#run("light", [image, PHOTO_SHAPE], [Float32Array.of(tanHalf), [1, 1]]);
+    const lnRadiance = channelLast(ln);
+    const radiance = lnRadiance.map(Math.exp);
+    return { radiance, irradiance: clipped(channelLast(irradiance)), ldr: radiance.map((x) => response(x)), lnRadiance };
+  }
+
+  async #chain(image) {
+    const [irradiance] = await this.#run("irradiance", [image, PHOTO_SHAPE]);
     const plane = CROP_SIZE * CROP_SIZE;
     const withMask = new Float32Array(4 * plane);
     withMask.set(irradiance);
     withMask.set(image.subarray(3 * plane), 3 * plane);
-    const ldr = await this.#run("illumination", withMask, [1, 4, CROP_SIZE, CROP_SIZE]);
-    const lnRadiance = await this.#run("hdr", ldr, [1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT]);
-    return {
-      irradiance: channelLast(irradiance).map((value) => Math.min(Math.max(value, 0), 1)),
-      ldr: channelLast(ldr),
-      lnRadiance: channelLast(lnRadiance),
-    };
+    const [planes] = await this.#run("illumination", [withMask, PHOTO_SHAPE]);
+    const [ln] = await this.#run("hdr", [planes, [1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT]]);
+    const [ldr, lnRadiance] = [channelLast(planes), channelLast(ln)];
+    return { radiance: reconstruct(ldr, lnRadiance), irradiance: clipped(channelLast(irradiance)), ldr, lnRadiance };
   }
 
   /**
@@ -77,17 +91,21 @@ export class Models {
    * @param {Float32Array} input [4, 160, 160] letterboxed display RGB and hints
    * @returns {Promise<Float32Array>} [160, 160] in [0, 1]
    */
-  mask(input) {
-    return this.#run("mask", input, [1, 4, MASK_SIZE, MASK_SIZE]);
+  async mask(input) {
+    return (await this.#run("mask", [input, [1, 4, MASK_SIZE, MASK_SIZE]]))[0];
   }
 
-  async #run(stage, values, shape) {
+  /** Values and shape of each input, to the values of each output, in the graph's order. */
+  async #run(stage, ...inputs) {
     const session = this.sessions[stage];
-    const feeds = { [session.inputNames[0]]: new this.ort.Tensor("float32", values, shape) };
+    const tensors = inputs.map(([values, shape]) => new this.ort.Tensor("float32", values, shape));
+    const feeds = Object.fromEntries(session.inputNames.map((name, i) => [name, tensors[i]]));
     const outputs = await session.run(feeds);
-    return outputs[session.outputNames[0]].data;
+    return session.outputNames.map((name) => outputs[name].data);
   }
 }
+
+const clipped = (values) => values.map((value) => Math.min(Math.max(value, 0), 1));
 
 /** [3, H, W] to [H, W, 3]. */
 function channelLast(values) {

@@ -47,7 +47,7 @@ const tasks = {
     const start = performance.now();
     checkObject(mask, picture.width);
     const crop = cropObject(picture, mask, longFovDeg);
-    const stages = await models.light(crop.image);
+    const stages = await models.light(crop.image, crop.tanHalf);
     const light = describe(cameraRadiance(stages, crop.cameraFromCrop));
     const { cameraFromCrop, centerPx, sidePx } = crop;
     const seconds = (performance.now() - start) / 1000;

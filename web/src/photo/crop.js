@@ -20,9 +20,11 @@ const MARGIN = 1.1;
  * @param {import("./picture.js").Picture} picture
  * @param {Float32Array} mask
  * @param {number} longFovDeg field of view of the longer side
- * @returns {{image: Float32Array, cameraFromCrop: number[], sidePx: number, centerPx: number[]}}
+ * @returns {{image: Float32Array, cameraFromCrop: number[], sidePx: number, centerPx: number[],
+ *   tanHalf: number}}
  *   image is [4, 128, 128] channel first, red, green, blue, mask in [0, 1]; cameraFromCrop turns
- *   the frame that looks at the window's centre along -Z to the camera's
+ *   the frame that looks at the window's centre along -Z to the camera's; tanHalf is the tangent of
+ *   half the angle that the window's side takes in
  */
 export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_LONG_FOV_DEG) {
   const [x0, y0, x1, y1] = objectBox(mask, width);
@@ -67,8 +69,10 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
       }
     }
   }
-  const cameraFromCrop = turnTowards(pixelDirection(centerPx, width, height, longFovDeg));
-  return { image, cameraFromCrop, sidePx, centerPx };
+  const ray = pixelDirection(centerPx, width, height, longFovDeg);
+  // away from the picture's centre a pixel takes in less: by cos^2 along the radius, by cos across it
+  const tanHalf = (sidePx / 2 / focalPx(width, height, longFovDeg)) * Math.hypot(...ray) ** -1.5;
+  return { image, cameraFromCrop: turnTowards(ray), sidePx, centerPx, tanHalf };
 }
 
 /** Focal length of a pinhole picture in pixels. */
