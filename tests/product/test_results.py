@@ -112,7 +112,7 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
     assert not re.search(r"\bnan\b|\binf\b", text)
     for line in text.splitlines():
         if line.startswith("!["):
-            name = line.split("(")[1].rstrip(")")
+            name = line.rsplit("(", 1)[1].rstrip(")")
             if name != "irradiance_kinds.png":
                 with Image.open(page.parent / name) as picture:
                     assert picture.width > 100
