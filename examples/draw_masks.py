@@ -36,8 +36,8 @@ def main(path: Path) -> None:
     """Render scenes, ask four ways, write the sheet."""
     rng = np.random.default_rng(SEED)
     maps = [draw_map(rng)[0] for _ in range(4)]
-    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=10, size=384, seed=SEED))
-    views, textures = ViewSource(Illuminator(maps, compiled=False), surfaces, SEED), TexturePool(SEED, 40)
+    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=6, size=256, seed=SEED))
+    views, textures = ViewSource(Illuminator(maps, compiled=False), surfaces, SEED), TexturePool(SEED, 20)
     columns = []
     number = 0
     while len(columns) < 4:

@@ -43,10 +43,7 @@ def evaluate_masks(
     compared = methods(MaskNetwork(graph))
     sets = {}
     if data is not None:
-        try:
-            import torch  # noqa: F401
-        except ImportError as error:
-            raise MissingExtra("torch", "train", "rendering scenes") from error
+        _need_torch()
         from anyprobe.dataset.stock import load_stock
         from anyprobe.evaluate.mask_scenes import rendered_cases
 
@@ -91,3 +88,10 @@ def evaluate_masks(
             )
         show.print(sheet)
     talk.print(f"{out / 'masks.json'}, {out / 'overlays'}")
+
+
+def _need_torch() -> None:
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra("torch", "train", "rendering scenes") from error
