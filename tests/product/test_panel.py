@@ -119,6 +119,11 @@ def test_lights_are_found_brightest_first_and_by_blue_alone_as_published():
 
 def test_an_even_map_has_no_light_and_close_ones_are_one():
     assert find_lights(uniform()) == []
+    sky = uniform(0.0)
+    sky[:40] = 1.0  # over half of the picture
+    assert find_lights(sky) == []
+    sky[:, 64:] = 0.0  # a quarter of it is one
+    assert len(find_lights(sky)) == 1
     assert len(find_lights(lamp((30, 30, 5.0), (30, 34, 5.0)))) == 1
     assert matched_lights_deg([], find_lights(lamp((30, 30, 5.0)))) is None
 

@@ -19,7 +19,7 @@ from anyprobe.evaluate.report import smooth, write_report
 from anyprobe.evaluate.sheets import draw_chart, heat
 from anyprobe.evaluate.study import Study, study
 from anyprobe.evaluate.tables import result_files
-from anyprobe.evaluate.verdict import step_holds
+from anyprobe.evaluate.verdict import order_lines, step_holds
 
 ABOUT = {"command": "anyprobe compare", "commit": "abc", "recipes": "0123"}
 
@@ -56,6 +56,15 @@ def test_a_step_holds_only_beyond_two_standard_errors():
     assert step_holds("ldr_ssim", {"mean": 0.015, "standard_error": 0.01}) == "is open"
     assert step_holds("ldr_ssim", {"mean": -0.03, "standard_error": 0.01}) == "is reversed"
     assert step_holds("ldr_rmse", {"mean": -0.03, "standard_error": 0.01}) == "holds"
+
+
+def test_sentences_count_what_holds():
+    up, down = {"mean": 0.1, "standard_error": 0.01}, {"mean": -0.1, "standard_error": 0.01}
+    text = "\n".join(order_lines({"order": {"a < b": {"ldr_ssim": up, "ldr_rmse": up}}}))
+    assert "- a < b: holds in 1 of 2 figures; is reversed in ldr rmse." in text
+    assert "1 of\n2 comparisons are open or reversed" in text
+    text = "\n".join(order_lines({"order": {"a < b": {"ldr_ssim": up, "ldr_rmse": down}}}))
+    assert "Every step of the paper's order holds" in text
 
 
 @pytest.fixture(scope="module")
@@ -106,8 +115,11 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
     text = page.read_text()
     assert "17.88" in text  # the paper's row beside ours
     assert "80 pairs" in text
-    assert "irradiance < ours in ldr ssim (is reversed)" in text or "(is open)" in text
-    assert "direct < irradiance in ldr ssim (is reversed)" not in text
+    assert "Here we fall short of the paper's order" in text
+    steps = [line for line in text.splitlines() if line.startswith("- irradiance < ours:")]
+    assert len(steps) == 1
+    assert "holds in 6" not in steps[0]
+    assert "- direct: 0.3700 to 0.2200 (40.5 % less)" in text  # means of three, ending at 15 and at 30
     assert "not better than meka" in text  # it was given the truth
     assert not re.search(r"\bnan\b|\binf\b", text)
     for line in text.splitlines():

@@ -209,7 +209,9 @@ def score_pair(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, dict[
     for name, one in estimates.items():
         rows[name] = ldr_scores(one.ldr, true_ldr) | ball_scores(one.ldr, true_ldr)
         if one.irradiance is not None:
-            rows[name] |= irradiance_scores(one.irradiance, pair.irradiance / 255.0)
+            truth, there = pair.irradiance / 255.0, pair.normals.any(axis=-1)
+            rows[name] |= irradiance_scores(one.irradiance, truth)
+            rows[name]["irradiance_rmse_object"] = rmse(one.irradiance[there], truth[there])
     lit = {name: one.radiance for name, one in estimates.items() if one.radiance is not None}
     maps = [pair.radiance, *lit.values()]
     together = zip(

@@ -11,7 +11,7 @@ from anyprobe.errors import InputError
 from anyprobe.evaluate.paper_rows import SECONDS, TABLE1
 from anyprobe.evaluate.sheets import draw_chart, save
 from anyprobe.evaluate.tables import ARRAY, CLEAN, FIELD, LIGHTS, ORDER
-from anyprobe.evaluate.verdict import order_lines, rival_lines
+from anyprobe.evaluate.verdict import CURVES, curve_lines, limit_lines, order_lines, rival_lines
 
 LOWER = ("rmse", "deg", "stops", "sh9")
 NAMES = {
@@ -24,7 +24,6 @@ NAMES = {
 }
 SMOOTHED = 20
 """Points of a learning curve that are averaged."""
-CURVES = ("direct", "irradiance", "ours_sharp", "irradiance_2", "ours_2_sharp")
 GRADUAL = ("irradiance", "ours", "ours_sharp")
 LINES = {
     "ours_sharp": "ours, against the sharp map",
@@ -83,6 +82,7 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
         yield "are scored. One HDR network serves all. [training.md](training.md) says how to train them further."
     yield from _table1(table1)
     yield from order_lines(table1)
+    yield from limit_lines(table1)
     yield from _curves(found, links)
     yield from _grouped(found, links, "fig13", "Balls (the paper's Fig. 13)", "ball")
     if "fig13" in found:
@@ -154,6 +154,7 @@ def _curves(found: Mapping[str, Any], links: Mapping[str, str]) -> Iterable[str]
     for name in ("fig6", "curves"):
         if name in links:
             yield from ("", f"![{name}]({links[name]})")
+    yield from curve_lines(found["gradual"])
 
 
 def _grouped(found, links, name: str, title: str, prefix: str) -> Iterable[str]:

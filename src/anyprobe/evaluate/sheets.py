@@ -100,6 +100,7 @@ def draw_chart(
 
 
 def save(path: Path, image: Image.Image) -> None:
-    """As a small .png: 256 colours where pictures allow it."""
+    """As a small .png of 256 colours, dithered."""
+    palette = image.quantize(256)
     with atomic_path(path) as temporary:
-        image.quantize(256, dither=Image.Dither.NONE).save(temporary, format="PNG", optimize=True)
+        image.quantize(256, palette=palette).save(temporary, format="PNG", optimize=True)

@@ -35,7 +35,17 @@ LIGHTS = (
     "flux_g_stops",
     "flux_b_stops",
 )
-SPLITS = ("ldr_rmse", "ldr_ssim", "ldr_rmse_seen", "ldr_rmse_unseen", "hdr_rmse", "clean_silver_angle_deg")
+SPLITS = (
+    "irradiance_ssim",
+    "irradiance_rmse",
+    "irradiance_rmse_object",
+    "ldr_rmse",
+    "ldr_ssim",
+    "ldr_rmse_seen",
+    "ldr_rmse_unseen",
+    "hdr_rmse",
+    "clean_silver_angle_deg",
+)
 ORDER = ("direct", "irradiance", "ours", "ideal")
 """The paper's, from worst to best."""
 
