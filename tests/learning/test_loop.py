@@ -21,7 +21,9 @@ from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
 from anyprobe.train.config import lift, paper, smoke  # noqa: E402
+from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import learning_rate, train  # noqa: E402
+from anyprobe.train.start import load_start, save_start  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +33,12 @@ def run(tmp_path_factory):
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
 
-    def call(folder, stop_after=None, steps=6, named=paper):
+    def call(folder, stop_after=None, steps=6, named=paper, start=None):
         config = smoke(named(), steps)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # TensorBoard warns about itself
             pairs = PairSource(illuminator, surfaces, config.pairs)
-            return train(config, data=None, runs=folder, stop_after=stop_after, pairs=pairs)
+            return train(config, data=None, runs=folder, stop_after=stop_after, pairs=pairs, start=start)
 
     return call
 
@@ -120,6 +122,31 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(run, tmp_path):
     np.testing.assert_allclose(outputs.ldr, response(np.exp(outputs.ln_radiance)), atol=1e-6)
     wider = Models(str(tmp_path / "mine"))(crop, 0.6)
     assert np.abs(wider.ln_radiance - outputs.ln_radiance).max() > 0.01
+
+
+def test_a_run_begins_from_kept_weights(run, tmp_path):
+    """Half of the size, within half floats; a checkpoint goes before; others' weights are refused."""
+    kept = tmp_path / "start.pt"
+    checkpoint = run(tmp_path / "a", steps=4, named=lift)
+    save_start(checkpoint, kept)
+    assert kept.stat().st_size < 0.25 * checkpoint.stat().st_size
+    learner = Lift(lift().lift, "cpu")
+    load_start(learner.nets, kept)
+    trained = torch.load(checkpoint, weights_only=True)["nets"]
+    for name, value in learner.nets.state_dict().items():
+        torch.testing.assert_close(value, trained[name], rtol=1e-3, atol=1e-6)
+    begun, fresh = (
+        run(tmp_path / where, steps=2, named=lift, start=start) for where, start in (("b", kept), ("c", None))
+    )
+    weights = [
+        torch.load(path, weights_only=True)["nets"]["light.sphere.head.weight"] for path in (begun, fresh)
+    ]
+    assert (weights[0] - trained["light.sphere.head.weight"]).abs().max() < 0.02
+    assert (weights[1] - trained["light.sphere.head.weight"]).abs().max() > (
+        weights[0] - trained["light.sphere.head.weight"]
+    ).abs().max()
+    with pytest.raises(ModelError, match="expected weights of this run"):
+        run(tmp_path / "d", steps=2, named=paper, start=kept)
 
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):

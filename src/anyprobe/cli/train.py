@@ -23,7 +23,7 @@ def _need_torch() -> None:
 
 
 def train(
-    run: RunName = "paper",
+    run: RunName = "lift",
     data: Annotated[
         Path | None,
         typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes."),
@@ -35,6 +35,10 @@ def train(
     dry_run: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")
     ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(help="Weights to begin from, kept by anyprobe weights --start, where no checkpoint is."),
+    ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
@@ -43,7 +47,7 @@ def train(
     from anyprobe.train import config, loop
 
     if run == MASK_RUN:
-        typer.echo(_train_mask(data, runs, steps, dry_run))
+        typer.echo(_train_mask(data, runs, steps, dry_run, start))
         return
     if run not in config.RUNS:
         raise InputError(f"run {run!r}: expected one of {', '.join((*config.RUNS, MASK_RUN))}")
@@ -52,11 +56,13 @@ def train(
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = config.smoke(chosen, dry_run)
-    path = loop.train(chosen, data=data, runs=runs, device=device, compiled=compiled)
+    path = loop.train(chosen, data=data, runs=runs, device=device, compiled=compiled, start=start)
     typer.echo(path)
 
 
-def _train_mask(data: Path | None, runs: Path, steps: int | None, dry_run: int | None) -> Path:
+def _train_mask(
+    data: Path | None, runs: Path, steps: int | None, dry_run: int | None, start: Path | None
+) -> Path:
     """The mask network has scenes instead of pairs, and a loop of its own."""
     from anyprobe.train import mask_run
 
@@ -65,17 +71,20 @@ def _train_mask(data: Path | None, runs: Path, steps: int | None, dry_run: int |
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = mask_run.smoke(chosen, dry_run)
-    return mask_run.train_mask(chosen, data=data, runs=runs)
+    return mask_run.train_mask(chosen, data=data, runs=runs, start=start)
 
 
 def weights(
     to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
-    run: RunName = "paper",
+    run: RunName = "lift",
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = RUNS,
     mean_map: Annotated[
         Path | None, typer.Option(help="Also write the mean training map to this .exr.")
     ] = None,
     data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
+    ] = None,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
     _need_torch()
@@ -84,11 +93,15 @@ def weights(
     from anyprobe.train.export_onnx import export
     from anyprobe.train.loop import make_pairs
     from anyprobe.train.mean_map import write_mean_map
+    from anyprobe.train.start import save_start
 
     checkpoint = runs / run / "checkpoint.pt"
     exported = export_mask(checkpoint, to) if run == MASK_RUN else export(checkpoint, to)
     for stage, difference in exported.items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
+    if start is not None:
+        save_start(checkpoint, start)
+        typer.echo(start)
     if mean_map is not None and run != MASK_RUN:
         write_mean_map(make_pairs(NAMED[run](), data, runs / "cache", "cpu"), mean_map)
         typer.echo(mean_map)

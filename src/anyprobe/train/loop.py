@@ -25,6 +25,7 @@ from anyprobe.train.config import RunConfig
 from anyprobe.train.designs import Designs
 from anyprobe.train.journal import Journal
 from anyprobe.train.lift import Lift, LiftConfig
+from anyprobe.train.start import load_start
 from anyprobe.train.team import Team
 
 CHECKPOINT_SECONDS = 120.0
@@ -118,6 +119,7 @@ def train(
     compiled: bool = True,
     stop_after: int | None = None,
     pairs: PairSource | None = None,
+    start: Path | None = None,
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
@@ -128,6 +130,7 @@ def train(
         runs: the checkpoint, log.csv and TensorBoard events go to runs/<config.name>.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already.
+        start: weights to begin from, of train.start, where there is no checkpoint yet.
     Returns:
         The checkpoint's path.
     """
@@ -149,6 +152,8 @@ def train(
         nets.load_state_dict(stored["nets"])
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
+    elif start is not None:
+        load_start(nets, start)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path

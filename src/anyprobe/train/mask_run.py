@@ -27,6 +27,7 @@ from anyprobe.nets.mask_net import MaskNet
 from anyprobe.train.config import LightConfig
 from anyprobe.train.journal import LOG_STEPS, forget_after
 from anyprobe.train.loop import CHECKPOINT_SECONDS
+from anyprobe.train.start import load_start
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -104,6 +105,7 @@ def train_mask(
     runs: Path,
     stop_after: int | None = None,
     scenes: SceneSource | None = None,
+    start: Path | None = None,
 ) -> Path:
     """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one.
 
@@ -111,6 +113,7 @@ def train_mask(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         scenes: the batches, when they are at hand already.
+        start: weights to begin from, of train.start, where there is no checkpoint yet.
     Returns:
         The checkpoint's path.
     """
@@ -126,6 +129,8 @@ def train_mask(
         net.load_state_dict(stored["net"])
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
+    elif start is not None:
+        load_start(net, start)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
