@@ -182,8 +182,10 @@ def test_spheres_stand_in_the_light_and_cast_shadows():
     rows = pixel_solid_angles(64)[:2, 0]
     expected = 0.8 / np.pi * 128 * (rows * np.cos((np.arange(2) + 0.5) * np.pi / 64)).sum()
     assert picture[0, 0].mean() == pytest.approx(expected, rel=0.02)
-    assert (picture.max(axis=-1) < 1e-6).mean() > 0.03  # under the spheres
     assert picture.max() == pytest.approx(expected, rel=0.05)  # their tops
+    low = uniform(0.0)
+    low[24:26, 95:97] = 1.0  # 20 degrees up on the right: half of each sphere and its long shadow are dark
+    assert (array_of_spheres([low])[0].max(axis=-1) < 1e-6).mean() > 0.2
 
 
 def test_relighting_by_the_truth_has_no_error():
