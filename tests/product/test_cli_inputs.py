@@ -240,5 +240,6 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
     assert f"{word} almost everywhere" in warned[0]
     (sidecar,) = (work / "out").glob("*.json")
     written = json.loads(sidecar.read_text())
+    assert written["told"] < 0.05
     assert written["confidence"] < 0.05
     assert word in written["warnings"][0]

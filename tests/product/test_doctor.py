@@ -12,7 +12,7 @@ import pytest
 import anyprobe
 from anyprobe.cli import doctor
 from anyprobe.errors import ModelError
-from anyprobe.infer.runtime import file_hashes
+from anyprobe.infer.runtime import DEFAULT_MODEL, file_hashes
 
 
 def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
@@ -27,8 +27,8 @@ def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
     (providers,) = (line for line in lines if line.startswith("providers "))
     for provider in onnxruntime.get_available_providers():
         assert provider in providers
-    for stage, digest in file_hashes("paper").items():
-        assert f"model paper/{stage} sha256 {digest}" in lines
+    for stage, digest in file_hashes(DEFAULT_MODEL).items():
+        assert f"model {DEFAULT_MODEL}/{stage} sha256 {digest}" in lines
     assert lines[-1] == "self-test: main light 4 degrees off, 123 ms a photo"
 
 

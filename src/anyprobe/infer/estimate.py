@@ -16,6 +16,9 @@ from anyprobe.infer.runtime import DEFAULT_MODEL, PHOTO_SIZE, Models, model_id
 from anyprobe.light.environment import rotate
 from anyprobe.masks.find import Where
 
+ENOUGH_TOLD = 0.5
+"""Where less of the object than this is neither black nor burnt out, confidence falls in proportion."""
+
 
 class Estimator:
     """Networks opened once, called like a function on many photos.
@@ -60,6 +63,7 @@ class Estimator:
             confidence = np.full(radiance.shape[:2], told, np.float32)
         else:
             confidence = rotate(outputs.confidence[..., None], crop.camera_from_crop)[..., 0].clip(0.0, 1.0)
+            confidence = confidence * min(1.0, told / ENOUGH_TOLD)
         return Light(
             radiance=radiance,
             confidence=confidence,

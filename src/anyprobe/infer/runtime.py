@@ -14,7 +14,7 @@ from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import ModelError
 from anyprobe.infer.engines import DEFAULT_ENGINE, open_engine
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.reconstruct import reconstruct
+from anyprobe.light.reconstruct import LN_MAX, reconstruct
 
 CONTRACT = {
     "contract": "1",
@@ -125,7 +125,7 @@ class Models:
         angle = np.array([[tan_half]], dtype=np.float32)
         irradiance, ln_radiance, confidence = self._run["light"](photo, angle)
         ln_radiance = _image(ln_radiance)
-        radiance = np.exp(ln_radiance)
+        radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
             radiance=radiance,
             irradiance=_image(irradiance).clip(0.0, 1.0),

@@ -8,7 +8,7 @@
 import { CROP_SIZE } from "../photo/crop.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { response } from "../core/response.js";
-import { reconstruct } from "../light/reconstruct.js";
+import { LN_MAX, reconstruct } from "../light/reconstruct.js";
 
 /** Side of the square that the mask network sees. */
 export const MASK_SIZE = 160;
@@ -69,7 +69,7 @@ export class Models {
   async #lift(image, tanHalf) {
     const [irradiance, ln] = await this.#run("light", [image, PHOTO_SHAPE], [Float32Array.of(tanHalf), [1, 1]]);
     const lnRadiance = channelLast(ln);
-    const radiance = lnRadiance.map(Math.exp);
+    const radiance = lnRadiance.map((value) => Math.exp(Math.min(value, LN_MAX)));
     return { radiance, irradiance: clipped(channelLast(irradiance)), ldr: radiance.map((x) => response(x)), lnRadiance };
   }
 
