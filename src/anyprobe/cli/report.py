@@ -50,5 +50,6 @@ def timing(
     }
     write_result(out / "timing.json", content)
     for name, one in made.items():
-        stages = ", ".join(f"{stage} {seconds * 1e3:.1f}" for stage, seconds in one["networks"].items())
-        typer.echo(f"{name}: {stages}, whole call {one['whole'] * 1e3:.1f} ms")
+        parts = {**one["networks"], "whole call": one["whole"]}
+        text = ", ".join(f"{part} {times['median'] * 1e3:.1f}" for part, times in parts.items())
+        typer.echo(f"{name}: {text} ms")
