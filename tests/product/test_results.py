@@ -87,7 +87,7 @@ def results(tmp_path_factory):
     figures = Figures(2)
     result = study(pairs, methods, figures.add)
     trained = {"designs": {"steps": 5, "of_steps": 9, "pairs": 80, "seed": 3, "irradiance_pairs": 320000}}
-    for name, content in result_files(result, ABOUT | trained).items():
+    for name, content in result_files(result, ABOUT | trained | {"remark": "Stopped early."}).items():
         (folder / f"{name}.json").write_text(json.dumps(content))
     curve = [0.5 - 0.01 * k for k in range(30)]
     columns = {name: curve for name in ("direct", "irradiance", "ours", "ours_sharp")}
@@ -115,6 +115,7 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
     text = page.read_text()
     assert "17.88" in text  # the paper's row beside ours
     assert "80 pairs" in text
+    assert "Stopped early." in text
     assert "Here we fall short of the paper's order" in text
     steps = [line for line in text.splitlines() if line.startswith("- irradiance < ours:")]
     assert len(steps) == 1

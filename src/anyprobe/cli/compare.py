@@ -38,6 +38,7 @@ def compare(
     kept: Annotated[
         Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
     ] = None,
+    remark: Annotated[str | None, typer.Option(help="What else the page should say of the run.")] = None,
     figures: Annotated[int, typer.Option(min=1, help="Pairs shown in the pictures.")] = 8,
 ) -> None:
     """Score every method on the frozen test set; write table1.json, fig13.json ... and pictures for the report."""
@@ -74,6 +75,7 @@ def compare(
         "commit": _commit(),
         "recipes": digest(recipes),
         **trained,
+        **({"remark": remark} if remark else {}),
     }
     for name, content in result_files(result, about).items():
         write_result(out / f"{name}.json", content)

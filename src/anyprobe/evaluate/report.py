@@ -80,6 +80,8 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
         yield "network has seen some 25 million (2.3 million pairs, 11 epochs). Designs see 64 x 64 pictures and give"
         yield "32 x 64 maps, at about half of the paper chain's widths; maps are scaled up to 64 x 128 before they"
         yield "are scored. One HDR network serves all. [training.md](training.md) says how to train them further."
+    if table1.get("remark"):
+        yield from ("", table1["remark"])
     yield from _table1(table1)
     yield from order_lines(table1)
     yield from limit_lines(table1)
@@ -224,7 +226,7 @@ def _timing(found) -> Iterable[str]:
     content = found["timing"]
     yield from ("", "## Time (the paper's Sect. 5)", "")
     yield f"`{content['command']}`, {content['machine']}, {content['threads']} thread(s), ms,"
-    yield f"{content['repeats']} calls, made while the machine did other things too."
+    yield f"{content['repeats']} calls; the fastest says most where a machine does other things too."
     yield ""
     rows = []
     for model, one in content["models"].items():
