@@ -27,6 +27,7 @@ def test_every_network_and_the_whole_call_are_timed(content):
     assert tuple(one["networks"]) == stages_of(weights_folder("paper"))
     for times in (*one["networks"].values(), one["whole"]):
         assert 0 < times["fastest"] <= times["median"]
+        assert times["processor"] > 0
     assert content["command"] == "anyprobe timing --model paper --threads 1"
 
 
