@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 from support.some_pair import ball_pair
 
+from anyprobe.cli.compare import until
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.evaluate.figures import Figures
@@ -150,6 +151,11 @@ def test_a_kept_pair_comes_back_as_it_was(tmp_path):
     assert back.material.alpha == pair.material.alpha
     for name in ("photo", "irradiance", "radiance", "normals", "gain"):
         np.testing.assert_array_equal(getattr(back, name), getattr(pair, name))
+
+
+def test_a_comparison_stops_in_time_with_at_least_one_pair():
+    assert list(until(iter(range(5)), 0.0)) == [0]
+    assert list(until(iter(range(5)), 10.0)) == list(until(iter(range(5)), None)) == [0, 1, 2, 3, 4]
 
 
 def test_heat_goes_from_black_to_white():

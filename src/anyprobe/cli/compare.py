@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import subprocess
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,6 +40,9 @@ def compare(
     kept: Annotated[
         Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
     ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="Stop after so long; the pairs scored by then count.")
+    ] = None,
     remark: Annotated[str | None, typer.Option(help="What else the page should say of the run.")] = None,
     figures: Annotated[int, typer.Option(min=1, help="Pairs shown in the pictures.")] = 8,
 ) -> None:
@@ -69,9 +74,9 @@ def compare(
             drawn.add(index, pair, estimates)
             progress.advance(task)
 
-        result = study(kept_pairs(chosen, stock, kept), methods, watch)
+        result = study(until(kept_pairs(chosen, stock, kept), minutes), methods, watch)
     about = {
-        "command": _command(hdri, meshes, run, model or [], len(chosen)),
+        "command": _command(hdri, meshes, run, model or [], result.count("all")),
         "commit": _commit(),
         "recipes": digest(recipes),
         **trained,
@@ -84,6 +89,15 @@ def compare(
     for path in drawn.save(out):
         talk.print(str(path))
     talk.print(f"{out / 'table1.json'} and the others; anyprobe report draws them together")
+
+
+def until(pairs: Iterator[Any], minutes: float | None) -> Iterator[Any]:
+    """The pairs that begin within so many minutes; at least one."""
+    start = time.monotonic()
+    for pair in pairs:
+        yield pair
+        if minutes is not None and time.monotonic() - start > 60 * minutes:
+            return
 
 
 def open_methods(run: Path | None, models: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
