@@ -1,15 +1,19 @@
 """Real photos with measured maps: the folder's rules, and the map turned to what the networks see."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
 from PIL import Image
+from typer.testing import CliRunner
 
+from anyprobe.cli.app import app
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.evaluate.panel import Estimate
 from anyprobe.evaluate.real import COLUMNS, load_real, read_real, score_real
+from anyprobe.evaluate.report import _real
 from anyprobe.files.radiance import write_hdr
 from anyprobe.light.main_light import find_main_light
 
@@ -89,3 +93,22 @@ def test_a_wrong_row_is_named(folder, change, words):
 def test_no_manifest_is_one_clear_line(tmp_path):
     with pytest.raises(InputError, match="expected a table with the columns photo, mask"):
         read_real(tmp_path)
+
+
+def test_the_command_writes_what_the_report_reads(folder):
+    write(folder, GOOD)
+    out = folder / "out"
+    result = CliRunner().invoke(app, ["evaluate", "--real", str(folder), "--model", "paper", "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    content = json.loads((out / "real.json").read_text())
+    designs = [row["design"] for row in content["groups"]["specular"]["rows"]]
+    assert designs == ["mean map", "chrome ball", "paper"]
+    text = "\n".join(_real({"real": content}))
+    assert "Specular, 1 photos" in text
+    assert "| chrome ball (no network) |" in text
+
+
+def test_neither_assets_nor_real_photos_is_one_clear_line():
+    result = CliRunner().invoke(app, ["evaluate"])
+    assert isinstance(result.exception, InputError)
+    assert "--hdri DIR and --meshes DIR" in str(result.exception)
