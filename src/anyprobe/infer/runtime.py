@@ -31,7 +31,7 @@ LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE = 128
-DEFAULT_MODEL = "paper"
+DEFAULT_MODEL = "lift"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -56,7 +56,7 @@ class SphereNet(nn.Module):
 
     def forward(self, scales: list[torch.Tensor], code: torch.Tensor) -> torch.Tensor:
         fine, *rest = scales
-        directions = self.directions.expand(len(fine), -1, -1, -1)
+        directions = self.directions.expand(fine.shape[0], -1, -1, -1)
         x = torch.cat(
             [_wrap(torch.cat([F.pixel_unshuffle(fine, 2), rest[0]], dim=1), MARGIN), directions], dim=1
         )
