@@ -69,6 +69,11 @@ def limit_lines(table1: Mapping[str, Any]) -> Iterable[str]:
         return f"{name.replace('_', ' ')} {ours[name]:.4f} to {better[name]:.4f}"
 
     yield from ("", "### What limits it", "")
+    if "mean map" in rows:
+        blank = rows["mean map"]
+        yield "- What has been learned so far: the mean map, which looks at no photo, has"
+        yield f"  ldr ssim {blank['ldr_ssim']:.4f} and ldr rmse {blank['ldr_rmse']:.4f};"
+        yield f"  ours {ours['ldr_ssim']:.4f} and {ours['ldr_rmse']:.4f}."
     yield f"- Irradiance network: SSIM {ours['irradiance_ssim']:.4f}, RMSE {ours['irradiance_rmse']:.4f}, whole"
     yield "  picture; the paper has 0.9502 and 0.0449. True irradiance in its place takes"
     yield f"  {change('ldr_ssim')}, {change('ldr_rmse')}."
