@@ -12,8 +12,6 @@ import pytest
 from PIL import Image
 from support.browser import NoBrowser, find_browser, serve
 
-from anyprobe.serve.guards import SECURITY_HEADERS
-
 VASE = Path(__file__).parents[2] / "examples" / "vase.png"
 PROGRAM = Path(sys.executable).with_name("anyprobe")
 
@@ -42,10 +40,13 @@ def page_url(chromium):
 @pytest.fixture(scope="session")
 def static_url(chromium, tmp_path_factory):
     """Address of a plain file server over what `anyprobe serve --static` writes."""
+    guards = pytest.importorskip(
+        "anyprobe.serve.guards", reason="needs the serve extra", exc_type=ImportError
+    )
     pytest.importorskip("fastapi", reason="needs the serve extra")
     folder = tmp_path_factory.mktemp("static")
     subprocess.run([PROGRAM, "serve", "--static", folder], check=True, capture_output=True)
-    with serve({"/": folder}, headers=SECURITY_HEADERS) as url:
+    with serve({"/": folder}, headers=guards.SECURITY_HEADERS) as url:
         yield url
 
 
