@@ -13,11 +13,10 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.pairs import Batch
+from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.light_net import Guess, LightNet
 
-CLOSE = 0.1
-"""Confidence is the probability that a pixel's display value is within this of the truth."""
 LOBES = (1.0, 16.0, 128.0)
 """Powers of the cosine: what a diffuse, a glossy and a nearly mirroring ball see of the map."""
 FAINT = 0.02
