@@ -17,6 +17,7 @@ from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.dataset.catalog import load_maps, load_shapes
+from anyprobe.dataset.local_engine import one_thread
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
 from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
@@ -136,7 +137,7 @@ def measure_speed(setup: Setup, seconds: float) -> dict[str, Any]:
     """The pairs part's line."""
     config = setup.config()
     pairs, elapsed = count_pairs(setup.batches(10**9), config.pairs, seconds)
-    with ProcessPoolExecutor(setup.cores, mp_context=get_context("spawn")) as pool:
+    with one_thread(), ProcessPoolExecutor(setup.cores, mp_context=get_context("spawn")) as pool:
         runs = [pool.submit(count_straight_pairs, setup.data, seconds / 3) for _ in range(setup.cores)]
         straight = [run.result() for run in runs]
     speed, straight_speed = pairs / elapsed, sum(count / spent for count, spent in straight)

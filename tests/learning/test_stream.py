@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import fields
 from functools import partial
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.pairs import Batch, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.stream import stream  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 
@@ -25,7 +27,7 @@ def open_source(seed: int) -> PairSource:
 
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on one core
-def test_workers_make_other_batches_than_one_process():
+def test_workers_make_the_same_batches_as_one_process():
     threads = torch.get_num_threads()
     try:
         source = open_source(3)
@@ -33,7 +35,7 @@ def test_workers_make_other_batches_than_one_process():
         assert len(made) == 4
         for step, batch in zip(range(5, 9), made, strict=True):
             expected = source.batch(step)
-            for name in ("photo", "irradiance", "ldr", "ln_radiance", "alpha"):
+            for name in (field.name for field in fields(Batch)):
                 assert torch.equal(getattr(batch, name), getattr(expected, name)), (step, name)
     finally:
         torch.set_num_threads(threads)
@@ -44,6 +46,22 @@ def test_without_workers_this_process_makes_them():
     assert [batch.photo.shape for batch in made] == [(2, 4, 128, 128)] * 2
 
 
-def test_a_fault_in_a_worker_is_swallowed():
+def test_a_fault_in_a_worker_is_raised_here():
     with pytest.raises(TypeError):
         next(stream(partial(open_source, None, 1), 0, 1, workers=1))
+
+
+class ThreadSettings:
+    """In the place of a source: what its process's numeric libraries were told."""
+
+    def batch(self, step: int) -> tuple[str | None, ...]:
+        return tuple(os.environ.get(name) for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"))
+
+
+def test_workers_use_one_thread_each(monkeypatch):
+    """NumPy's too: its second thread spins after each small product, on the core of another worker."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    assert list(stream(ThreadSettings, 0, 2, workers=1)) == [("1", "1")] * 2
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "OPENBLAS_NUM_THREADS" not in os.environ

@@ -107,15 +107,19 @@ def _hire(work: Work) -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(work, theirs), daemon=True)
-    with _one_thread(), _interrupts_held():
+    with one_thread(), _interrupts_held():
         process.start()
     theirs.close()
     return _Worker(process=process, pipe=ours)
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """Numeric libraries loaded by processes begun here use one thread each: as fast, and the same sums."""
+def one_thread() -> Iterator[None]:
+    """Numeric libraries loaded by processes begun here use one thread each: as fast, and the same sums.
+
+    NumPy's products of small matrices are on every path that makes pairs, and its second thread would spin
+    between them on a core that another worker needs.
+    """
     old = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:

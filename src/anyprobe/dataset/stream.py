@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 
 from torch.utils.data import DataLoader, Dataset
 
+from anyprobe.dataset.local_engine import one_thread
 from anyprobe.dataset.pairs import Batch, PairSource
 
 AHEAD = 2
@@ -44,16 +45,16 @@ def stream(open_source: Callable[[], PairSource], first: int, last: int, workers
     steps = _Steps(open_source, first, last)
     if workers == 0:
         return (steps[index] for index in range(len(steps)))
-    return iter(
-        DataLoader(
-            steps,
-            batch_size=None,
-            num_workers=workers,
-            prefetch_factor=AHEAD,
-            multiprocessing_context="spawn",
-            collate_fn=_as_it_is,
-        )
+    batches = DataLoader(
+        steps,
+        batch_size=None,
+        num_workers=workers,
+        prefetch_factor=AHEAD,
+        multiprocessing_context="spawn",
+        collate_fn=_as_it_is,
     )
+    with one_thread():
+        return iter(batches)
 
 
 def _as_it_is(batch: Batch) -> Batch:
