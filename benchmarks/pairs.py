@@ -178,7 +178,7 @@ def measure_memory(setup: Setup, pairs: int) -> dict[str, Any]:
         "workers": setup.workers,
         "pairs": steps * config.batch,
         "start_mb": round(held[0], 1),
-        "end_mb": round(held[-1], 1),
+        "held_mb": {str(count): round(mb, 1) for count, mb in list(zip(made, held, strict=True))[5::5]},
         "peak_mb": round(max(held), 1),
         "growth_mb_per_10000_pairs": round(slope * 1e4, 2),
     }
