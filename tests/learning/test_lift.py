@@ -1,19 +1,28 @@
 """Lifting: pixels land where their light came from, and the losses mean what they say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
+from anyprobe.core.latlong import (  # noqa: E402
+    bilinear,
+    direction_to_uv,
+    pixel_directions,
+    pixel_solid_angles,
+)
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
+from anyprobe.light.main_light import find_main_light  # noqa: E402
+from anyprobe.nets.lamps import FLUX_FLOOR, Lamps  # noqa: E402
 from anyprobe.nets.lift import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
 from anyprobe.nets.sphere_net import _close, _wrap  # noqa: E402
 from anyprobe.render.balls import ball_normals  # noqa: E402
-from anyprobe.train.lift import LOBES, display, lobe_matrices, structure_loss  # noqa: E402
+from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402
 
 
 def planes(array) -> torch.Tensor:
@@ -95,7 +104,7 @@ def test_the_field_of_view_moves_what_is_lifted():
     assert wide.told.wo[0, 2].min() < 0.8
     assert wide.told.wo[0, 0, 30, 0] > 0.4  # a point on the left sees the eye to its right
     for guess in (narrow, wide):
-        assert guess.ln_radiance.shape == (1, 3, 64, 128)
+        assert guess.ln_radiance.shape == guess.ln_expected.shape == (1, 3, 64, 128)
         assert guess.confidence_logit.shape == (1, 1, 64, 128)
         assert guess.told.irradiance.shape == (1, 3, 128, 128)
 
@@ -120,3 +129,69 @@ def test_no_seam_shows_where_two_sides_disagree():
     steps = (torch.roll(closed, -1, dims=3) - closed).abs()
     assert steps[..., -1].max() < 0.06
     assert steps.max() < 0.08
+
+
+def lobe(direction, width_deg: float) -> torch.Tensor:
+    """Logit of light around a direction, [1, 1, 64, 128]."""
+    cosine = pixel_directions(64) @ (np.asarray(direction) / np.linalg.norm(direction))
+    angles = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return torch.from_numpy(-0.5 * (angles / width_deg) ** 2)[None, None].float()
+
+
+@pytest.mark.parametrize("place", ["expected", "drawn"])
+def test_lamps_send_the_flux_they_are_given(place):
+    flux = torch.tensor([[2.0, 1.0, 0.5]])
+    for logit in (lobe((1, 1, -1), 5.0), lobe((0, 0, 1), 40.0), torch.zeros(1, 1, 64, 128)):
+        radiance = getattr(Lamps(4), place)(torch.log(flux + FLUX_FLOOR), logit)
+        angles = torch.from_numpy(pixel_solid_angles(64)).float()
+        torch.testing.assert_close((radiance * angles).sum((2, 3)), flux, rtol=1e-4, atol=0)
+
+
+def test_less_than_no_flux_is_no_lamp():
+    assert Lamps(4).drawn(torch.full((1, 3), -9.0), lobe((0, 1, 0), 5.0)).abs().max() == 0
+
+
+@pytest.mark.parametrize("direction", [(1, 1, -1), (0.02, 0.3, 1), (-1, -0.2, 0.1), (0, 1, 0.3)])
+def test_a_lamp_is_drawn_where_it_is_likely(direction):
+    """Also across the seam behind the camera; and smaller than the doubt about it."""
+    lamps, ln_flux, logit = Lamps(4), torch.zeros(1, 3), lobe(direction, 20.0)
+    drawn, expected = (
+        place(ln_flux, logit)[0].permute(1, 2, 0).numpy() for place in (lamps.drawn, lamps.expected)
+    )
+    found = find_main_light(drawn)
+    assert np.degrees(np.arccos(found.direction @ direction / np.linalg.norm(direction))) < 4.0
+    assert drawn.max() > 2 * expected.max()
+
+
+def test_of_two_likely_places_the_one_with_neighbours_is_drawn():
+    """The peak is at the lone one; a guess there is far from most of what may be."""
+    logit = torch.log(
+        1.5 * lobe((0, 0, -1), 4.0).exp()
+        + sum(lobe((np.sin(a), 0.0, np.cos(a)), 4.0).exp() for a in (-0.5, -0.25, 0.0, 0.25, 0.5))
+    )
+    lamps, ln_flux = Lamps(4), torch.zeros(1, 3)
+    expected, drawn = (
+        find_main_light(place(ln_flux, logit)[0].permute(1, 2, 0).numpy()).direction
+        for place in (lamps.expected, lamps.drawn)
+    )
+    assert expected[2] < -0.9
+    assert drawn[2] > 0.9
+
+
+def test_losses_above_white_are_least_at_the_truth():
+    """Flux: zero there. Place: the entropy of the true distribution, and more anywhere else."""
+    learner = Lift(LiftConfig(), "cpu")
+    logit = lobe((1, 0.5, -1), 8.0)
+    ln_flux = torch.log(torch.tensor([[3.0, 2.0, 1.0]]) + FLUX_FLOOR)
+    above = learner.nets["light"].lamps.expected(ln_flux, logit)
+
+    def losses(ln_flux, logit):
+        guess = SimpleNamespace(ln_flux=ln_flux, lamp_logit=logit)
+        batch = SimpleNamespace(ln_radiance=torch.log(above + 1.0))
+        return learner._above_white(guess, batch)
+
+    truth = losses(ln_flux, logit)
+    assert truth["flux"].item() == pytest.approx(0.0, abs=1e-4)
+    assert losses(ln_flux + 0.5, logit)["flux"].item() == pytest.approx(0.5, abs=1e-4)
+    for other in (lobe((1, 0.5, -1), 16.0), lobe((1, 0.5, -1), 4.0), lobe((-1, 0.5, -1), 8.0)):
+        assert losses(ln_flux, other)["lamps"] > truth["lamps"] + 0.05

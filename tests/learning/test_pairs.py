@@ -18,7 +18,7 @@ from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals, straight_on_normal  # noqa: E402
@@ -247,3 +247,34 @@ def test_own_maps_are_usable_light(family):
         assert np.isfinite(radiance).all()
         assert radiance.min() >= 0
         assert radiance.max() > 1.5 * radiance.mean()
+
+
+def test_shapes_are_seen_in_a_mirror_half_the_time(maps):
+    """One surface, lopsided: its normals come as they are or left and right exchanged, x and all."""
+    normals = np.zeros((1, 3, 128, 128), np.float16)
+    normals[0, 0, 40:80, 20:60] = 0.6
+    normals[0, 2, 40:80, 20:60] = 0.8
+    one = SurfaceSet(
+        normals=np.repeat(normals, NUM_ELEVATIONS, axis=0),
+        tan_half=np.full(NUM_ELEVATIONS, 0.1, np.float32),
+        elevation=np.arange(NUM_ELEVATIONS),
+    )
+    seen = torch.cat([make_source(maps, one).batch(step).normals for step in range(8)])
+    plain = torch.from_numpy(normals).float()
+    mirrored = plain.flip(3) * torch.tensor([-1.0, 1.0, 1.0]).reshape(1, 3, 1, 1)
+    as_it_is = sum(torch.equal(picture[None], plain) for picture in seen)
+    assert 6 < as_it_is < 26
+    assert sum(torch.equal(picture[None], mirrored) for picture in seen) == 32 - as_it_is
+    assert np.array_equal(one.normals[:1], normals)  # the stock itself stays as it was
+
+
+def test_stretch_and_tilt_make_other_shapes_of_the_same():
+    plain = build_surfaces([], SurfaceConfig(views=1, procedural=1))
+    varied = build_surfaces([], SurfaceConfig(views=1, own_views=2, procedural=1, stretch=0.2, tilt_deg=20.0))
+    assert len(varied.normals) == 2 * len(plain.normals) == 2 * NUM_ELEVATIONS
+    length = np.linalg.norm(varied.normals.astype(np.float32), axis=1)
+    assert ((length == 0) | (abs(length - 1) < 5e-3)).all()
+    facing = [surfaces.normals[:, 2].max() for surfaces in (plain, varied)]
+    assert min(facing) > 0.98  # a closed shape faces the camera somewhere
+    outlines = {(picture != 0).any(axis=0).tobytes() for picture in varied.normals}
+    assert len(outlines) == len(varied.normals)

@@ -28,7 +28,10 @@ COLUMNS = (
     "si_rmse_mirror",
     "main_light_deg",
     "main_light_median_deg",
+    "flux_median_stops",
 )
+PRINTED = ("all", "specular", "diffuse", "indoor", "outdoor", "one light", "one light, shiny")
+"""Groups whose tables are printed; scores.json has the others too."""
 
 
 def evaluate(
@@ -139,11 +142,10 @@ def irradiance_score(estimate, truth) -> dict[str, float]:
 
 
 def _print(table: dict, irradiance: dict[str, float]) -> None:
-    show = Console(highlight=False, width=190)
-    for group in next(iter(table.values())):
-        sheet = Table(
-            "method", *[name.replace("_deg", "") for name in COLUMNS], title=group, title_justify="left"
-        )
+    show = Console(highlight=False, width=210)
+    for group in [name for name in PRINTED if name in next(iter(table.values()))]:
+        titles = [name.replace("_deg", "").replace("_stops", "") for name in COLUMNS]
+        sheet = Table("method", *titles, title=group, title_justify="left")
         for method, groups in table.items():
             sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in COLUMNS])
         show.print(sheet)

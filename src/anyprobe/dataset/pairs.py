@@ -91,7 +91,11 @@ class PairSource:
             pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)
         ]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
-        normals = torch.from_numpy(self.surfaces.normals[index]).to(self.device).float()
+        normals = self.surfaces.normals[index]
+        for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
+            normals[one] = normals[one, :, :, ::-1]
+            normals[one, 0] *= -1
+        normals = torch.from_numpy(normals).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
         return self.compose(chosen, normals, tan_half, rng)
 

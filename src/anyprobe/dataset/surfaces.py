@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.frames import world_from_camera
+from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
 from anyprobe.files.atomic import atomic_path
+from anyprobe.render.mesh import Mesh, transformed
 from anyprobe.render.shapes import draw_shape
 from anyprobe.render.surface import frame_object, see
 
@@ -22,10 +23,18 @@ ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceConfig:
-    """views: per shape and elevation class; procedural: how many shapes of our own are added."""
+    """views: per shape and elevation class; procedural: how many shapes of our own are added, each seen
+    own_views times (None: views).
+
+    stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
+    directions of its own; tilt_deg: of the angle by which it leans. New shapes from old: there are few.
+    """
 
     views: int = 3
+    own_views: int | None = None
     procedural: int = 60
+    stretch: float = 0.0
+    tilt_deg: float = 0.0
     size: int = 128
     seed: int = 1
 
@@ -45,6 +54,16 @@ def draw_elevation(rng: np.random.Generator, which: int) -> float:
     return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))
 
 
+def _varied(mesh: Mesh, config: SurfaceConfig, rng: np.random.Generator) -> Mesh:
+    """The mesh drawn out along three random directions, then leaning some way."""
+    axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    stretch = (axes * np.exp(rng.normal(0.0, config.stretch, 3))) @ axes.T
+    toward = rng.uniform(0, 2 * np.pi)
+    tilt = rotation_x(np.radians(rng.normal(0.0, config.tilt_deg)))
+    lean = rotation_y(toward) @ tilt @ rotation_y(-toward)
+    return transformed(mesh, lean @ stretch)
+
+
 def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path | None = None) -> SurfaceSet:
     """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given."""
     ids = ",".join(shape.id for shape in shapes)
@@ -56,13 +75,15 @@ def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path 
     rng = np.random.default_rng(config.seed)
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     normals, tan_half, elevation = [], [], []
-    for mesh in meshes:
+    for number, mesh in enumerate(meshes):
+        own = number >= len(shapes) and config.own_views is not None
         for which in range(NUM_ELEVATIONS):
-            for _ in range(config.views):
+            for _ in range(config.own_views if own else config.views):
+                seen = mesh if config.stretch == config.tilt_deg == 0.0 else _varied(mesh, config, rng)
                 rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which))
                 fov = np.exp(rng.uniform(np.log(6.0), np.log(50.0)))
                 margin = rng.uniform(1.04, 1.2)
-                surface = see(mesh, frame_object(mesh, rotation, fov, margin, config.size))
+                surface = see(seen, frame_object(seen, rotation, fov, margin, config.size))
                 if surface.mask.mean() < 0.04:
                     continue
                 picture = np.zeros((config.size, config.size, 3), np.float16)

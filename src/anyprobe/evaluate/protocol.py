@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
+from anyprobe.evaluate.groups import GROUPS, groups_of
 from anyprobe.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
@@ -38,16 +40,16 @@ METRICS = {
     "main_light_deg": "lower",
     "main_light_median_deg": "lower",
     "flux_stops": "lower",
+    "flux_median_stops": "lower",
+    "ldr_rmse_seen": "lower",
+    "ldr_rmse_unseen": "lower",
 }
-"""What is reported, and which way is better. All are means over pairs but the one named median."""
+"""What is reported, and which way is better. All are means over pairs but those named median.
 
-GROUPS: dict[str, Callable[[Pair], bool]] = {
-    "all": lambda pair: True,
-    "specular": lambda pair: pair.specular,
-    "diffuse": lambda pair: not pair.specular,
-    "indoor": lambda pair: pair.indoor,
-    "outdoor": lambda pair: not pair.indoor,
-}
+seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
+"""
+
+MEDIANS = {"main_light_median_deg": "main_light_deg", "flux_median_stops": "flux_stops"}
 
 Method = Callable[[Pair], np.ndarray]
 """From a pair (of which it may look at the photo only) to radiance [64, 128, 3]."""
@@ -60,6 +62,7 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     rendered linear, without tone mapping.
     """
     ldr, true_ldr = response(estimate), response(truth)
+    seen = pixel_directions(truth.shape[0])[..., 2] > 0
     scores = {
         "ldr_psnr": psnr(ldr, true_ldr),
         "ldr_rmse": rmse(ldr, true_ldr),
@@ -69,6 +72,8 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
             find_main_light(estimate).direction, find_main_light(truth).direction
         ),
         "flux_stops": abs(flux_ratio_stops(estimate, truth)),
+        "ldr_rmse_seen": rmse(ldr[seen], true_ldr[seen]),
+        "ldr_rmse_unseen": rmse(ldr[~seen], true_ldr[~seen]),
     }
     balls, true_balls = ball_images(estimate), ball_images(truth)
     for name, ball in true_balls.items():
@@ -96,7 +101,8 @@ class Scores:
                 if not chosen:
                     continue
                 means = {name: float(np.mean([row[name] for row in chosen])) for name in chosen[0]}
-                means["main_light_median_deg"] = float(np.median([row["main_light_deg"] for row in chosen]))
+                for name, source in MEDIANS.items():
+                    means[name] = float(np.median([row[source] for row in chosen]))
                 result[method][group] = {name: round(means[name], 5) for name in METRICS}
         return result
 
@@ -110,7 +116,7 @@ def run(
         maps = {name: method(pair) for name, method in methods.items()}
         for name, radiance in maps.items():
             scores.rows[name].append(score(radiance, pair.radiance))
-        scores.groups.append({group for group, belongs in GROUPS.items() if belongs(pair)})
+        scores.groups.append(groups_of(pair))
         if watch is not None:
             watch(index, pair, maps)
     return scores

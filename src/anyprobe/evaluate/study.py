@@ -9,29 +9,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anyprobe.dataset.pair import Pair
+from anyprobe.evaluate.groups import groups_of
 from anyprobe.evaluate.panel import Estimate, Method, score_pair
 
-ALPHA_EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 1.01)
-"""Borders of the roughness bins; 0.5 is the paper's border of specular and diffuse."""
-MEDIANS = ("array_rmse", "array_si_rmse", "array_angle_deg", "array_psnr", "main_light_deg", "peak_deg")
+MEDIANS = (
+    "array_rmse",
+    "array_si_rmse",
+    "array_angle_deg",
+    "array_psnr",
+    "main_light_deg",
+    "peak_deg",
+    "flux_stops",
+)
 """Figures whose median is given beside the mean."""
-
-
-def _in_bin(low: float, high: float) -> Callable[[Pair], bool]:
-    return lambda pair: low <= pair.material.alpha < high
-
-
-GROUPS: dict[str, Callable[[Pair], bool]] = {
-    "all": lambda pair: True,
-    "specular": lambda pair: pair.specular,
-    "diffuse": lambda pair: not pair.specular,
-    "indoor": lambda pair: pair.indoor,
-    "outdoor": lambda pair: not pair.indoor,
-    **{
-        f"alpha {low:g}-{min(high, 1.0):g}": _in_bin(low, high)
-        for low, high in zip(ALPHA_EDGES[:-1], ALPHA_EDGES[1:], strict=True)
-    },
-}
 
 
 @dataclass(kw_only=True)
@@ -44,7 +34,7 @@ class Study:
 
     def add(self, pair: Pair, scores: Mapping[str, dict[str, float]]) -> None:
         """One pair's figures."""
-        self.groups.append({group for group, belongs in GROUPS.items() if belongs(pair)})
+        self.groups.append(groups_of(pair))
         for method, row in scores.items():
             self.rows.setdefault(method, []).append(row)
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.evaluate.study import GROUPS, Study
+from anyprobe.evaluate.groups import GROUPS, ONE_LIGHT, SHINY
+from anyprobe.evaluate.study import Study
 
 TABLE1 = tuple(f"{kind}_{name}" for kind in ("irradiance", "ldr", "hdr") for name in ("psnr", "rmse", "ssim"))
 FIG13 = ("ball_psnr", "ball_ssim", "ball_rmse")
@@ -44,7 +45,12 @@ SPLITS = (
     "ldr_rmse_seen",
     "ldr_rmse_unseen",
     "hdr_rmse",
+    "clean_diffuse_angle_deg",
     "clean_silver_angle_deg",
+    "clean_mirror_angle_deg",
+    "main_light_deg",
+    "main_light_deg_median",
+    "flux_stops_median",
 )
 ORDER = ("direct", "irradiance", "ours", "ideal")
 """The paper's, from worst to best."""
@@ -60,7 +66,8 @@ NOTES = {
     "the true ball's mean), and nine spheres on a plane (median over pairs).",
     "lights": "Angles in degrees. peak: after a mean over 5 degrees; lights: matched as EnvMapNet does, with luminance "
     "put right and as published; sh9_irradiance: relative RMS; flux in stops.",
-    "splits": "Means over groups of pairs; seen is the half of the map behind the camera.",
+    "splits": "Means over groups of pairs, median where a name says so; seen is the half of the map behind the camera; "
+    f"one light: the main light sends {ONE_LIGHT:.0%} of all light or more; shiny: alpha below {SHINY:g}.",
 }
 
 

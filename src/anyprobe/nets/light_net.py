@@ -1,4 +1,8 @@
-"""Photo -> the light around its object, in one pass: told, lifted, completed."""
+"""Photo -> the light around its object, in one pass: told, lifted, completed, lit.
+
+Radiance is a sum of two: what a display shows, up to white, pixel by pixel; and what is
+brighter than white, as a flux and where it comes from (nets.lamps).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.nets.lamps import Lamps
 from anyprobe.nets.lift import lift, map_pixel, mirror_direction, pyramid
 from anyprobe.nets.object_net import ObjectNet, Told
 from anyprobe.nets.sphere_net import SphereNet
@@ -23,10 +28,21 @@ MEAN_LN = -1.2
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Guess:
-    """What LightNet says: ln radiance [N, 3, 64, 128], the logit of being close to it [N, 1, 64, 128]."""
+    """What LightNet says.
+
+    ln_radiance [N, 3, 64, 128]: the whole, its lamps drawn; ln_expected: the mean over all that they may be.
+    ln_shown [N, 3, 64, 128]: what is not above white.
+    ln_flux [N, 3]: ln(flux above white + FLUX_FLOOR), in sr of white.
+    lamp_logit [N, 1, 64, 128]: where it comes from, ln of flux a steradian but for a constant.
+    confidence_logit [N, 1, 64, 128]: of being close to the true map.
+    """
 
     told: Told
     ln_radiance: torch.Tensor
+    ln_expected: torch.Tensor
+    ln_shown: torch.Tensor
+    ln_flux: torch.Tensor
+    lamp_logit: torch.Tensor
     confidence_logit: torch.Tensor
 
 
@@ -40,7 +56,8 @@ class LightNet(nn.Module):
         super().__init__()
         self.lifting = lifting
         self.object = ObjectNet(features=features, code=code)
-        self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, 4)
+        self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, 5)
+        self.lamps = Lamps(code + 1)
 
     def forward(self, photo: torch.Tensor, tan_half: torch.Tensor) -> Guess:
         told = self.object(photo, tan_half)
@@ -54,5 +71,16 @@ class LightNet(nn.Module):
         weight = told.weight if self.lifting else torch.zeros_like(told.weight)
         scales = pyramid(lift(values, weight, pixel, MAP_HEIGHT), SCALES)
         scales[0] = torch.cat([scales[0][:, :COLORS], scales[0][:, -1:]], dim=1)
-        out = self.sphere(scales, torch.cat([told.code, told.root_alpha], dim=1)).float()
-        return Guess(told=told, ln_radiance=out[:, :3] * 2 + MEAN_LN, confidence_logit=out[:, 3:])
+        code = torch.cat([told.code, told.root_alpha], dim=1)
+        out = self.sphere(scales, code).float()
+        ln_shown, ln_flux, lamp_logit = out[:, :3] * 2 + MEAN_LN, self.lamps(code), out[:, 4:] * 4
+        shown, fixed = torch.exp(ln_shown.clamp(max=0.0)), lamp_logit.detach()
+        return Guess(
+            told=told,
+            ln_radiance=torch.log(shown + self.lamps.drawn(ln_flux, fixed)),
+            ln_expected=torch.log(shown + self.lamps.expected(ln_flux, fixed)),
+            ln_shown=ln_shown,
+            ln_flux=ln_flux,
+            lamp_logit=lamp_logit,
+            confidence_logit=out[:, 3:4],
+        )

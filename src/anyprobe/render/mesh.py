@@ -59,6 +59,18 @@ def make_mesh(
     return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
 
 
+def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
+    """The mesh under a linear map [3, 3] of positive determinant, back in the unit sphere."""
+    positions = mesh.positions.astype(np.float64) @ matrix.T
+    positions -= (positions.max(axis=0) + positions.min(axis=0)) / 2
+    positions /= np.linalg.norm(positions, axis=1).max()
+    normals = mesh.normals.astype(np.float64) @ np.linalg.inv(
+        matrix
+    )  # rows times the inverse's transpose, transposed
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
+    return Mesh(positions=positions.astype(np.float32), faces=mesh.faces, normals=normals.astype(np.float32))
+
+
 def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None:
     """Raise InvalidMesh unless there are 1 ... MAX_FACES faces that name finite vertices."""
     if len(faces) == 0 or len(positions) == 0:

@@ -67,12 +67,13 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=6_400,
-        learning_rate=2e-3,
+        steps=6_000,
+        learning_rate=1.5e-3,
         warmup=100,
-        cooldown=0.6,
-        pairs=PairConfig(seed=23),
-        light=LightConfig(variants=90),
+        cooldown=0.7,
+        pairs=PairConfig(seed=29),
+        surfaces=SurfaceConfig(views=6, own_views=1, procedural=300, stretch=0.2, tilt_deg=20.0),
+        light=LightConfig(variants=200),
     )
 
 

@@ -15,6 +15,7 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.pairs import Batch
 from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.nets.lamps import FLUX_FLOOR
 from anyprobe.nets.light_net import Guess, LightNet
 
 LOBES = (1.0, 16.0, 128.0)
@@ -36,6 +37,8 @@ class LiftConfig:
     ln: float = 0.08
     transport: float = 0.25
     confidence: float = 0.05
+    lamps: float = 0.04
+    flux: float = 0.1
     lifting: bool = True
 
 
@@ -94,7 +97,7 @@ class Lift:
         with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
             guess = self.nets["light"](photo, batch.tan_half[:, None])
-        terms = {**self._told(guess, batch), **self._map(guess, batch)}
+        terms = {**self._told(guess, batch), **self._map(guess, batch), **self._above_white(guess, batch)}
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
     def _told(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
@@ -112,7 +115,7 @@ class Lift:
         }
 
     def _map(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
-        ln = guess.ln_radiance
+        ln = guess.ln_shown
         shown = display(ln)
         # above white nothing is seen: no matter how far above, while the truth is white too
         shown = torch.where((shown > 1) & (batch.ldr >= 1), shown.clip(max=1.0), shown)
@@ -122,15 +125,29 @@ class Lift:
         for _ in range(4):
             one = F.avg_pool2d(one, 2)
             scales = scales + one.square().mean() + 0.3 * one.abs().mean()
-        close = (difference.detach().abs().mean(dim=1, keepdim=True) < CLOSE).float()
+        whole = display(guess.ln_radiance.detach()).clip(max=1.0)
+        close = ((whole - batch.ldr).abs().mean(dim=1, keepdim=True) < CLOSE).float()
         confidence = F.binary_cross_entropy_with_logits(guess.confidence_logit, close)
         return {
             "ldr": (weight * (difference.abs() * 0.5 + difference.square() * 2)).mean(),
             "scales": scales,
             "structure": structure_loss(shown.clip(max=1.0), batch.ldr),
-            "ln": (weight * (ln - batch.ln_radiance).abs()).mean(),
-            "transport": self._transport(ln, batch.ln_radiance),
+            "ln": (weight * (ln - batch.ln_radiance.clip(max=0.0)).abs()).mean(),
+            "transport": self._transport(guess.ln_expected, batch.ln_radiance),
             "confidence": confidence,
+        }
+
+    def _above_white(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
+        """What is brighter than white: how much in all, and where, by the cross entropy of flux."""
+        above = (torch.exp(batch.ln_radiance) - 1).clip(min=0.0) * self._angles
+        flux = above.sum(dim=(2, 3))  # [N, 3]
+        share = above.sum(dim=1).flatten(1) / flux.sum(dim=1, keepdim=True).clip(min=1e-6)
+        guessed = torch.log_softmax((guess.lamp_logit + torch.log(self._angles)).flatten(1), dim=1)
+        mean = flux.mean(dim=1)
+        counts = mean / (mean + 1.0)
+        return {
+            "lamps": -(counts * (share * guessed).sum(dim=1)).mean(),
+            "flux": (guess.ln_flux - torch.log(flux + FLUX_FLOOR)).abs().mean(),
         }
 
     def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
