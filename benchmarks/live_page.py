@@ -1,11 +1,18 @@
 """The live page in headless Chromium with a fake camera: lights and pictures a second, stillness, following.
 
-    python benchmarks/live_page.py [--seconds 20] [--engine wasm|webgpu] [--cores 0,1] [--json]
+    python benchmarks/live_page.py [--seconds 20] [--engine wasm|webgpu] [--threads 2] [--cores 0,1]
 
-The camera shows a shaded ball with a little noise for half of the video, and then the same ball after
-the light has turned by 90 degrees about +Y; the video starts again. It draws in software (SwiftShader)
+The camera shows a shaded ball with a little noise, and every four seconds the light on it turns by 90
+degrees about +Y, there and back; a patch in the video's corner says when. It draws in software (SwiftShader)
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
-tests/browser; run it on a machine with nothing else to do.
+tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
+
+lights_per_s, frames_per_s   lights, and drawings of the virtual object (the page draws at most 30)
+ms                           means a light, in the networks' thread; `all` is their sum, `between` what the
+                             thread waits for the next frame
+std_color_angle_deg          of a white ball in the light about its mean over time, one for each still stretch
+followed_in_s                from the first frame under the new light until the page's light stays within a
+                             tenth of the way, one for each change
 """
 
 from __future__ import annotations
@@ -26,7 +33,9 @@ from measure import cpu_model
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
+from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.light.environment import rotate
+from anyprobe.light.harmonics import irradiance
 from anyprobe.render.balls import ball_normals, diffuse
 
 ROOT = Path(__file__).parents[1]
@@ -34,13 +43,19 @@ FPS, WIDTH, HEIGHT, DIAMETER = 30, 640, 480, 220
 CLICK = [0.5, 0.5]
 NOISE = 1.5
 """Standard deviation of the camera's noise, of 255."""
+DISTINCT = 60
+"""Frames of a light; longer stretches repeat them."""
 ADAPT_S = 1.5
 """After a change, what is not counted as a still scene."""
-FOLLOWED = 0.2
+FOLLOWED = 0.1
 """Of the way between the two lights that may be left."""
+WARM_LIGHTS = 10
+"""After the click, before anything counts."""
+PATIENCE_S = 60.0
+"""How long they are waited for."""
 
 
-def frames(radiance: np.ndarray, seconds: float, rng: np.random.Generator):
+def frames(radiance: np.ndarray, patch: int, count: int, rng: np.random.Generator):
     """[480, 640, 3] uint8: the ball under a light over a dull ground, each frame with its own noise."""
     rows = np.arange(HEIGHT)[:, None, None]
     ground = 0.2 + 0.2 * rows / HEIGHT * np.array([0.2, 0.6, 1.0])
@@ -48,43 +63,60 @@ def frames(radiance: np.ndarray, seconds: float, rng: np.random.Generator):
     top, left = (HEIGHT - DIAMETER) // 2, (WIDTH - DIAMETER) // 2
     on = ball_normals(DIAMETER)[1]
     clean[top : top + DIAMETER, left : left + DIAMETER][on] = response(0.8 * diffuse(radiance, DIAMETER))[on]
-    for _ in range(round(FPS * seconds)):
+    clean[:16, :16] = patch
+    for _ in range(count):
         yield to_bytes(clean + rng.normal(0, NOISE / 255, clean.shape))
 
 
-def color_angles(sh9: np.ndarray) -> np.ndarray:
-    """Degrees between the mean colour of each light [N, 27] and that of all of them."""
-    colors = sh9[:, :3] / np.linalg.norm(sh9[:, :3], axis=1, keepdims=True)
-    mean = colors.mean(axis=0)
-    return np.degrees(np.arccos(np.clip(colors @ (mean / np.linalg.norm(mean)), -1, 1)))
+def white_balls(sh9: np.ndarray) -> np.ndarray:
+    """What the pixels of a white ball show, [N, P, 3], in lights of SH [N, 9, 3]."""
+    normals = ball_normals(16)[0].astype(np.float32)
+    return np.array([irradiance(one, normals) for one in sh9]) / np.pi
 
 
-def describe(seen: dict, half_s: float) -> dict:
-    """Rates of all of it; stillness and following from where the lights jump."""
-    lights = seen["lights"]
-    times = np.array([light["time"] for light in lights])
-    sh9 = np.array([light["sh9"] for light in lights])
-    steps = np.linalg.norm(np.diff(sh9, axis=0), axis=1)
-    jump = next((i for i in np.argsort(-steps) if times[i] + 0.8 * half_s < times[-1]), None)
+def stillness(balls: np.ndarray) -> float:
+    """Degrees: root mean square over time of the colour angle to the mean, as benchmarks/flicker.py has it."""
+    mean, on = balls.mean(axis=0), np.ones(balls.shape[1], bool)
+    return float(np.sqrt(np.mean([color_angle_deg(ball, mean, on) ** 2 for ball in balls])))
+
+
+def describe(seen: dict) -> dict:
+    """Rates and milliseconds while it counted; stillness and following from every change on."""
+    start, end = seen["from"], seen["to"]
+    counted = [light for light in seen["lights"] if start <= light["time"] <= end]
+    rates = [
+        float(re.search(r"(\d+) frames/s", one["text"])[1]) for one in seen["rates"] if one["time"] >= start
+    ]
     result = {
-        "lights_per_s": round(len(lights) / seen["took"], 1),
-        "frames_per_s": round(seen["frames"] / seen["took"], 1),
-        "ms_mask": round(float(np.mean([light["ms"]["mask"] for light in lights])), 1),
-        "ms_networks": round(float(np.mean([light["ms"]["networks"] for light in lights])), 1),
-        "ms_all": round(float(np.mean([light["ms"]["all"] for light in lights])), 1),
-        "page_says": seen["rates"],
+        "lights": len(counted),
+        "lights_per_s": round(len(counted) / (end - start), 1),
+        "frames_per_s": round(float(np.mean(rates)), 1) if rates else None,
+        "page_says": seen["rates"][-1]["text"],
     }
-    if jump is None:
+    if not counted:
         return result
-    still = (times > times[jump] + ADAPT_S) & (times < times[jump] + 0.95 * half_s)
-    if still.sum() > 2:
-        end = sh9[still].mean(axis=0)
-        way = np.linalg.norm(sh9 - end, axis=1) / max(np.linalg.norm(sh9[jump] - end), 1e-9)
-        left = np.flatnonzero((way > FOLLOWED) & (times > times[jump]) & (times < times[still][-1]))
-        settled = times[left[-1] + 1] if len(left) else times[jump + 1]
-        result["std_color_angle_deg"] = round(float(color_angles(sh9[still]).std()), 3)
-        result["followed_in_s"] = round(float(settled - times[jump]), 2)
-    return result
+    ms = {part: float(np.mean([light["ms"][part] for light in counted])) for part in counted[0]["ms"]}
+    ms["between"] = 1000 * (end - start) / len(counted) - ms["all"]
+    result["ms"] = {part: round(value, 1) for part, value in ms.items()}
+
+    times = np.array([light["time"] for light in counted])
+    balls = white_balls(np.array([light["sh9"] for light in counted]).reshape(-1, 9, 3))
+    changes = [time for time in seen["changes"] if start <= time < end]
+    still, followed = [], []
+    for change, until in zip(changes, [*changes[1:], end], strict=True):
+        before = np.flatnonzero(times < change)
+        settled = np.flatnonzero((times > change + ADAPT_S) & (times < until))
+        if len(settled) < 5:
+            continue
+        still.append(round(stillness(balls[settled]), 3))
+        if len(before) == 0:
+            continue
+        goal = balls[settled].mean(axis=0)
+        left = np.linalg.norm(balls - goal, axis=(1, 2)) / np.linalg.norm(balls[before[-1]] - goal)
+        on_the_way = np.flatnonzero((times >= change) & (times < until) & (left > FOLLOWED))
+        arrived = times[on_the_way[-1] + 1] if len(on_the_way) else times[before[-1] + 1]
+        followed.append(round(float(arrived - change), 2))
+    return result | {"std_color_angle_deg": still, "followed_in_s": followed}
 
 
 @contextlib.contextmanager
@@ -107,31 +139,33 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--half", type=float, default=5.0, help="seconds until the light turns")
+    parser.add_argument("--half", type=float, default=4.0, help="seconds until the light turns")
     parser.add_argument("--engine", choices=("wasm", "webgpu"), default="wasm")
+    parser.add_argument("--threads", type=int, default=0, help="of the networks; one a core where not told")
     parser.add_argument("--cores", help="which ones all of it runs on, as 0,1")
-    parser.add_argument("--screenshot", help="where to keep a picture of the page")
-    parser.add_argument("--json", action="store_true", help="one object instead of lines")
+    parser.add_argument("--screenshot", type=Path, help="where to keep a picture of the page")
     asked = parser.parse_args()
     if asked.cores:
         os.sched_setaffinity(0, {int(core) for core in asked.cores.split(",")})
     rng = np.random.default_rng(3)
     lights = [made_map(), np.maximum(rotate(made_map(), rotation_y(np.pi / 2)), 0)]
-    steps = {"seconds": asked.seconds, "click": CLICK, "query": f"?engine={asked.engine}"}
+    query = f"?engine={asked.engine}" + (f"&threads={asked.threads}" if asked.threads else "")
+    steps = {"seconds": asked.seconds, "lights": WARM_LIGHTS, "patience_s": PATIENCE_S, "click": CLICK}
     if asked.screenshot:
-        steps["screenshot"] = str(Path(asked.screenshot).resolve())
+        steps["screenshot"] = str(asked.screenshot.resolve())
     with tempfile.TemporaryDirectory() as folder, server() as url:
-        clip = (frame for light in lights for frame in frames(light, asked.half, rng))
-        video = write_y4m(Path(folder) / "camera.y4m", clip, FPS)
+        pictures = [one for patch, light in enumerate(lights) for one in frames(light, patch, DISTINCT, rng)]
+        stretch = np.arange(round(FPS * asked.half)) % DISTINCT
+        order = [*stretch, *(DISTINCT + stretch)]
+        video = write_y4m(Path(folder) / "camera.y4m", pictures, FPS, order)
         flags = [*camera_flags(video)]
         if asked.engine == "webgpu":
             flags += ["--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"]
-        seen = run_steps("page_camera.mjs", url, steps, flags=flags, viewport=(1280, 900), timeout_s=240)
+        seen = run_steps(
+            "page_camera.mjs", url, steps | {"query": query}, flags=flags, viewport=(1280, 900), timeout_s=200
+        )
     result = {"cpu": cpu_model(), "cores": len(os.sched_getaffinity(0)), "engine": asked.engine}
-    result |= describe(seen, asked.half)
-    print(
-        json.dumps(result) if asked.json else "\n".join(f"{key:22} {value}" for key, value in result.items())
-    )
+    print(json.dumps(result | describe(seen)))
 
 
 if __name__ == "__main__":

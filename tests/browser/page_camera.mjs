@@ -1,6 +1,7 @@
-// The camera's lights for some seconds. arguments: { seconds, click, lights?, screenshot? };
-// first it waits for so many lights (3), however long they take.
-// Chromium's --use-file-for-fake-video-capture gives the video.
+// The camera's lights for some seconds. arguments: { seconds, lights, click?, query?, screenshot?, patience_s? };
+// before it counts it waits for so many lights, and not longer than its patience.
+// Chromium's --use-file-for-fake-video-capture gives the video. `changes` are the times at which the
+// lightness of the video's top left corner was seen to change.
 
 import { openPage } from "./page_steps.mjs";
 
@@ -8,11 +9,28 @@ export default async ({ page, context, url, arguments: given }) => {
   await context.grantPermissions(["camera"], { origin: new URL(url).origin });
   await openPage(page, url, given.query ?? "?engine=wasm");
   await page.evaluate(() => {
-    globalThis.seen = [];
+    globalThis.seen = { lights: [], rates: [], changes: [] };
     document.addEventListener("anyprobe-light", ({ detail: { light, ms } }) => {
       const { direction, irradiance } = light.mainLight;
-      seen.push({ time: performance.now() / 1000, ms, direction, irradiance, sh9: [...light.sh9] });
+      seen.lights.push({ time: performance.now() / 1000, ms, direction, irradiance, sh9: [...light.sh9] });
     });
+    const rates = document.getElementById("rates");
+    const told = () => seen.rates.push({ time: performance.now() / 1000, text: rates.textContent });
+    new MutationObserver(told).observe(rates, { childList: true });
+    watchCorner(document.getElementById("video"));
+
+    function watchCorner(video) {
+      const corner = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+      let last = null;
+      const look = () => {
+        corner.drawImage(video, 0, 0, 8, 8, 0, 0, 1, 1);
+        const isLight = corner.getImageData(0, 0, 1, 1).data[1] > 127;
+        if (last !== null && isLight !== last) seen.changes.push(performance.now() / 1000);
+        last = isLight;
+        video.requestVideoFrameCallback(look);
+      };
+      video.requestVideoFrameCallback(look);
+    }
   });
   await page.click("#camera");
   await page.waitForSelector("#rates:not([hidden])", { state: "attached" });
@@ -20,17 +38,14 @@ export default async ({ page, context, url, arguments: given }) => {
     const box = await page.locator("#mask").boundingBox();
     await page.locator("#mask").click({ position: { x: given.click[0] * box.width, y: given.click[1] * box.height } });
   }
-  await page.waitForFunction((count) => seen.length >= count, given.lights ?? 3, { polling: 200 });
+  const enough = ([count, s]) => seen.lights.length >= count || performance.now() / 1000 > s;
+  const now = await page.evaluate(() => performance.now() / 1000);
+  await page.waitForFunction(enough, [given.lights, now + (given.patience_s ?? Infinity)], { polling: 200 });
   await page.waitForFunction(() => document.getElementById("rates").textContent, null, { polling: 200 });
   const told = await page.evaluate(async (seconds) => {
-    const start = performance.now() / 1000;
-    let frames = 0;
-    const count = () => (frames++, requestAnimationFrame(count));
-    requestAnimationFrame(count);
+    const from = performance.now() / 1000;
     await new Promise((done) => setTimeout(done, 1000 * seconds));
-    const took = performance.now() / 1000 - start;
-    const lights = seen.filter(({ time }) => time > start);
-    return { all: seen, lights, took, frames, rates: document.getElementById("rates").textContent };
+    return { ...seen, from, to: performance.now() / 1000 };
   }, given.seconds);
   if (given.screenshot) await page.screenshot({ path: given.screenshot, fullPage: true });
   await page.click("#camera");

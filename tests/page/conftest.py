@@ -54,12 +54,14 @@ def static_url(chromium, tmp_path_factory):
 def vase_photo(tmp_path) -> Path:
     """The example without its alpha channel."""
     path = tmp_path / "vase on a table.jpg"
-    Image.open(VASE).convert("RGB").save(path, quality=95)
+    with Image.open(VASE) as image:
+        image.convert("RGB").save(path, quality=95)
     return path
 
 
 @pytest.fixture
 def vase_frame() -> np.ndarray:
     """[480, 640, 3] uint8: the example as a camera's picture."""
-    picture = np.asarray(Image.open(VASE).convert("RGB"))
+    with Image.open(VASE) as image:
+        picture = np.asarray(image.convert("RGB"))
     return np.pad(picture, ((0, 0), (80, 80), (0, 0)), mode="edge")

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +29,7 @@ from anyprobe.video.following import MaskFollower, inner_point
 from anyprobe.video.run import ClipRun, VirtualObject
 
 COUNT, FPS = 10, 24
+PROGRAM = Path(sys.executable).with_name("anyprobe")
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +149,49 @@ def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
     again(lambda done: None)
     assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
     assert len(files_of(tmp_path / "whole")) == 2
+
+
+@pytest.mark.slow
+def test_killed_command_goes_on_to_the_same_files(tmp_path):
+    """kill -9 three times: while the first frames are not saved yet, at a save, and well after one."""
+    count = 2 * run_module.SAVE_EVERY + 8
+    frames = [ball_frame(turned(made_map(), 0.02 * i)) for i in range(count)]
+    clip = write_clip(tmp_path / "clip.mp4", frames, FPS)
+    masks = write_masks(tmp_path / "masks", count)
+    order = [
+        PROGRAM,
+        "video",
+        clip,
+        "--masks",
+        masks,
+        "--object",
+        "ball",
+        "--every",
+        "3",
+        "--exr",
+        "-q",
+        "-o",
+    ]
+
+    def results(folder: Path) -> dict[str, bytes]:
+        maps = {path.name: path.read_bytes() for path in (folder / "lights").iterdir()}
+        return files_of(folder) | maps
+
+    subprocess.run([*order, tmp_path / "whole"], check=True, timeout=600)
+    killed = tmp_path / "killed"
+    for sign in ("lights/000006.exr", ".state.npz", f"lights/{run_module.SAVE_EVERY + 6:06d}.exr"):
+        with subprocess.Popen([*order, killed]) as process:
+            while not (killed / sign).exists():
+                assert process.poll() is None
+                time.sleep(0.002)
+            process.kill()
+        assert not (killed / "track.json").exists()
+    saved = {path: path.stat().st_mtime_ns for path in sorted((killed / "lights").iterdir())}
+    subprocess.run([*order, killed], check=True, timeout=600)
+    again = [path for path, written in saved.items() if path.stat().st_mtime_ns != written]
+    assert all(int(path.stem) >= run_module.SAVE_EVERY for path in again)  # what was saved is not done again
+    assert results(killed) == results(tmp_path / "whole")
+    assert len(results(killed)) == -(-count // 3) + 2
 
 
 def test_finished_run_does_nothing_again(begin, tmp_path):

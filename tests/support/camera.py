@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +11,28 @@ FROM_RGB = np.array([[65.481, 128.553, 24.966], [-37.797, -74.203, 112.0], [112.
 """ITU-R BT.601 luma and the two chroma differences, in their narrow ranges."""
 
 
-def write_y4m(path: Path, frames: Iterable[np.ndarray], fps: int = 30) -> Path:
-    """Write [H, W, 3] uint8 frames of even size as uncompressed 4:2:0."""
+def write_y4m(
+    path: Path, frames: Iterable[np.ndarray], fps: int = 30, order: Sequence[int] | None = None
+) -> Path:
+    """Write [H, W, 3] uint8 frames of even size as uncompressed 4:2:0.
+
+    order: which frame is shown when; each once where it is not told.
+    """
+    frames = list(frames)
+    pictures = [_planes(frame) for frame in frames]
+    height, width = frames[0].shape[:2]
     with path.open("wb") as file:
-        for index, frame in enumerate(frames):
-            height, width = frame.shape[:2]
-            if index == 0:
-                file.write(f"YUV4MPEG2 W{width} H{height} F{fps}:1 Ip A1:1 C420jpeg\n".encode())
-            luma, *chroma = np.moveaxis(frame.astype(np.float64) @ FROM_RGB.T + (16, 128, 128), -1, 0)
-            quarters = [c.reshape(height // 2, 2, width // 2, 2).mean(axis=(1, 3)) for c in chroma]
-            file.write(b"FRAME\n")
-            for plane in (luma, *quarters):
-                file.write(np.round(plane).astype(np.uint8).tobytes())
+        file.write(f"YUV4MPEG2 W{width} H{height} F{fps}:1 Ip A1:1 C420jpeg\n".encode())
+        for index in range(len(pictures)) if order is None else order:
+            file.write(b"FRAME\n" + pictures[index])
     return path
+
+
+def _planes(frame: np.ndarray) -> bytes:
+    height, width = frame.shape[:2]
+    luma, *chroma = np.moveaxis(frame.astype(np.float64) @ FROM_RGB.T + (16, 128, 128), -1, 0)
+    quarters = [c.reshape(height // 2, 2, width // 2, 2).mean(axis=(1, 3)) for c in chroma]
+    return b"".join(np.round(plane).astype(np.uint8).tobytes() for plane in (luma, *quarters))
 
 
 def camera_flags(path: Path) -> tuple[str, ...]:

@@ -43,39 +43,46 @@ export class FrameLight {
   /**
    * @param {ImageBitmap} bitmap closed when it has been read
    * @param {number} time seconds
-   * @returns {Promise<object>} light, balls (now and then), box and mask of the object, milliseconds;
-   *   {lost: true} while no object is marked or seen
+   * @returns {Promise<object>} light, balls (now and then), box and mask of the object, milliseconds of each
+   *   part; {lost: true} while no object is marked or seen
    */
   async next(bitmap, time) {
+    const ms = {};
     const start = performance.now();
+    let begun = start;
+    const lap = (part) => {
+      const now = performance.now();
+      ms[part] = now - begun;
+      begun = now;
+    };
     const picture = this.#read(bitmap);
+    lap("read");
     if (this.count++ % MASK_EVERY === 0) {
       this.mask = await this.findMask(picture, this.#clicksIn(picture));
       this.box = objectBox(this.mask, picture.width);
       this.#followObject(picture);
     }
+    lap("mask");
     const { box, mask } = this;
-    const maskMs = performance.now() - start;
     const size = { width: picture.width, height: picture.height };
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg);
+    lap("crop");
     const stages = await this.models.light(crop.image, crop.tanHalf);
-    const networksMs = performance.now() - start - maskMs;
+    lap("network");
     const radiance = cameraRadiance(stages, crop.cameraFromCrop);
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
     this.state = step(this.state, radiance, dt);
-    const light = describe(shown(this.state));
+    const steady = shown(this.state);
+    lap("filter");
+    const light = describe(steady);
+    lap("describe");
     const full = this.count % FULL_EVERY === 1;
-    return {
-      light,
-      stages: full ? stages : null,
-      balls: full ? drawBalls(light.radiance) : null,
-      mask: full ? mask : null,
-      box,
-      ...size,
-      ms: { mask: maskMs, networks: networksMs, all: performance.now() - start },
-    };
+    const balls = full ? drawBalls(light.radiance) : null;
+    lap("balls");
+    ms.all = performance.now() - start;
+    return { light, stages: full ? stages : null, balls, mask: full ? mask : null, box, ...size, ms };
   }
 
   #read(bitmap) {

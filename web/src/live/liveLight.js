@@ -3,6 +3,12 @@
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
 
+/** The camera gives no more pictures a second than this; to draw more often would take from the networks. */
+const DRAWS_PER_S = 30;
+
+/** Between two tries while no object is seen. */
+const LOST_MS = 100;
+
 export class LiveLight {
   /**
    * @param {HTMLVideoElement} video playing
@@ -19,7 +25,7 @@ export class LiveLight {
   async start(clicks, longFovDeg) {
     await this.networks.ask("startLive", { clicks, longFovDeg });
     this.running = true;
-    this.#draw();
+    this.#draw(0);
     this.#estimate();
   }
 
@@ -42,26 +48,41 @@ export class LiveLight {
     return { updates: rate(this.updates), frames: rate(this.draws) };
   }
 
-  #draw() {
+  /** @param {number} due when to draw next [s]: a screen's frames are not the camera's */
+  #draw(due) {
     if (!this.running) return;
-    this.draws.push(performance.now() / 1000);
-    this.onFrame();
-    requestAnimationFrame(() => this.#draw());
+    const now = performance.now() / 1000;
+    if (now >= due) {
+      this.draws.push(now);
+      this.onFrame();
+      due = Math.max(due + 1 / DRAWS_PER_S, now);
+    }
+    requestAnimationFrame(() => this.#draw(due));
   }
 
+  /** Frame after frame; the networks have the next one before the last one's light is shown. */
   async #estimate() {
-    while (this.running) {
-      try {
-        const bitmap = await createImageBitmap(this.video);
-        const answer = await this.networks.ask("frame", { bitmap, time: performance.now() / 1000 }, [bitmap]);
+    try {
+      let asked = await this.#ask();
+      while (this.running) {
+        const answer = await asked.answer;
         if (!this.running) return;
-        if (answer.lost) await new Promise((resolve) => setTimeout(resolve, 100));
+        if (answer.lost) await new Promise((resolve) => setTimeout(resolve, LOST_MS));
         else this.updates.push(performance.now() / 1000);
-        this.onLight(answer);
-      } catch (error) {
-        this.running = false;
-        this.onError(error);
+        asked = await this.#ask();
+        if (this.running) this.onLight(answer);
       }
+    } catch (error) {
+      this.running = false;
+      this.onError(error);
     }
+  }
+
+  /** Give the networks the camera's picture of now; the answer is a promise of its own, not awaited here. */
+  async #ask() {
+    const bitmap = await createImageBitmap(this.video);
+    const answer = this.networks.ask("frame", { bitmap, time: performance.now() / 1000 }, [bitmap]);
+    answer.catch(() => {}); // told where it is awaited, if it still is
+    return { answer };
   }
 }

@@ -30,14 +30,15 @@ export class Networks {
     });
   }
 
-  /** Open the networks once, at the first call; ?engine=wasm or webgpu in the page's address has its way. */
+  /** Open the networks once, at the first call; ?engine= and ?threads= in the page's address have their way. */
   open(config) {
     const base = document.baseURI;
     const weights = Object.fromEntries(
       Object.entries(config.weights).map(([stage, path]) => [stage, new URL(path, base).href]),
     );
-    const engine = new URLSearchParams(location.search).get("engine");
-    this.opened ??= this.ask("open", { base, weights, engine });
+    const asked = new URLSearchParams(location.search);
+    const [engine, threads] = [asked.get("engine"), Number(asked.get("threads"))];
+    this.opened ??= this.ask("open", { base, weights, engine, threads });
     return this.opened;
   }
 }

@@ -23,12 +23,12 @@ let models = null;
 let live = null;
 
 const tasks = {
-  async open({ base, weights, engine }) {
+  async open({ base, weights, engine, threads: asked }) {
     const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
     const engines = await chooseEngines(engine);
     for (const [index, name] of engines.entries()) {
       try {
-        const { ort, threads } = await openRuntime(base, name);
+        const { ort, threads } = await openRuntime(base, name, asked);
         models = await Models.open(ort, weights, { providers: [name], onProgress });
         if (engines.length > index + 1) await tryOnce(models);
         return { provider: name, threads, hasMask: models.hasMask };
