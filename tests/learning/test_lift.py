@@ -163,6 +163,17 @@ def test_a_lamp_is_drawn_where_it_is_likely(direction):
     assert drawn.max() > 2 * expected.max()
 
 
+@pytest.mark.parametrize("place", ["expected", "drawn"])
+def test_lamps_turn_with_the_map(place):
+    """By whole columns of what is weighed; across the seam as anywhere."""
+    logit = torch.maximum(lobe((0.3, 0.2, -1), 15.0), lobe((-0.4, 0.1, -1), 10.0) - 0.5)
+    place, ln_flux = getattr(Lamps(4), place), torch.zeros(1, 3)
+    there = place(ln_flux, logit)
+    for columns in (8, 56, 64, 72):
+        turned = place(ln_flux, logit.roll(columns, dims=3))
+        torch.testing.assert_close(turned, there.roll(columns, dims=3), rtol=1e-3, atol=1e-5)
+
+
 def test_of_two_likely_places_the_one_with_neighbours_is_drawn():
     """The peak is at the lone one; a guess there is far from most of what may be."""
     logit = torch.log(
@@ -190,7 +201,10 @@ def test_losses_above_white_are_least_at_the_truth():
         batch = SimpleNamespace(ln_radiance=torch.log(above + 1.0))
         return learner._above_white(guess, batch)
 
+    logit.requires_grad_(True)
     truth = losses(ln_flux, logit)
+    truth["lamps"].backward()
+    assert logit.grad.abs().max() < 1e-6
     assert truth["flux"].item() == pytest.approx(0.0, abs=1e-4)
     assert losses(ln_flux + 0.5, logit)["flux"].item() == pytest.approx(0.5, abs=1e-4)
     for other in (lobe((1, 0.5, -1), 16.0), lobe((1, 0.5, -1), 4.0), lobe((-1, 0.5, -1), 8.0)):

@@ -64,9 +64,7 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     positions = mesh.positions.astype(np.float64) @ matrix.T
     positions -= (positions.max(axis=0) + positions.min(axis=0)) / 2
     positions /= np.linalg.norm(positions, axis=1).max()
-    normals = mesh.normals.astype(np.float64) @ np.linalg.inv(
-        matrix
-    )  # rows times the inverse's transpose, transposed
+    normals = mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)  # by the inverse's transpose
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
     return Mesh(positions=positions.astype(np.float32), faces=mesh.faces, normals=normals.astype(np.float32))
 
