@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -34,6 +36,13 @@ PRINTED = ("all", "specular", "diffuse", "indoor", "outdoor", "one light", "one 
 """Groups whose tables are printed; scores.json has the others too."""
 
 
+class Conditions(StrEnum):
+    """How the test photos are taken; the members are dataset.samples.CONDITIONS."""
+
+    clean = "clean"
+    world = "world"
+
+
 def evaluate(
     hdri: Annotated[
         Path | None,
@@ -44,6 +53,13 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = 2020,
     frozen: Annotated[
         bool, typer.Option("--frozen", help="The first of the 1,000 recipes that never change.")
+    ] = False,
+    conditions: Annotated[
+        Conditions,
+        typer.Option(help="clean photos, or as the world gives them: noise, JPEG, blur, rough masks."),
+    ] = Conditions.clean,
+    noisy_masks: Annotated[
+        bool, typer.Option("--noisy-masks", help="Cut every object out 3 pixels wrong, with 5 % holes.")
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
@@ -68,9 +84,11 @@ def evaluate(
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.plan import balanced_recipes
     from anyprobe.dataset.recipe import digest
+    from anyprobe.dataset.samples import CONDITIONS
     from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.baselines import chrome_ball, mean_map
     from anyprobe.evaluate.calibration import Calibration
+    from anyprobe.evaluate.noisy_masks import with_noisy_mask
     from anyprobe.evaluate.pictures import PictureGrid
     from anyprobe.evaluate.protocol import METRICS, run
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
@@ -100,6 +118,7 @@ def evaluate(
 
     stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     recipes = read_recipes(FROZEN)[:pairs] if frozen else balanced_recipes(stock, pairs, seed)
+    recipes = [replace(recipe, conditions=CONDITIONS.index(conditions.value)) for recipe in recipes]
     pairs = len(recipes)
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     grid = PictureGrid(every=max(1, pairs // 16) | 1)  # odd: even steps would show a few shapes only
@@ -110,14 +129,17 @@ def evaluate(
             grid.add(index, pair, estimates)
             progress.advance(task)
 
-        scores = run((render_pair(recipe, stock) for recipe in recipes), methods, watch)
+        rendered = (render_pair(recipe, stock) for recipe in recipes)
+        scores = run(map(with_noisy_mask, rendered) if noisy_masks else rendered, methods, watch)
     table = scores.table()
     irradiance = {
         name: round(sum(one[name] for one in irradiance_scores) / pairs, 5) for name in irradiance_scores[0]
     }
     result = {
         "command": f"anyprobe evaluate --hdri {hdri.name} --meshes {meshes.name} --pairs {pairs} "
-        + ("--frozen" if frozen else f"--seed {seed}"),
+        + ("--frozen" if frozen else f"--seed {seed}")
+        + ("" if conditions is Conditions.clean else f" --conditions {conditions.value}")
+        + (" --noisy-masks" if noisy_masks else ""),
         "model": model_id(model),
         "recipes": digest(recipes),
         "maps": [asset.name for asset in stock.maps.values()],
