@@ -31,9 +31,14 @@ def checkpoint(path, config):
 
 
 @pytest.fixture(scope="module")
-def methods(tmp_path_factory):
+def run(tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "checkpoint.pt"
-    return DesignMethods(checkpoint(path, smoke(designs()))).methods()
+    return DesignMethods(checkpoint(path, smoke(designs())))
+
+
+@pytest.fixture(scope="module")
+def methods(run):
+    return run.methods()
 
 
 def test_every_method_scores(methods):
@@ -95,3 +100,15 @@ def test_a_run_says_what_it_has_learned_from(tmp_path):
         read_run(checkpoint(tmp_path / "b.pt", smoke(paper())))
     with pytest.raises(ModelError, match="anyprobe train designs"):
         read_run(tmp_path / "none.pt")
+
+
+def test_mixtures_go_from_the_estimate_to_the_truth(run, methods):
+    pair = ball_pair()
+    for name in ("ours", "irradiance"):
+        np.testing.assert_array_equal(run.mixed(name, pair, 0.0)[1], methods[name](pair).ldr)
+    irradiance, ldr = run.mixed("ours", pair, 1.0)
+    np.testing.assert_array_equal(ldr, methods["ideal"](pair).ldr)
+    truth = pair.irradiance / 255.0 * pair.crop[..., 3:]
+    np.testing.assert_allclose(irradiance, truth, atol=1e-6)
+    half = run.mixed("ours", pair, 0.5)[0]
+    np.testing.assert_allclose(half, (run.mixed("ours", pair, 0.0)[0] + irradiance) / 2, atol=1e-6)

@@ -20,7 +20,8 @@ from anyprobe.evaluate.report import smooth, write_report
 from anyprobe.evaluate.sheets import draw_chart, heat
 from anyprobe.evaluate.study import Study, study
 from anyprobe.evaluate.tables import result_files
-from anyprobe.evaluate.verdict import order_lines, step_holds
+from anyprobe.evaluate.tolerance import Tolerance, tolerated
+from anyprobe.evaluate.verdict import order_lines, step_holds, tolerance_lines
 
 ABOUT = {"command": "anyprobe compare", "commit": "abc", "recipes": "0123"}
 
@@ -175,3 +176,25 @@ def test_smoothing_keeps_the_last_of_x_and_means_of_y():
     x, y = smooth(list(range(40)), [float(k % 2) for k in range(40)])
     assert x[-1] == 39
     assert y[0] == pytest.approx(0.5)
+
+
+def test_the_tolerated_error_is_where_two_lines_cross():
+    """A design whose error is .3 + 2 x irradiance error against a direct of .35: level at .025."""
+
+    def mixed(name, pair, share):
+        error = 0.1 * (1 - share)
+        offset = 0.3 + 2 * error if name == "ours" else 0.5
+        return pair.irradiance / 255.0 + error, response(pair.radiance) + offset
+
+    tolerance = Tolerance(mixed)
+    for seed in range(2):
+        pair = ball_pair(seed)
+        tolerance.add(pair, response(pair.radiance) + 0.35)
+    result = tolerance.result()
+    assert [row["irradiance_rmse"] for row in result["rows"]] == pytest.approx([0.1, 0.075, 0.05, 0.025, 0])
+    assert result["direct"]["ldr_rmse"] == pytest.approx(0.35, abs=1e-4)
+    assert tolerated(result, "ours") == pytest.approx(0.025, abs=1e-3)
+    assert tolerated(result, "irradiance") is None
+    text = "\n".join(tolerance_lines(result))
+    assert "- ours, RMSE: level with direct at an irradiance RMSE of 0.025" in text
+    assert "- irradiance, RMSE: behind direct even with true irradiance." in text

@@ -7,13 +7,16 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.errors import InputError, MissingExtra
+
+if TYPE_CHECKING:
+    from anyprobe.train.design_methods import DesignMethods
 
 RESULTS = Path("docs/results")
 
@@ -55,8 +58,10 @@ def compare(
     from anyprobe.evaluate.study import study
     from anyprobe.evaluate.tables import result_files
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
+    from anyprobe.evaluate.tolerance import Tolerance
 
-    methods, trained = open_methods(run, model or [])
+    designs = None if run is None else open_designs(run)
+    methods, trained = open_methods(model or [], designs)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
 
     def warn(line: str) -> None:
@@ -66,12 +71,15 @@ def compare(
     recipes = read_recipes(FROZEN)
     chosen = recipes[:pairs]
     drawn = Figures(len(chosen), figures)
+    tolerance = None if designs is None else Tolerance(designs.mixed)
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=talk) as progress:
         task = progress.add_task("", total=len(chosen))
 
         def watch(index, pair, estimates):
             drawn.add(index, pair, estimates)
+            if tolerance is not None:
+                tolerance.add(pair, estimates["direct"].ldr)
             progress.advance(task)
 
         result = study(until(kept_pairs(chosen, stock, kept), minutes), methods, watch)
@@ -86,6 +94,8 @@ def compare(
         write_result(out / f"{name}.json", content)
     if run is not None:
         write_result(out / "gradual.json", about | curves(run / "log.csv"))
+    if tolerance is not None:
+        write_result(out / "tolerance.json", about | tolerance.result())
     for path in drawn.save(out):
         talk.print(str(path))
     talk.print(f"{out / 'table1.json'} and the others; anyprobe report draws them together")
@@ -100,16 +110,22 @@ def until(pairs: Iterator[Any], minutes: float | None) -> Iterator[Any]:
             return
 
 
-def open_methods(run: Path | None, models: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+def open_designs(run: Path) -> DesignMethods:
+    """The trained designs of a run's folder."""
+    _need_torch()
+    from anyprobe.train.design_methods import DesignMethods
+
+    return DesignMethods(run / "checkpoint.pt")
+
+
+def open_methods(
+    models: list[str], designs: DesignMethods | None = None
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Methods by name, baselines first, and what the result files say of their training."""
     from anyprobe.evaluate.methods import baselines, shipped
 
     methods, trained = baselines(), {}
-    if run is not None:
-        _need_torch()
-        from anyprobe.train.design_methods import DesignMethods
-
-        designs = DesignMethods(run / "checkpoint.pt")
+    if designs is not None:
         trained = {"designs": designs.run}
         methods |= designs.methods()
     for name in models:

@@ -19,7 +19,7 @@ def evaluate_real(folder: Path, model: str, out: Path) -> None:
     from anyprobe.evaluate.real import load_real, read_real, score_real
 
     rows = read_real(folder)
-    methods, trained = open_methods(None, [model])
+    methods, trained = open_methods([model])
     groups = score_real(load_real(folder, rows), methods)
     content = {
         "command": f"anyprobe evaluate --real {folder.name} --model {Path(model).name}",

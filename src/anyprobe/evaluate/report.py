@@ -11,7 +11,14 @@ from anyprobe.errors import InputError
 from anyprobe.evaluate.paper_rows import SECONDS, TABLE1
 from anyprobe.evaluate.sheets import draw_chart, save
 from anyprobe.evaluate.tables import ARRAY, CLEAN, FIELD, LIGHTS, ORDER
-from anyprobe.evaluate.verdict import CURVES, curve_lines, limit_lines, order_lines, rival_lines
+from anyprobe.evaluate.verdict import (
+    CURVES,
+    curve_lines,
+    limit_lines,
+    order_lines,
+    rival_lines,
+    tolerance_lines,
+)
 
 LOWER = ("rmse", "deg", "stops", "sh9")
 NAMES = {
@@ -85,6 +92,8 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
     yield from _table1(table1)
     yield from order_lines(table1)
     yield from limit_lines(table1)
+    if "tolerance" in found:
+        yield from tolerance_lines(found["tolerance"])
     yield from _curves(found, links)
     yield from _grouped(found, links, "fig13", "Balls (the paper's Fig. 13)", "ball")
     if "fig13" in found:

@@ -58,6 +58,13 @@ class DesignMethods:
         result: dict[str, Method] = {name: self._design(name) for name in DESIGNS}
         return result | {"ideal": self.ideal, "georgoulis": self.georgoulis, "meka": self.meka}
 
+    def mixed(self, name: str, pair: Pair, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """A design given estimated irradiance with a share of the truth: the mixture, and its LDR map."""
+        mask = _tensor(pair.crop)[:, 3:]
+        truth = _tensor(pair.irradiance.astype(np.float32) / 255.0) * mask
+        seen = torch.lerp(self._estimated_irradiance(pair), truth, share)
+        return seen[0].permute(1, 2, 0).numpy(), self._map(name, torch.cat([seen, mask], dim=1))
+
     def _design(self, name: str) -> Callable[[Pair], Estimate]:
         design = DESIGNS[name]
 
