@@ -19,6 +19,7 @@ from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
 from anyprobe.dataset.stock import Stock, load_stock
 from anyprobe.errors import InputError
 from anyprobe.light.environment import rotate
+from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
 
 RECIPE = Recipe(
@@ -237,3 +238,20 @@ def test_material_numbers_say_what_the_material_is(stock) -> None:
         pair = render_pair(replace(full_plan(stock).recipe(0), material=material), stock)
         assert (pair.material.alpha >= 0.5) == (not pair.specular) == bool(material & 1)
         assert (np.max(pair.material.albedo) == 0) == bool(material & 2)
+
+
+def test_another_renderer_takes_the_same_photo():
+    """It is given mesh, camera, material and the map about the mesh: drawn with these, the picture is the pair's."""
+    own = load_stock(None, "test", procedural_maps=1, procedural_shapes=1)
+    recipe = replace(RECIPE, map_id=next(iter(own.maps)), shape_id=next(iter(own.shapes)), conditions=0)
+    ours = render_pair(recipe, own)
+    drawn = render_pair(recipe, own, draw_mesh)
+    inside = ours.photo[..., 3] > 0
+    np.testing.assert_array_equal(drawn.photo[..., 3], ours.photo[..., 3])
+    np.testing.assert_allclose(drawn.gain, ours.gain, rtol=0.03)
+    np.testing.assert_array_equal(drawn.normals, ours.normals)
+    difference = np.abs(drawn.photo[inside].astype(int) - ours.photo[inside])
+    assert np.median(difference) <= 3  # drawn once more, through a rotated map
+    assert ours.photo[inside, :3].std() > 10
+    black = render_pair(recipe, own, lambda mesh, camera, radiance, material: np.zeros((128, 128, 3)))
+    assert black.photo[..., :3].max() < 30

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -32,6 +34,8 @@ COLUMNS = (
     "main_light_median_deg",
     "flux_median_stops",
 )
+PATHS = 128
+"""Through each pixel of a path-traced photo; what noise is left is a dim room's."""
 PRINTED = ("all", "specular", "diffuse", "indoor", "outdoor", "one light", "one light, shiny")
 """Groups whose tables are printed; scores.json has the others too."""
 
@@ -60,6 +64,10 @@ def evaluate(
     ] = Conditions.clean,
     noisy_masks: Annotated[
         bool, typer.Option("--noisy-masks", help="Cut every object out 3 pixels wrong, with 5 % holes.")
+    ] = False,
+    path_traced: Annotated[
+        bool,
+        typer.Option("--path-traced", help="Photos by Mitsuba 3: objects shadow and mirror themselves."),
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
@@ -96,6 +104,7 @@ def evaluate(
     from anyprobe.files.images import write_png
     from anyprobe.infer.runtime import Models, model_id
 
+    trace = _tracer() if path_traced else None
     models = Models(model)
     irradiance_scores, calibration = [], Calibration()
 
@@ -129,7 +138,7 @@ def evaluate(
             grid.add(index, pair, estimates)
             progress.advance(task)
 
-        rendered = (render_pair(recipe, stock) for recipe in recipes)
+        rendered = (render_pair(recipe, stock, trace) for recipe in recipes)
         scores = run(map(with_noisy_mask, rendered) if noisy_masks else rendered, methods, watch)
     table = scores.table()
     irradiance = {
@@ -139,7 +148,8 @@ def evaluate(
         "command": f"anyprobe evaluate --hdri {hdri.name} --meshes {meshes.name} --pairs {pairs} "
         + ("--frozen" if frozen else f"--seed {seed}")
         + ("" if conditions is Conditions.clean else f" --conditions {conditions.value}")
-        + (" --noisy-masks" if noisy_masks else ""),
+        + (" --noisy-masks" if noisy_masks else "")
+        + (" --path-traced" if path_traced else ""),
         "model": model_id(model),
         "recipes": digest(recipes),
         "maps": [asset.name for asset in stock.maps.values()],
@@ -154,6 +164,14 @@ def evaluate(
     write_png(out / "pictures.png", grid.picture())
     _print(table, irradiance)
     talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
+
+
+def _tracer() -> Callable:
+    """Mitsuba's paths, or one clear line where it cannot run."""
+    from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
+
+    open_mitsuba()
+    return partial(trace_mesh, num_paths=PATHS)
 
 
 def irradiance_score(estimate, truth) -> dict[str, float]:

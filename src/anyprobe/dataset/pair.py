@@ -7,6 +7,7 @@ compiler.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,12 @@ from anyprobe.dataset.stock import Stock
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import Shading, shade
-from anyprobe.render.surface import Surface, frame_object, pixel_rays, see
+from anyprobe.render.mesh import Mesh
+from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, see
 from anyprobe.scatter.brdf import Material
+
+Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
+"""A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material to linear RGB (and more) [S, S, 3+]."""
 
 NUM_SAMPLES = 64
 LN_RANGE = (-7.0, 9.0)
@@ -86,8 +91,11 @@ def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, flo
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / count))
 
 
-def render_pair(recipe: Recipe, stock: Stock) -> Pair:
-    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape."""
+def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None) -> Pair:
+    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape.
+
+    trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
+    """
     asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
     yaw, elevation = fibonacci_viewpoint(recipe.view)
     turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
@@ -98,6 +106,10 @@ def render_pair(recipe: Recipe, stock: Stock) -> Pair:
     map_from_camera = rotation_y(rng.uniform(0, 2 * np.pi)) @ camera.world_from_camera
     shading = shade_surface(stock.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
     reflected = shading.radiance(material)
+    if trace is not None:
+        map_from_world = map_from_camera @ camera.world_from_camera.T
+        around = rotate(asset.radiance, map_from_world.T)
+        reflected = trace(shape.mesh, camera, around, material)[surface.mask][:, :3]
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     shot = draw_shot(rng, recipe.conditions)
     gain = exposure(shot, float(luminance(reflected).mean()), _log_mean(light))
