@@ -7,7 +7,7 @@ degrees about +Y, there and back; a patch in the video's corner says when. It dr
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
 tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
 
-lights_per_s, frames_per_s   lights, and drawings of the virtual object (the page draws at most 30)
+lights_per_s, frames_per_s   lights, each of them drawn, and pictures of the camera (of 30) that were shown
 ms                           means a light, in the networks' thread; `all` is their sum, `between` what the
                              thread waits for the next frame
 std_color_angle_deg          of a white ball in the light about its mean over time, one for each still stretch

@@ -21,7 +21,6 @@ if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.host
 }
 const stage = new PhotoStage();
 const tools = new ObjectTools(stage);
-globalThis.tryStage = stage.stage;
 const light = new LightPanel(config);
 const stages = new StagesPanel();
 const editor = new MaskEditor(

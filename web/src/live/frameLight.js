@@ -5,9 +5,7 @@ import { cameraRadiance, describe } from "../light/light.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
-
-/** Longer side at which a frame is looked at. */
-const LONG_PX = 480;
+import { readFrame } from "./frames.js";
 
 /** The mask is found anew every so many frames: objects move slower than light is wanted. */
 const MASK_EVERY = 4;
@@ -27,8 +25,6 @@ export class FrameLight {
     this.findMask = findMask;
     this.clicks = clicks;
     this.longFovDeg = longFovDeg;
-    this.canvas = new OffscreenCanvas(1, 1);
-    this.context = this.canvas.getContext("2d", { willReadFrequently: true });
     this.state = null;
     this.count = 0;
   }
@@ -41,12 +37,12 @@ export class FrameLight {
   }
 
   /**
-   * @param {ImageBitmap} bitmap closed when it has been read
+   * @param {object} frame of takeFrame
    * @param {number} time seconds
    * @returns {Promise<object>} light, balls (now and then), box and mask of the object, milliseconds of each
    *   part; {lost: true} while no object is marked or seen
    */
-  async next(bitmap, time) {
+  async next(frame, time) {
     const ms = {};
     const start = performance.now();
     let begun = start;
@@ -55,7 +51,7 @@ export class FrameLight {
       ms[part] = now - begun;
       begun = now;
     };
-    const picture = this.#read(bitmap);
+    const picture = readFrame(frame);
     lap("read");
     if (this.count++ % MASK_EVERY === 0) {
       this.mask = await this.findMask(picture, this.#clicksIn(picture));
@@ -83,19 +79,6 @@ export class FrameLight {
     lap("balls");
     ms.all = performance.now() - start;
     return { light, stages: full ? stages : null, balls, mask: full ? mask : null, box, ...size, ms };
-  }
-
-  #read(bitmap) {
-    const scale = Math.min(1, LONG_PX / Math.max(bitmap.width, bitmap.height));
-    const width = Math.round(bitmap.width * scale);
-    const height = Math.round(bitmap.height * scale);
-    if (this.canvas.width !== width || this.canvas.height !== height) {
-      this.canvas.width = width;
-      this.canvas.height = height;
-    }
-    this.context.drawImage(bitmap, 0, 0, width, height);
-    bitmap.close();
-    return { width, height, rgba: this.context.getImageData(0, 0, width, height).data };
   }
 
   /** Clicks in pixels; once an object was found, the place it is now stands for the click on it. */

@@ -1,10 +1,9 @@
 /** Frames of the camera to the networks' thread, one at a time, and how many a second come back. */
 
+import { takeFrame } from "./frames.js";
+
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
-
-/** The camera gives no more pictures a second than this; to draw more often would take from the networks. */
-const DRAWS_PER_S = 30;
 
 /** Between two tries while no object is seen. */
 const LOST_MS = 100;
@@ -13,19 +12,19 @@ export class LiveLight {
   /**
    * @param {HTMLVideoElement} video playing
    * @param {import("../networks/client.js").Networks} networks
-   * @param {{onLight: (answer: object) => void, onFrame: () => void, onError: (error: Error) => void}} events
+   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void}} events
    */
-  constructor(video, networks, { onLight, onFrame, onError }) {
-    Object.assign(this, { video, networks, onLight, onFrame, onError });
+  constructor(video, networks, { onLight, onError }) {
+    Object.assign(this, { video, networks, onLight, onError });
     this.running = false;
     this.updates = [];
-    this.draws = [];
+    this.frames = [];
   }
 
   async start(clicks, longFovDeg) {
     await this.networks.ask("startLive", { clicks, longFovDeg });
     this.running = true;
-    this.#draw(0);
+    this.#countFrames();
     this.#estimate();
   }
 
@@ -45,19 +44,16 @@ export class LiveLight {
       while (times.length && times[0] < now - WINDOW_S) times.shift();
       return times.length / WINDOW_S;
     };
-    return { updates: rate(this.updates), frames: rate(this.draws) };
+    return { updates: rate(this.updates), frames: rate(this.frames) };
   }
 
-  /** @param {number} due when to draw next [s]: a screen's frames are not the camera's */
-  #draw(due) {
+  /** The object over a picture is drawn anew when its light or its place changes; the pictures follow the camera. */
+  #countFrames() {
     if (!this.running) return;
-    const now = performance.now() / 1000;
-    if (now >= due) {
-      this.draws.push(now);
-      this.onFrame();
-      due = Math.max(due + 1 / DRAWS_PER_S, now);
-    }
-    requestAnimationFrame(() => this.#draw(due));
+    this.frames.push(performance.now() / 1000);
+    const next = () => this.#countFrames();
+    if (this.video.requestVideoFrameCallback) this.video.requestVideoFrameCallback(next);
+    else requestAnimationFrame(next);
   }
 
   /** Frame after frame; the networks have the next one before the last one's light is shown. */
@@ -80,8 +76,8 @@ export class LiveLight {
 
   /** Give the networks the camera's picture of now; the answer is a promise of its own, not awaited here. */
   async #ask() {
-    const bitmap = await createImageBitmap(this.video);
-    const answer = this.networks.ask("frame", { bitmap, time: performance.now() / 1000 }, [bitmap]);
+    const { frame, transfer } = await takeFrame(this.video);
+    const answer = this.networks.ask("frame", { frame, time: performance.now() / 1000 }, transfer);
     answer.catch(() => {}); // told where it is awaited, if it still is
     return { answer };
   }

@@ -6,13 +6,11 @@
 
 import { DEFAULT_LONG_FOV_DEG } from "../photo/crop.js";
 import { element, setStatus } from "../view/elements.js";
-import { readBitmap } from "../photo/open.js";
 import { LiveLight } from "./liveLight.js";
 import { closeCamera, openCamera } from "./camera.js";
+import { readFrame, takeFrame } from "./frames.js";
 
 const RATES_EVERY_MS = 500;
-/** Longer side of the picture in which the object is clicked on. */
-const STILL_LONG_PX = 480;
 
 export class LiveSession {
   constructor({ networks, config, stage, light, stages, editor }) {
@@ -35,14 +33,13 @@ export class LiveSession {
     this.button.setAttribute("aria-pressed", "true");
     this.live = new LiveLight(video, this.networks, {
       onLight: (answer) => this.#show(answer),
-      onFrame: () => this.stage.stage.render(),
       onError: (error) => {
         this.stop();
         setStatus(error.message, true);
       },
     });
     const { live } = this;
-    this.still = readBitmap(await createImageBitmap(video), STILL_LONG_PX);
+    this.still = await takePicture(video);
     this.editor.open(this.still);
     const { hasMask, provider, threads } = await this.networks.open(this.config);
     if (this.live !== live) return; // stopped meanwhile
@@ -88,15 +85,20 @@ export class LiveSession {
     this.#showMask(answer);
   }
 
-  async #showMask({ mask, width, height }) {
+  async #showMask({ mask }) {
     const { video } = this.stage;
     if (!this.live || !video.srcObject) return;
-    this.still = readBitmap(await createImageBitmap(video, { resizeWidth: width, resizeHeight: height }), STILL_LONG_PX);
-    if (this.live) this.editor.showOn(this.still, mask);
+    this.still = await takePicture(video);
+    if (this.live && mask.length === this.still.width * this.still.height) this.editor.showOn(this.still, mask);
   }
 
   #showRates() {
     const { updates, frames } = this.live.rates();
     element("rates").textContent = `${updates.toFixed(0)} lights/s · ${frames.toFixed(0)} frames/s · ${this.engine}`;
   }
+}
+
+/** What the camera shows, for the picture in which the object is clicked on. */
+async function takePicture(video) {
+  return readFrame((await takeFrame(video)).frame);
 }

@@ -58,8 +58,8 @@ const tasks = {
     live = new FrameLight(models, findMaskQuickly, clicks, longFovDeg);
   },
 
-  frame({ bitmap, time }) {
-    return live.next(bitmap, time);
+  frame({ frame, time }) {
+    return live.next(frame, time);
   },
 
   clickLive({ clicks }) {

@@ -68,7 +68,7 @@ export class PhotoStage {
     const before = element("before");
     const wipe = element("wipe");
     const divide = () => {
-      this.overlay.style.clipPath = `inset(0 0 0 ${before.value}%)`;
+      this.overlay.style.clipPath = before.value === "0" ? "" : `inset(0 0 0 ${before.value}%)`;
       wipe.style.left = `${before.value}%`;
       wipe.hidden = before.value === "0" || before.value === "100";
     };

@@ -31,6 +31,7 @@ import { luminance } from "../core/color.js";
 import { pixelDirection } from "../photo/crop.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 import { installCameraCurve, shadowOpacity } from "./curve.js";
+import { isDrawnInSoftware } from "./software.js";
 import { dispose } from "./virtualObjects.js";
 
 /** Distance of the real object, in units of the scene; only proportions are seen. */
@@ -42,7 +43,7 @@ export class Stage {
   /** @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow */
   constructor(canvas) {
     installCameraCurve();
-    this.renderer = new WebGLRenderer({ canvas, alpha: true, antialias: true });
+    this.renderer = new WebGLRenderer({ canvas, alpha: true, antialias: !isDrawnInSoftware() });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;

@@ -20,12 +20,12 @@ const VASE = [
   [0.17, 0.9], [0.24, 1], [0.2, 1], [0.12, 0.88],
 ];
 
-/** Shapes of the picker: name to geometry, any size and place. */
+/** Shapes of the picker: name to geometry, any size and place; round at a few hundred pixels, and no finer. */
 export const SHAPES = {
-  ball: () => new SphereGeometry(0.5, 96, 64),
-  teapot: () => new TeapotGeometry(0.5, 16),
+  ball: () => new SphereGeometry(0.5, 64, 32),
+  teapot: () => new TeapotGeometry(0.5, 10),
   vase: () => new LatheGeometry(VASE.map(([x, y]) => new Vector2(x, y)), 96),
-  knot: () => new TorusKnotGeometry(0.35, 0.12, 200, 32),
+  knot: () => new TorusKnotGeometry(0.35, 0.12, 160, 20),
   box: () => new RoundedBoxGeometry(1, 1, 1, 6, 0.08),
   column: () => new CylinderGeometry(0.3, 0.3, 1, 96),
 };

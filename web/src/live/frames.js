@@ -1,0 +1,125 @@
+/**
+ * The camera's frames: taken in the page, read as small pictures in the networks' thread.
+ *
+ * A camera's frame is luma and chroma in memory. Its bytes are copied in the page's own thread and
+ * handed over: to copy them in another, or to draw the frame on a canvas and read that back, waits for
+ * the GPU's thread and all that it is drawing.
+ */
+
+/** Longer side at which a frame is looked at. */
+const LONG_PX = 480;
+
+/** Kr and Kb of the luma, by the name of the matrix. */
+const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.299, 0.114] };
+
+/**
+ * The frame that a video shows now.
+ *
+ * @param {HTMLVideoElement} video playing
+ * @returns {Promise<{frame: object, transfer: object[]}>} frame is an ImageBitmap, or {width, height, format, layout,
+ *   matrix, fullRange, bytes}; transfer is what of it moves to another thread
+ */
+export async function takeFrame(video) {
+  const source = typeof VideoFrame === "function" ? new VideoFrame(video) : null;
+  try {
+    if (source && isReadable(source)) {
+      const { width, height } = source.visibleRect;
+      const { format, colorSpace } = source;
+      const bytes = new Uint8Array(source.allocationSize());
+      const layout = await source.copyTo(bytes);
+      const { matrix, fullRange } = colorSpace;
+      return { frame: { width, height, format, layout, matrix, fullRange, bytes }, transfer: [bytes.buffer] };
+    }
+  } finally {
+    source?.close();
+  }
+  const frame = await createImageBitmap(video);
+  return { frame, transfer: [frame] };
+}
+
+/** Upright frames of square pixels, eight bits, chroma at half the resolution, in a known matrix. */
+function isReadable({ format, rotation, flip, visibleRect, displayWidth, displayHeight, colorSpace }) {
+  return (
+    (format === "NV12" || format === "I420") &&
+    !rotation &&
+    !flip &&
+    visibleRect.width === displayWidth &&
+    visibleRect.height === displayHeight &&
+    colorSpace.matrix in LUMA
+  );
+}
+
+/**
+ * A frame as a picture of at most LONG_PX.
+ *
+ * @param {object} frame of takeFrame
+ * @returns {import("../photo/picture.js").Picture}
+ */
+export function readFrame(frame) {
+  const scale = Math.min(1, LONG_PX / Math.max(frame.width, frame.height));
+  const size = [frame.width, frame.height].map((length) => Math.round(length * scale));
+  return frame.bytes ? convert(frame, size) : draw(frame, size);
+}
+
+/** Luma averaged over the pixels that fall into one, chroma from their middle. */
+function convert({ width: fullWidth, height: fullHeight, format, layout, matrix, fullRange, bytes }, [width, height]) {
+  const isWoven = format === "NV12"; // blue and red differences in turns
+  const [luma, u, second] = layout;
+  const v = isWoven ? { ...u, offset: u.offset + 1 } : second;
+  const apart = isWoven ? 2 : 1;
+  const write = toRgb(matrix, fullRange);
+  const columns = edges(fullWidth, width);
+  const rows = edges(fullHeight, height);
+  const rgba = new Uint8ClampedArray(4 * width * height);
+  for (let y = 0, to = 0; y < height; y++) {
+    const [top, bottom] = [rows[y], rows[y + 1]];
+    const chromaRow = (top + bottom) >> 2;
+    for (let x = 0; x < width; x++, to += 4) {
+      const left = columns[x];
+      const right = columns[x + 1];
+      let sum = 0;
+      for (let row = top; row < bottom; row++) {
+        const at = luma.offset + row * luma.stride;
+        for (let column = left; column < right; column++) sum += bytes[at + column];
+      }
+      const middle = ((left + right) >> 2) * apart;
+      const blue = bytes[u.offset + chromaRow * u.stride + middle];
+      const red = bytes[v.offset + chromaRow * v.stride + middle];
+      write(sum / ((bottom - top) * (right - left)), blue, red, rgba, to);
+    }
+  }
+  return { width, height, rgba };
+}
+
+/** Where the samples of a shorter line begin and end in the longer one. */
+function edges(length, count) {
+  return Int32Array.from({ length: count + 1 }, (_, i) => Math.floor((i * length) / count));
+}
+
+/** A function of luma, blue and red difference that writes red, green, blue and opaque. */
+function toRgb(matrix, fullRange) {
+  const [kr, kb] = LUMA[matrix];
+  const [black, gain, chromaGain] = fullRange ? [0, 1, 1] : [16, 255 / 219, 255 / 224];
+  const toRed = 2 * (1 - kr) * chromaGain;
+  const toBlue = 2 * (1 - kb) * chromaGain;
+  return (y, u, v, rgba, to) => {
+    const light = (y - black) * gain;
+    const red = light + toRed * (v - 128);
+    const blue = light + toBlue * (u - 128);
+    rgba[to] = red;
+    rgba[to + 1] = (light - kr * red - kb * blue) / (1 - kr - kb);
+    rgba[to + 2] = blue;
+    rgba[to + 3] = 255;
+  };
+}
+
+let context = null;
+
+function draw(bitmap, [width, height]) {
+  context ??= new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  const { canvas } = context;
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  context.drawImage(bitmap, 0, 0, width, height);
+  bitmap.close();
+  return { width, height, rgba: context.getImageData(0, 0, width, height).data };
+}
