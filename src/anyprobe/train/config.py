@@ -67,7 +67,7 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=6_000,
+        steps=5_000,
         learning_rate=1.5e-3,
         warmup=100,
         cooldown=0.7,
