@@ -28,6 +28,7 @@ FLAGS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
     "--disable-gpu-rasterization",
     "--disable-accelerated-2d-canvas",
     "--disable-quic",
@@ -36,7 +37,8 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
-"""WebGL without a GPU, and no calls of Chromium's own to the network."""
+"""WebGL without a GPU, the page itself composed as Chromium does without one, and no calls of its own to
+the network."""
 
 
 class NoBrowser(RuntimeError):
