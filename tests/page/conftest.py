@@ -60,8 +60,18 @@ def vase_photo(tmp_path) -> Path:
 
 
 @pytest.fixture
+def aside_photo(tmp_path) -> Path:
+    """The example cut so that the vase stands beside the middle, alpha and all: its crop is a turned camera's."""
+    path = tmp_path / "aside" / "vase.png"
+    path.parent.mkdir()
+    with Image.open(VASE) as image:
+        image.crop((120, 0, image.width, 420)).save(path)
+    return path
+
+
+@pytest.fixture
 def vase_frame() -> np.ndarray:
-    """[480, 640, 3] uint8: the example as a camera's picture."""
+    """[512, 672, 3] uint8: the example as a camera's picture."""
     with Image.open(VASE) as image:
         picture = np.asarray(image.convert("RGB"))
     return np.pad(picture, ((0, 0), (80, 80), (0, 0)), mode="edge")

@@ -14,6 +14,7 @@ from support.browser import run_steps
 from support.camera import camera_flags, write_y4m
 from support.mesh_files import glb
 
+from anyprobe.core.color import luminance
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.radiance import read_radiance
 
@@ -24,7 +25,13 @@ MIDDLE = [0.5, 0.55]
 """Of the picture: on the vase."""
 
 
-def test_own_photo_is_estimated_clicked_relit_and_taken_away(page_url, vase_photo, estimator, tmp_path):
+def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.degrees(np.arccos(np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b))))
+
+
+def test_own_photo_is_estimated_clicked_relit_and_taken_away(
+    page_url, aside_photo, vase_photo, estimator, tmp_path
+):
     tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
     (tmp_path / "own.glb").write_bytes(
         glb(tetrahedron, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
@@ -33,7 +40,7 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(page_url, vase_phot
         "page_photo.mjs",
         page_url,
         {
-            "photo": str(VASE),
+            "photo": str(aside_photo),
             "opaque": str(vase_photo),
             "glb": str(tmp_path / "own.glb"),
             "click": MIDDLE,
@@ -48,7 +55,7 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(page_url, vase_phot
     assert seen["material"] == "own"
     assert "no.glb" in seen["fault"]
 
-    expected = estimator(VASE)
+    expected = estimator(aside_photo)
     files = {kind: Path(path) for kind, path in seen["files"].items()}
     for kind, tolerance in (("exr", 0.01), ("hdr", 0.02)):
         found = read_radiance(files[kind])
@@ -89,7 +96,7 @@ def test_phone_shows_all_of_it(page_url):
     assert seen["small"] == []
 
 
-def test_camera_is_followed_and_closed(page_url, vase_frame, tmp_path):
+def test_camera_is_followed_and_closed(page_url, vase_frame, estimator, tmp_path):
     rng = np.random.default_rng(7)
     frames = [
         np.clip(vase_frame + rng.normal(0, 2, vase_frame.shape), 0, 255).astype(np.uint8) for _ in range(8)
@@ -106,4 +113,9 @@ def test_camera_is_followed_and_closed(page_url, vase_frame, tmp_path):
     assert "lights/s" in seen["rates"][-1]["text"]
     directions = np.array([light["direction"] for light in seen["lights"][4:]])  # the click has been heard
     assert (directions @ directions[-1] > np.cos(np.radians(10))).all()  # a still scene
+    height, width = vase_frame.shape[:2]
+    expected = estimator(vase_frame, click=(MIDDLE[0] * width, MIDDLE[1] * height)).sh9()
+    found = np.reshape(seen["lights"][-1]["sh9"], (9, 3))
+    assert angle_deg(found[0], expected[0]) < 6  # colour; the two masks are not quite the same
+    assert angle_deg(luminance(found[1:4]), luminance(expected[1:4])) < 25  # where most of it comes from
     assert seen["stopped"]
