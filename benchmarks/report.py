@@ -9,7 +9,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-COLUMNS = ("light", "kind", "alpha", "samples", "error", "ms", "spp", "error", "ms", "faster")
+COLUMNS = ("light", "kind", "alpha", "samples", "error", "ms", "spp", "error", "ms", "faster", "than default")
 WIDTH = 100
 """Columns at least, also where the output is a file."""
 
@@ -70,6 +70,7 @@ class Report:
                 str(line["mitsuba_spp"]),
                 f"{100 * line['mitsuba_error']:.2f} %",
                 f"{1e3 * line['mitsuba_s']:.0f}" + ("*" if line["mitsuba_extrapolated"] else ""),
+                f"{line['speedup_over_best']:.1f} x" if line["speedup"] else "failed",
                 f"{line['speedup']:.1f} x" if line["speedup"] else "failed",
             )
         maps = {f"{line['place']}: {line['map']}": None for line in self._cells}
