@@ -30,6 +30,16 @@ def test_openvino_says_what_onnx_runtime_says_from_many_threads(crops):
     assert np.abs(found[0].ldr - found[1].ldr).max() > 0.001  # not one request's leftovers
 
 
+def test_bfloat16_says_nearly_the_same(crops):
+    """Rounded to 8 bits every now and then, but every pixel is lifted to where it was, or next to it."""
+    pytest.importorskip("openvino", reason="needs the openvino extra")
+    known, other = Models(threads=1), Models(threads=1, engine="openvino-bf16")
+    for crop in crops:
+        one, two = known(crop, 0.2), other(crop, 0.2)
+        assert np.median(np.abs(np.log(one.radiance) - np.log(two.radiance))) < 0.1
+        assert np.abs(one.irradiance - two.irradiance).mean() < 0.01
+
+
 def test_absent_engine_names_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "openvino", None)
     with pytest.raises(MissingExtra, match=r"anyprobe\[openvino\]"):

@@ -17,6 +17,7 @@ from rich.table import Table
 
 from anyprobe.cli.evaluate_real import evaluate_real
 from anyprobe.errors import InputError
+from anyprobe.infer.engines import DEFAULT_ENGINE, ENGINES
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
 COLUMNS = (
@@ -73,6 +74,9 @@ def evaluate(
         "evaluation"
     ),
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    engine: Annotated[
+        str, typer.Option(help=f"What computes it: one of {', '.join(ENGINES)}.")
+    ] = DEFAULT_ENGINE,
     real: Annotated[
         Path | None,
         typer.Option(help="Folder of real photos with measured maps (docs/evaluation.md) instead."),
@@ -105,7 +109,7 @@ def evaluate(
     from anyprobe.infer.runtime import Models, model_id
 
     trace = _tracer() if path_traced else None
-    models = Models(model)
+    models = Models(model, engine=engine)
     irradiance_scores, calibration = [], Calibration()
 
     def network(pair):
@@ -149,7 +153,8 @@ def evaluate(
         + ("--frozen" if frozen else f"--seed {seed}")
         + ("" if conditions is Conditions.clean else f" --conditions {conditions.value}")
         + (" --noisy-masks" if noisy_masks else "")
-        + (" --path-traced" if path_traced else ""),
+        + (" --path-traced" if path_traced else "")
+        + ("" if engine == DEFAULT_ENGINE else f" --engine {engine}"),
         "model": model_id(model),
         "recipes": digest(recipes),
         "maps": [asset.name for asset in stock.maps.values()],

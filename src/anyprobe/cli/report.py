@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.compare import RESULTS, write_result
+from anyprobe.infer.engines import DEFAULT_ENGINE, ENGINES
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
 PAGE = Path("docs/results.md")
@@ -27,6 +28,9 @@ def timing(
     model: Annotated[
         list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")
     ] = None,
+    engine: Annotated[
+        list[str] | None, typer.Option(help=f"One of {', '.join(ENGINES)}; repeat for more.")
+    ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the runtime.")] = 1,
     repeats: Annotated[int, typer.Option(min=3, help="Calls, of which the median counts.")] = 50,
     photo: Annotated[Path, typer.Option(help="A photo that says where its object is.")] = Path(
@@ -37,11 +41,22 @@ def timing(
     """Time each network, their sum and the whole call, as in the paper's Sect. 5, into timing.json."""
     from anyprobe.evaluate.timing import machine_name, time_model
 
-    models = model or [DEFAULT_MODEL]
-    made = {Path(name).name: time_model(name, photo, threads, repeats) for name in models}
+    models, engines = model or [DEFAULT_MODEL], engine or [DEFAULT_ENGINE]
+    made = {
+        Path(name).name + ("" if one == DEFAULT_ENGINE else f", {one}"): time_model(
+            name, photo, threads, repeats, one
+        )
+        for name in models
+        for one in engines
+    }
     content = {
         "command": " ".join(
-            ["anyprobe timing", *(f"--model {name}" for name in made), f"--threads {threads}"]
+            [
+                "anyprobe timing",
+                *(f"--model {Path(name).name}" for name in models),
+                *(f"--engine {one}" for one in engine or []),
+                f"--threads {threads}",
+            ]
         ),
         "machine": machine_name(),
         "threads": threads,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
+from anyprobe.infer.engines import DEFAULT_ENGINE, open_engine
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.runtime import stages_of, weights_folder
 
@@ -19,7 +20,9 @@ WARM = 3
 """Calls that do not count."""
 
 
-def time_model(model: str, photo: Path, threads: int, repeats: int) -> dict[str, Any]:
+def time_model(
+    model: str, photo: Path, threads: int, repeats: int, engine: str = DEFAULT_ENGINE
+) -> dict[str, Any]:
     """Seconds of each network on one input, and of Estimator on a photo's path.
 
     Returns:
@@ -27,10 +30,11 @@ def time_model(model: str, photo: Path, threads: int, repeats: int) -> dict[str,
         wall, and "processor", the median of processor time: what counts with one thread on a machine
         that does other things too.
     """
-    estimator = Estimator(model, threads=threads)
+    estimator = Estimator(model, threads=threads, engine=engine)
     folder = weights_folder(model)
     networks = {
-        stage: _seconds(_network(folder / f"{stage}.onnx", threads), repeats) for stage in stages_of(folder)
+        stage: _seconds(_network(folder / f"{stage}.onnx", threads, engine), repeats)
+        for stage in stages_of(folder)
     }
     return {"networks": networks, "whole": _seconds(lambda: estimator(photo), repeats)}
 
@@ -43,17 +47,18 @@ def machine_name() -> str:
     return named[0] if named else platform.processor() or platform.machine()
 
 
-def _network(path: Path, threads: int) -> Callable[[], Any]:
+def _network(path: Path, threads: int, engine: str) -> Callable[[], Any]:
     """One run of a graph on zeros of its inputs' shapes, batch of one."""
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
     options.intra_op_num_threads = threads
     session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    values = {
-        given.name: np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)
+    run = open_engine(session, path, engine, threads)
+    values = [
+        np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)
         for given in session.get_inputs()
-    }
-    return lambda: session.run(None, values)
+    ]
+    return lambda: run(*values)
 
 
 def _seconds(call: Callable[[], Any], repeats: int) -> dict[str, float]:

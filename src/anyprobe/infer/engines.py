@@ -11,8 +11,9 @@ import onnxruntime
 
 from anyprobe.errors import InputError, MissingExtra
 
-ENGINES = ("onnxruntime", "openvino")
+ENGINES = ("onnxruntime", "openvino", "openvino-bf16")
 DEFAULT_ENGINE = "onnxruntime"
+PRECISION = {"openvino": "f32", "openvino-bf16": "bf16"}
 
 Run = Callable[..., list[np.ndarray]]
 """A graph's inputs, one array each in its order, to its outputs; safe to share between threads."""
@@ -21,7 +22,8 @@ Run = Callable[..., list[np.ndarray]]
 def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, threads: int | None) -> Run:
     """Run the graph at path, which session has open and checked, by an engine.
 
-    Both compute in float32: in bfloat16 OpenVINO is faster yet, but then pixels are lifted to wrong places.
+    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
+    (docs/conventions.md says by how much); the others compute in float32.
 
     Raises:
         InputError: no such engine; MissingExtra: it is not installed.
@@ -29,12 +31,14 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
     if engine == "onnxruntime":
         names = [given.name for given in session.get_inputs()]
         return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
-    if engine != "openvino":
+    if engine not in PRECISION:
         raise InputError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
-    return _openvino(path, {given.name: given.shape for given in session.get_inputs()}, threads)
+    return _openvino(
+        path, {given.name: given.shape for given in session.get_inputs()}, threads, PRECISION[engine]
+    )
 
 
-def _openvino(path: Path, shapes: dict[str, list], threads: int | None) -> Run:
+def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precision: str) -> Run:
     try:
         import openvino
     except ImportError as error:
@@ -43,7 +47,7 @@ def _openvino(path: Path, shapes: dict[str, list], threads: int | None) -> Run:
     model.reshape({name: [1, *shape[1:]] for name, shape in shapes.items()})
     hints = {
         "PERFORMANCE_HINT": "LATENCY",
-        "INFERENCE_PRECISION_HINT": "f32",
+        "INFERENCE_PRECISION_HINT": precision,
         "INFERENCE_NUM_THREADS": threads or 0,
     }
     compiled = openvino.compile_model(model, "CPU", hints)

@@ -20,9 +20,9 @@ def mirror_direction(n: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
 def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
     """Directions [N, 3, S, S] to the number, row by row, of the pixel of a map [height, 2 height] they fall in."""
     uv = direction_to_uv(direction.flatten(2).transpose(1, 2))  # [N, S * S, 2]
-    column = (uv[..., 0] * (2 * height)).floor().clamp(0, 2 * height - 1)
-    row = (uv[..., 1] * height).floor().clamp(0, height - 1)
-    return (row * (2 * height) + column).long()
+    column = (uv[..., 0] * (2 * height)).floor().clamp(0, 2 * height - 1).long()
+    row = (uv[..., 1] * height).floor().clamp(0, height - 1).long()
+    return row * (2 * height) + column  # in whole numbers: an engine may round others to 8 bits
 
 
 def lift(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
