@@ -166,6 +166,26 @@ def test_full_house_answers_429_and_when_to_come_back(estimator, photo):
         assert client.post("/v1/estimate", content=photo).status_code == 200
 
 
+def test_who_is_sent_away_may_first_say_all(estimator):
+    """Or the connection closes on a body half sent, and the answer with it."""
+    app = create_app(estimator, Limits(workers=1, waiting=-1))  # no place at all
+    parts, sent, taken_before = [b"x" * 1000] * 5, [], []
+
+    async def receive():
+        more = bool(parts)
+        return {"type": "http.request", "body": parts.pop() if more else b"", "more_body": more}
+
+    async def send(message):
+        taken_before.append(5 - len(parts))
+        sent.append(message)
+
+    scope = {"type": "http", "method": "POST", "path": "/v1/estimate", "raw_path": b"/v1/estimate"}
+    scope |= {"query_string": b"", "headers": [(b"content-length", b"5000")], "http_version": "1.1"}
+    asyncio.run(app(scope | {"scheme": "http", "server": ("a", 1), "client": ("b", 2)}, receive, send))
+    assert sent[0]["status"] == 429
+    assert taken_before[0] == 5
+
+
 def test_who_leaves_while_waiting_is_not_computed():
     limits = Limits(workers=1, waiting=5)
     go_on = threading.Event()

@@ -26,7 +26,7 @@ from anyprobe.serve.guards import BodyLimit, OwnPagesOnly, SecureHeaders
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, WorkerPool
-from anyprobe.serve.uploads import read_upload
+from anyprobe.serve.uploads import read_upload, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
@@ -181,6 +181,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
 
     @app.exception_handler(Busy)
     async def busy(request: Request, error: Busy) -> Response:
+        await take_unread(request)
         text = f"all {limits.workers + limits.waiting} places are taken; try again in a moment"
         return line(text, 429, {"Retry-After": str(limits.retry_after_s)})
 

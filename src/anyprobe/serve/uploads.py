@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.files.images import declared_pixels
 from anyprobe.serve.limits import Limits
 
 FORM = "multipart/form-data"
+UNREAD_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,6 +42,17 @@ class Upload:
     clicks_off: tuple[tuple[float, float], ...] = ()
     fov_deg: float | None = None
     include: frozenset[str] = frozenset()
+
+
+async def take_unread(request: Request) -> None:
+    """Take the body of a request that is sent away, and forget it, for at most UNREAD_S.
+
+    An answer while the body still comes closes the connection on it, and some clients then never see the answer.
+    """
+    with contextlib.suppress(TimeoutError, ClientDisconnect, HTTPException):
+        async with asyncio.timeout(UNREAD_S):
+            async for _ in request.stream():
+                pass
 
 
 async def read_upload(request: Request, limits: Limits) -> Upload:
