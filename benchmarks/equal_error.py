@@ -141,8 +141,8 @@ class _Cell:
             "mitsuba_s": round(their.seconds, 5),
             "mitsuba_error": round(their.error, 5),
             "mitsuba_extrapolated": their.extrapolated,
-            "speedup": round(their.stock_seconds / our.seconds, 2) if our.reached else None,
-            "speedup_over_best": round(their.seconds / our.seconds, 2) if our.reached else None,
+            "speedup": round(their.seconds / our.seconds, 2) if our.reached else None,
+            "speedup_over_independent": round(their.stock_seconds / our.seconds, 2) if our.reached else None,
             "ours_reference_noise": round(truth.noise, 5),
             "mitsuba_reference_noise": round(theirs.noise, 5),
         }
