@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { readFrame } from "../src/live/frames.js";
+import { readFrame, takeFrame } from "../src/live/frames.js";
 
 /** A frame of one colour (Y, U, V), as either layout of memory. */
 function frameOf([y, u, v], format, matrix, fullRange = false, [width, height] = [8, 4]) {
@@ -49,4 +49,24 @@ test("a large frame is not averaged, or mirrored", () => {
   assert.deepEqual([width, height], [480, 2]);
   assert.equal(rgba[0], 255);
   assert.equal(rgba[4 * 479], 116);
+});
+
+test("a frame that does not say its colours is drawn, or taken for another matrix", async () => {
+  const told = frameOf(RED.smpte170m, "I420", null);
+  globalThis.VideoFrame = class {
+    format = "I420";
+    colorSpace = { matrix: null, fullRange: null };
+    visibleRect = { width: told.width, height: told.height };
+    displayWidth = told.width;
+    displayHeight = told.height;
+    allocationSize = () => told.bytes.length;
+    copyTo = async (bytes) => (bytes.set(told.bytes), told.layout);
+    close() {}
+  };
+  try {
+    const { rgba } = readFrame((await takeFrame({})).frame);
+    assert.ok(rgba[0] > 250 && rgba[1] < 5 && rgba[2] < 5, `${rgba.slice(0, 3)}`);
+  } finally {
+    delete globalThis.VideoFrame;
+  }
 });

@@ -40,28 +40,14 @@ export function pixelDirections(height) {
   return directions.get(height);
 }
 
-/** Solid angle [sr] of a pixel of each row, exact band integral: 2H times the sum is 4 pi. */
-export function pixelSolidAngles(height) {
-  const edge = (row) => Math.cos((Math.PI * row) / height);
-  return Float32Array.from({ length: height }, (_, row) => ((edge(row) - edge(row + 1)) * Math.PI) / height);
-}
+const solidAngles = new Map();
 
-/** Read a map between its pixel centres into out[at...at + 2]; wraps in u, clamps at the poles. */
-export function bilinear(map, height, u, v, out, at) {
-  const width = 2 * height;
-  const x = u * width - 0.5;
-  const y = Math.min(Math.max(v * height - 0.5, 0), height - 1);
-  const x0 = Math.floor(x);
-  const y0 = Math.floor(y);
-  const fx = x - x0;
-  const fy = y - y0;
-  const left = ((x0 % width) + width) % width;
-  const right = (left + 1) % width;
-  const upper = y0 * width;
-  const lower = Math.min(y0 + 1, height - 1) * width;
-  for (let channel = 0; channel < 3; channel++) {
-    const above = map[3 * (upper + left) + channel] * (1 - fx) + map[3 * (upper + right) + channel] * fx;
-    const below = map[3 * (lower + left) + channel] * (1 - fx) + map[3 * (lower + right) + channel] * fx;
-    out[at + channel] = above * (1 - fy) + below * fy;
+/** Solid angle [sr] of a pixel of each row, exact band integral: 2H times the sum is 4 pi; kept for the next call. */
+export function pixelSolidAngles(height) {
+  if (!solidAngles.has(height)) {
+    const edge = (row) => Math.cos((Math.PI * row) / height);
+    const angleOf = (_, row) => ((edge(row) - edge(row + 1)) * Math.PI) / height;
+    solidAngles.set(height, Float32Array.from({ length: height }, angleOf));
   }
+  return solidAngles.get(height);
 }

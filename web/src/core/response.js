@@ -13,6 +13,16 @@ export function response(radiance) {
   return ((1 + SIGMA) * x) / (x + SIGMA);
 }
 
+/** Steps of the table below, fine enough for eight bits: neighbours differ by less than half a byte. */
+const STEPS = 4096;
+
+const bytes = Uint8ClampedArray.from({ length: STEPS + 1 }, (_, i) => 255 * response(i / STEPS));
+
+/** Radiance to the display value's byte, for pictures to be looked at. */
+export function displayByte(radiance) {
+  return bytes[radiance >= 1 ? STEPS : radiance > 0 ? (radiance * STEPS + 0.5) | 0 : 0];
+}
+
 /** Display value to radiance in [0, 1]. */
 export function inverseResponse(display) {
   const y = Math.min(Math.max(display, 0), 1);

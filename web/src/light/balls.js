@@ -1,9 +1,10 @@
 /** Three balls under a map: matt, silver, mirror. Seen along -Z by an orthographic camera. */
 
-import { response } from "../core/response.js";
-import { MAP_HEIGHT, bilinear, directionToUv } from "../core/latlong.js";
+import { displayByte } from "../core/response.js";
+import { MAP_HEIGHT } from "../core/latlong.js";
 import { halve } from "./environment.js";
 import { blurCosinePower } from "./filtering.js";
+import { lookupOf, readMap } from "./lookup.js";
 
 export const BALL_SIZE = 96;
 export const BALL_NAMES = ["matte", "silver", "mirror"];
@@ -21,37 +22,42 @@ const SMALL = MAP_HEIGHT / 2;
  */
 export function drawBalls(radiance) {
   const small = halve(radiance, MAP_HEIGHT);
-  const lobes = {
-    matte: { map: blurCosinePower(small, SMALL, 3, 1), height: SMALL, gain: 1, mirrors: false },
-    silver: {
-      map: blurCosinePower(small, SMALL, 3, SILVER_SHARPNESS),
-      height: SMALL,
-      gain: SILVER_F0,
-      mirrors: true,
-    },
-    mirror: { map: radiance, height: MAP_HEIGHT, gain: 1, mirrors: true },
+  return {
+    matte: drawBall(blurCosinePower(small, SMALL, 3, 1), SMALL, 1, false),
+    silver: drawBall(blurCosinePower(small, SMALL, 3, SILVER_SHARPNESS), SMALL, SILVER_F0, true),
+    mirror: drawBall(radiance, MAP_HEIGHT, 1, true),
   };
-  return Object.fromEntries(Object.entries(lobes).map(([name, lobe]) => [name, drawBall(lobe)]));
 }
 
-function drawBall({ map, height, gain, mirrors }) {
-  const picture = new Uint8ClampedArray(4 * BALL_SIZE * BALL_SIZE);
-  const color = [0, 0, 0];
-  for (let row = 0; row < BALL_SIZE; row++) {
-    for (let column = 0; column < BALL_SIZE; column++) {
-      const x = ((column + 0.5) / BALL_SIZE) * 2 - 1;
-      const y = 1 - ((row + 0.5) / BALL_SIZE) * 2;
-      const squared = x * x + y * y;
-      const radius = Math.sqrt(squared);
-      const cover = Math.min(Math.max(((1 - radius) * BALL_SIZE) / 2 + 0.5, 0), 1);
-      if (cover === 0) continue;
-      const z = Math.sqrt(Math.max(1 - squared, 0));
-      const d = mirrors ? [2 * z * x, 2 * z * y, 2 * z * z - 1] : [x, y, z];
-      bilinear(map, height, ...directionToUv(...d), color, 0);
-      const at = 4 * (row * BALL_SIZE + column);
-      for (let c = 0; c < 3; c++) picture[at + c] = 255 * response(gain * color[c]);
-      picture[at + 3] = 255 * cover;
-    }
+function drawBall(map, height, gain, mirrors) {
+  const { cover, lookup } = surface(height, mirrors);
+  const colors = readMap(map, lookup, new Float32Array(3 * cover.length));
+  const picture = new Uint8ClampedArray(4 * cover.length);
+  for (let pixel = 0, at = 0; pixel < cover.length; pixel++, at += 4) {
+    if (cover[pixel] === 0) continue;
+    for (let c = 0; c < 3; c++) picture[at + c] = displayByte(gain * colors[3 * pixel + c]);
+    picture[at + 3] = 255 * cover[pixel];
   }
   return picture;
+}
+
+const surfaces = new Map();
+
+/** How far each pixel is covered by the ball, and where it reads the map: along its normal or its mirror direction. */
+function surface(height, mirrors) {
+  const key = `${height} ${mirrors}`;
+  if (!surfaces.has(key)) {
+    const cover = new Float32Array(BALL_SIZE * BALL_SIZE);
+    const directions = new Float64Array(3 * cover.length);
+    for (let pixel = 0; pixel < cover.length; pixel++) {
+      const x = (((pixel % BALL_SIZE) + 0.5) / BALL_SIZE) * 2 - 1;
+      const y = 1 - ((Math.floor(pixel / BALL_SIZE) + 0.5) / BALL_SIZE) * 2;
+      const squared = x * x + y * y;
+      const z = Math.sqrt(Math.max(1 - squared, 0));
+      cover[pixel] = Math.min(Math.max(((1 - Math.sqrt(squared)) * BALL_SIZE) / 2 + 0.5, 0), 1);
+      directions.set(mirrors ? [2 * z * x, 2 * z * y, 2 * z * z - 1] : [x, y, z], 3 * pixel);
+    }
+    surfaces.set(key, { cover, lookup: lookupOf(height, directions) });
+  }
+  return surfaces.get(key);
 }

@@ -1,6 +1,9 @@
 /** Operations on a whole radiance map. */
 
-import { bilinear, directionToUv, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
+import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
+import { lookupOf, readMap } from "./lookup.js";
+
+let lastTurn = { height: 0, rotation: [], lookup: null };
 
 /**
  * The map seen after the world is turned: new(d) = old(rotation^T d).
@@ -11,13 +14,21 @@ import { bilinear, directionToUv, pixelDirections, pixelSolidAngles } from "../c
  * @returns {Float32Array}
  */
 export function rotate(radiance, height, rotation) {
-  const turned = new Float32Array(radiance.length);
+  if (height !== lastTurn.height || rotation.some((value, i) => value !== lastTurn.rotation[i])) {
+    lastTurn = { height, rotation: [...rotation], lookup: lookupOf(height, turnedBack(height, rotation)) };
+  }
+  return readMap(radiance, lastTurn.lookup, new Float32Array(radiance.length));
+}
+
+/** rotation^T d of every pixel's direction d. */
+function turnedBack(height, [a, b, c, e, f, g, h, i, j]) {
   const d = pixelDirections(height);
-  const [a, b, c, e, f, g, h, i, j] = rotation;
+  const turned = new Float64Array(d.length);
   for (let at = 0; at < d.length; at += 3) {
     const [x, y, z] = [d[at], d[at + 1], d[at + 2]];
-    const [u, v] = directionToUv(a * x + e * y + h * z, b * x + f * y + i * z, c * x + g * y + j * z);
-    bilinear(radiance, height, u, v, turned, at);
+    turned[at] = a * x + e * y + h * z;
+    turned[at + 1] = b * x + f * y + i * z;
+    turned[at + 2] = c * x + g * y + j * z;
   }
   return turned;
 }

@@ -6,34 +6,21 @@
  */
 
 import { pixelSolidAngles } from "../core/latlong.js";
+import { transform } from "./fourier.js";
 
-const waves = new Map();
-
-/** cos and sin of 2 pi k j / W for every frequency k up to W / 2. */
-function wave(width) {
-  if (!waves.has(width)) {
-    const count = width / 2 + 1;
-    const cos = new Float64Array(count * width);
-    const sin = new Float64Array(count * width);
-    for (let k = 0; k < count; k++) {
-      for (let j = 0; j < width; j++) {
-        const angle = (2 * Math.PI * ((k * j) % width)) / width;
-        cos[k * width + j] = Math.cos(angle);
-        sin[k * width + j] = Math.sin(angle);
-      }
-    }
-    waves.set(width, { count, cos, sin });
-  }
-  return waves.get(width);
-}
-
-/** Cosine spectrum of weight(cos angle) dw: count matrices of H x H, rows out x rows in. */
+/**
+ * Spectrum of weight(cos angle) dw, real as the weight is even.
+ *
+ * @returns {{matrices: Float64Array, spans: Int32Array}} H + 1 matrices of H x H, rows out x rows in, and for every row
+ *   out the first and the end of the rows in that it is made of
+ */
 function kernelSpectrum(height, weight, normalised) {
   const width = 2 * height;
-  const { count, cos } = wave(width);
   const solidAngles = pixelSolidAngles(height);
-  const spectrum = new Float64Array(count * height * height);
-  const row = new Float64Array(height * width);
+  const matrices = new Float64Array((height + 1) * height * height);
+  const spans = new Int32Array(2 * height);
+  const rows = new Float64Array(height * width);
+  const imag = new Float64Array(width);
   for (let out = 0; out < height; out++) {
     const a = ((out + 0.5) * Math.PI) / height;
     let sum = 0;
@@ -42,20 +29,20 @@ function kernelSpectrum(height, weight, normalised) {
       for (let j = 0; j < width; j++) {
         const cosine = Math.cos(a) * Math.cos(b) + Math.sin(a) * Math.sin(b) * Math.cos((j * Math.PI) / height);
         const value = weight(Math.min(Math.max(cosine, -1), 1)) * solidAngles[inside];
-        row[inside * width + j] = value;
+        rows[inside * width + j] = value;
         sum += value;
       }
     }
     const scale = normalised ? 1 / sum : 1;
-    for (let k = 0; k < count; k++) {
-      for (let inside = 0; inside < height; inside++) {
-        let value = 0;
-        for (let j = 0; j < width; j++) value += row[inside * width + j] * cos[k * width + j];
-        spectrum[(k * height + out) * height + inside] = value * scale;
-      }
+    spans[2 * out] = Math.floor(rows.findIndex((value) => value !== 0) / width);
+    spans[2 * out + 1] = Math.floor(rows.findLastIndex((value) => value !== 0) / width) + 1;
+    for (let inside = 0; inside < height; inside++) {
+      const row = rows.subarray(inside * width, (inside + 1) * width);
+      transform(row, imag.fill(0));
+      for (let k = 0; k <= height; k++) matrices[(k * height + out) * height + inside] = row[k] * scale;
     }
   }
-  return spectrum;
+  return { matrices, spans };
 }
 
 const spectra = new Map();
@@ -65,46 +52,68 @@ function kept(key, make) {
   return spectra.get(key);
 }
 
-/** Apply a zonal kernel to a map of any number of channels. */
+/** Apply a zonal kernel to a map of any number of channels, two of them at a time as one complex map. */
 function apply(map, height, channels, spectrum) {
-  const width = 2 * height;
-  const { count, cos, sin } = wave(width);
   const blurred = new Float32Array(map.length);
-  const real = new Float64Array(count * height);
-  const imag = new Float64Array(count * height);
-  for (let channel = 0; channel < channels; channel++) {
-    for (let row = 0; row < height; row++) {
-      for (let k = 0; k < count; k++) {
-        let re = 0;
-        let im = 0;
-        for (let j = 0; j < width; j++) {
-          const value = map[(row * width + j) * channels + channel];
-          re += value * cos[k * width + j];
-          im += value * sin[k * width + j];
-        }
-        real[k * height + row] = re;
-        imag[k * height + row] = im;
-      }
-    }
-    for (let row = 0; row < height; row++) {
-      const line = new Float64Array(width);
-      for (let k = 0; k < count; k++) {
-        let re = 0;
-        let im = 0;
-        const matrix = (k * height + row) * height;
-        for (let inside = 0; inside < height; inside++) {
-          re += spectrum[matrix + inside] * real[k * height + inside];
-          im += spectrum[matrix + inside] * imag[k * height + inside];
-        }
-        const twice = (k === 0 || k === count - 1 ? 1 : 2) / width;
-        for (let j = 0; j < width; j++) {
-          line[j] += twice * (re * cos[k * width + j] + im * sin[k * width + j]);
-        }
-      }
-      for (let j = 0; j < width; j++) blurred[(row * width + j) * channels + channel] = line[j];
-    }
+  for (let channel = 0; channel < channels; channel += 2) {
+    applyToPair(map, blurred, height, channels, channel, channel + 1 < channels, spectrum);
   }
   return blurred;
+}
+
+function applyToPair(map, blurred, height, channels, channel, isPair, spectrum) {
+  const width = 2 * height;
+  const real = new Float64Array(width);
+  const imag = new Float64Array(width);
+  const waves = { real: new Float64Array(width * height), imag: new Float64Array(width * height) }; // frequency by frequency
+  for (let row = 0; row < height; row++) {
+    for (let j = 0, at = row * width * channels + channel; j < width; j++, at += channels) {
+      real[j] = map[at];
+      imag[j] = isPair ? map[at + 1] : 0;
+    }
+    transform(real, imag);
+    for (let k = 0, to = row; k < width; k++, to += height) {
+      waves.real[to] = real[k];
+      waves.imag[to] = imag[k];
+    }
+  }
+  const product = multiply(spectrum, waves, height, isPair);
+  for (let row = 0; row < height; row++) {
+    for (let k = 0; k < width; k++) {
+      // of real lines the upper half of the spectrum is the lower one's mirror image
+      const isMirrored = !isPair && k > height;
+      const at = (isMirrored ? width - k : k) * height + row;
+      real[k] = product.real[at] / width;
+      imag[k] = (isMirrored ? -product.imag[at] : product.imag[at]) / width;
+    }
+    transform(imag, real); // parts swapped: the inverse
+    for (let j = 0, at = row * width * channels + channel; j < width; j++, at += channels) {
+      blurred[at] = real[j];
+      if (isPair) blurred[at + 1] = imag[j];
+    }
+  }
+}
+
+/** Every frequency's rows by that frequency's matrix; those above H only where `all`. */
+function multiply({ matrices, spans }, waves, height, all) {
+  const width = 2 * height;
+  const product = { real: new Float64Array(width * height), imag: new Float64Array(width * height) };
+  for (let k = 0; k < (all ? width : height + 1); k++) {
+    const matrix = (k > height ? width - k : k) * height * height;
+    const rows = k * height;
+    for (let out = 0; out < height; out++) {
+      const line = matrix + out * height;
+      let [real, imag] = [0, 0];
+      for (let inside = spans[2 * out]; inside < spans[2 * out + 1]; inside++) {
+        const weight = matrices[line + inside];
+        real += weight * waves.real[rows + inside];
+        imag += weight * waves.imag[rows + inside];
+      }
+      product.real[rows + out] = real;
+      product.imag[rows + out] = imag;
+    }
+  }
+  return product;
 }
 
 /** Average over the cap of a radius [radians] around each direction. */

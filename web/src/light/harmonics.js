@@ -78,15 +78,18 @@ function pixelIntegrals(height) {
 
 /** Radiance coefficients L_i of a map, 27 numbers, coefficient by coefficient, RGB inside. */
 export function project(radiance, height) {
-  const coefficients = new Float64Array(27);
+  const coefficients = new Float32Array(27);
   pixelIntegrals(height).forEach((weights, i) => {
-    for (let pixel = 0; pixel < weights.length; pixel++) {
-      for (let channel = 0; channel < 3; channel++) {
-        coefficients[3 * i + channel] += weights[pixel] * radiance[3 * pixel + channel];
-      }
+    let [red, green, blue] = [0, 0, 0];
+    for (let pixel = 0, at = 0; pixel < weights.length; pixel++, at += 3) {
+      const weight = weights[pixel];
+      red += weight * radiance[at];
+      green += weight * radiance[at + 1];
+      blue += weight * radiance[at + 2];
     }
+    coefficients.set([red, green, blue], 3 * i);
   });
-  return Float32Array.from(coefficients);
+  return coefficients;
 }
 
 /** E(n) = sum of A_l L_i Y_i(n), [r, g, b]. */

@@ -17,7 +17,8 @@ import { findMainLight } from "./mainLight.js";
 /** What the networks said of a crop, as radiance in the photo's camera frame, never below zero. */
 export function cameraRadiance({ radiance }, cameraFromCrop) {
   const turned = rotate(radiance, MAP_HEIGHT, cameraFromCrop);
-  return turned.map((value) => Math.max(value, 0));
+  for (let i = 0; i < turned.length; i++) if (turned[i] < 0) turned[i] = 0;
+  return turned;
 }
 
 /** A map with what renderers ask of it. */

@@ -17,7 +17,7 @@ const RING_PX = 3;
 /** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
 export function dilate(mask, height) {
   const width = 2 * height;
-  const grown = Uint8Array.from(mask);
+  const grown = mask.slice();
   for (let row = 0; row < height; row++) {
     for (let column = 0; column < width; column++) {
       if (!mask[row * width + column]) continue;
@@ -77,11 +77,19 @@ export function findMainLight(radiance, height) {
   const bright = new Float32Array(height * width);
   const moment = [0, 0, 0];
   let total = 0;
-  for (let pixel = 0; pixel < bright.length; pixel++) {
-    bright[pixel] = luminance(radiance[3 * pixel], radiance[3 * pixel + 1], radiance[3 * pixel + 2]);
-    const power = bright[pixel] * solidAngle(pixel);
-    total += power;
-    for (let axis = 0; axis < 3; axis++) moment[axis] += power * d[3 * pixel + axis];
+  for (let row = 0, pixel = 0; row < height; row++) {
+    let [sum, x, y, z] = [0, 0, 0, 0];
+    for (const end = pixel + width; pixel < end; pixel++) {
+      const at = 3 * pixel;
+      const value = luminance(radiance[at], radiance[at + 1], radiance[at + 2]);
+      bright[pixel] = value;
+      sum += value;
+      x += value * d[at];
+      y += value * d[at + 1];
+      z += value * d[at + 2];
+    }
+    total += rowAngles[row] * sum;
+    [x, y, z].forEach((value, axis) => (moment[axis] += rowAngles[row] * value));
   }
   const confidence = total > 0 ? Math.hypot(...moment) / total : 0;
 
@@ -89,7 +97,9 @@ export function findMainLight(radiance, height) {
   let peak = 0;
   for (let pixel = 1; pixel < blurred.length; pixel++) if (blurred[pixel] > blurred[peak]) peak = pixel;
   const level = LOBE_LEVEL * blurred[peak];
-  const lobe = connected(Uint8Array.from(blurred, (value) => (value >= level ? 1 : 0)), height, peak);
+  const isBright = new Uint8Array(blurred.length);
+  for (let pixel = 0; pixel < blurred.length; pixel++) isBright[pixel] = blurred[pixel] >= level ? 1 : 0;
+  const lobe = connected(isBright, height, peak);
   const source = dilate(lobe, height);
   const around = ringOf(source, height);
 

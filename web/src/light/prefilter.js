@@ -5,9 +5,10 @@
  * GPU, for maps of any size. Ours has 8,192 pixels: here it takes milliseconds, in the networks' thread.
  */
 
-import { MAP_HEIGHT, directionToUv } from "../core/latlong.js";
+import { MAP_HEIGHT } from "../core/latlong.js";
 import { blurGgx } from "./filtering.js";
 import { halve } from "./environment.js";
+import { lookupOf, readMap } from "./lookup.js";
 
 /** Sides of the faces, sharpest first; three.js reads roughness 1 - sqrt(1 - level / 3) from each. */
 export const FACE_SIZES = [64, 32, 16, 8];
@@ -45,51 +46,32 @@ export function prefilter(radiance) {
   return [mirror, meanOfFours(mirror, FACE_SIZES[0]), ...rough];
 }
 
-const tables = new Map();
+const lookups = new Map();
 
-/** For every texel of the faces the four pixels of a map that it lies between, and their shares. */
-function lookup(height, size) {
+/** Where the texels of the faces look in a map. */
+function texels(height, size) {
   const key = `${height} ${size}`;
-  if (tables.has(key)) return tables.get(key);
-  const width = 2 * height;
-  const pixels = new Int32Array(24 * size * size);
-  const shares = new Float32Array(pixels.length);
-  let at = 0;
-  for (const direction of FACES) {
-    for (let row = 0; row < size; row++) {
-      for (let column = 0; column < size; column++, at += 4) {
-        const [x, y, z] = direction((2 * column + 1) / size - 1, (2 * row + 1) / size - 1);
-        const length = Math.hypot(x, y, z);
-        const [u, v] = directionToUv(-x / length, y / length, z / length);
-        const across = u * width - 0.5;
-        const down = Math.min(Math.max(v * height - 0.5, 0), height - 1);
-        const [x0, y0] = [Math.floor(across), Math.floor(down)];
-        const [fx, fy] = [across - x0, down - y0];
-        const columns = [(x0 + width) % width, (x0 + 1) % width];
-        const rows = [y0, Math.min(y0 + 1, height - 1)];
-        for (let corner = 0; corner < 4; corner++) {
-          const [right, lower] = [corner & 1, corner >> 1];
-          pixels[at + corner] = 3 * (rows[lower] * width + columns[right]);
-          shares[at + corner] = (right ? fx : 1 - fx) * (lower ? fy : 1 - fy);
+  if (!lookups.has(key)) {
+    const directions = new Float64Array(18 * size * size);
+    let at = 0;
+    for (const direction of FACES) {
+      for (let row = 0; row < size; row++) {
+        for (let column = 0; column < size; column++, at += 3) {
+          const [x, y, z] = direction((2 * column + 1) / size - 1, (2 * row + 1) / size - 1);
+          const length = Math.hypot(x, y, z);
+          directions.set([-x / length, y / length, z / length], at);
         }
       }
     }
+    lookups.set(key, lookupOf(height, directions));
   }
-  tables.set(key, { pixels, shares });
-  return tables.get(key);
+  return lookups.get(key);
 }
 
 function sample(map, height, size) {
-  const { pixels, shares } = lookup(height, size);
-  const faces = new Float32Array(pixels.length);
-  for (let at = 0; at < faces.length; at += 4) {
-    for (let c = 0; c < 3; c++) {
-      let sum = 0;
-      for (let corner = at; corner < at + 4; corner++) sum += shares[corner] * map[pixels[corner] + c];
-      faces[at + c] = Math.min(sum, HALF_MAX);
-    }
-    faces[at + 3] = 1;
-  }
+  const faces = new Float32Array(24 * size * size).fill(1);
+  readMap(map, texels(height, size), faces, 4);
+  for (let i = 0; i < faces.length; i++) if (faces[i] > HALF_MAX) faces[i] = HALF_MAX;
   return faces;
 }
 

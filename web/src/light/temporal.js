@@ -35,7 +35,8 @@ function fresh(y) {
  */
 export function step(state, radiance, dt, smoothing = SMOOTHING) {
   const c = smoothing;
-  const y = radiance.map((value) => Math.log(value + OFFSET));
+  const y = new Float32Array(radiance.length);
+  for (let i = 0; i < y.length; i++) y[i] = Math.log(radiance[i] + OFFSET);
   if (state === null) return fresh(y);
   if (rms(y, state.fast) > c.cutLevel) return state.held ? fresh(y) : { ...state, held: true };
   const ageS = state.ageS + dt;
@@ -46,18 +47,27 @@ export function step(state, radiance, dt, smoothing = SMOOTHING) {
     noise = state.noise + gain(dt, Math.min(c.noiseS, ageS)) * (Math.min(difference, most) - state.noise);
   }
   const lead = gain(dt, Math.min(c.fastS, state.memoryS + dt));
-  const fast = state.fast.map((value, i) => value + lead * (y[i] - value));
+  const fast = approach(state.fast, y, lead);
   const spread = rms(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
   const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
   const memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
   const share = gain(dt, memoryS);
-  const steady = state.steady.map((value, i) => value + share * (fast[i] - value));
+  const steady = approach(state.steady, fast, share);
   return { steady, fast, last: y, noise, memoryS, ageS, held: false };
 }
 
 /** The light to show, linear radiance. */
-export function shown(state) {
-  return state.steady.map((value) => Math.max(Math.exp(value) - OFFSET, 0));
+export function shown({ steady }) {
+  const radiance = new Float32Array(steady.length);
+  for (let i = 0; i < radiance.length; i++) radiance[i] = Math.max(Math.exp(steady[i]) - OFFSET, 0);
+  return radiance;
+}
+
+/** From one towards another by a share of the way. */
+function approach(from, towards, share) {
+  const moved = new Float32Array(from.length);
+  for (let i = 0; i < moved.length; i++) moved[i] = from[i] + share * (towards[i] - from[i]);
+  return moved;
 }
 
 /** Root mean square of a difference over the sphere and the channels. */
@@ -68,7 +78,10 @@ function rms(a, b) {
   let total = 0;
   for (let row = 0; row < MAP_HEIGHT; row++) {
     let squares = 0;
-    for (let i = row * line; i < (row + 1) * line; i++) squares += (a[i] - b[i]) ** 2;
+    for (let i = row * line; i < (row + 1) * line; i++) {
+      const difference = a[i] - b[i];
+      squares += difference * difference;
+    }
     sum += (weights[row] * squares) / line;
     total += weights[row];
   }

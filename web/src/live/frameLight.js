@@ -6,12 +6,16 @@ import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { readFrame } from "./frames.js";
+import { blockMeans, hasMoved } from "./motion.js";
 
 /** The mask is found anew every so many frames: objects move slower than light is wanted. */
 const MASK_EVERY = 4;
 
-/** All but the light itself is sent every so many frames. */
-const FULL_EVERY = 4;
+/** And every so many while the picture is the one it was found in. */
+const MASK_EVERY_STILL = 32;
+
+/** The balls, and two frames later the networks' stages, are sent every so many frames. */
+const REST_EVERY = 4;
 
 export class FrameLight {
   /**
@@ -27,20 +31,21 @@ export class FrameLight {
     this.longFovDeg = longFovDeg;
     this.state = null;
     this.count = 0;
+    this.masked = null;
   }
 
   /** New clicks: the mask is found anew at the next frame. */
   click(clicks) {
     this.clicks = clicks;
-    this.count = 0;
+    this.masked = null;
     this.follow = null;
   }
 
   /**
    * @param {object} frame of takeFrame
    * @param {number} time seconds
-   * @returns {Promise<object>} light, balls (now and then), box and mask of the object, milliseconds of each
-   *   part; {lost: true} while no object is marked or seen
+   * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then balls and stages,
+   *   and the mask when it is a new one; {lost: true} while no object is marked or seen
    */
   async next(frame, time) {
     const ms = {};
@@ -53,18 +58,16 @@ export class FrameLight {
     };
     const picture = readFrame(frame);
     lap("read");
-    if (this.count++ % MASK_EVERY === 0) {
-      this.mask = await this.findMask(picture, this.#clicksIn(picture));
-      this.box = objectBox(this.mask, picture.width);
-      this.#followObject(picture);
-    }
+    const isNew = await this.#findObject(picture);
     lap("mask");
     const { box, mask } = this;
     const size = { width: picture.width, height: picture.height };
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
-    const crop = cropObject(picture, mask, this.longFovDeg);
+    const crop = cropObject(picture, mask, this.longFovDeg, box);
     lap("crop");
-    const stages = await this.models.light(crop.image, crop.tanHalf);
+    const phase = this.count++ % REST_EVERY;
+    const withStages = phase === REST_EVERY / 2;
+    const stages = await this.models.light(crop.image, crop.tanHalf, { withStages });
     lap("network");
     const radiance = cameraRadiance(stages, crop.cameraFromCrop);
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
@@ -74,11 +77,26 @@ export class FrameLight {
     lap("filter");
     const light = describe(steady);
     lap("describe");
-    const full = this.count % FULL_EVERY === 1;
-    const balls = full ? drawBalls(light.radiance) : null;
+    const balls = phase === 0 ? drawBalls(light.radiance) : null;
     lap("balls");
     ms.all = performance.now() - start;
-    return { light, stages: full ? stages : null, balls, mask: full ? mask : null, box, ...size, ms };
+    return { light, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
+  }
+
+  /** Mask and box of the object, found anew where they may have changed; whether they were. */
+  async #findObject(picture) {
+    const seen = blockMeans(picture);
+    if (this.masked && this.box) {
+      const every = hasMoved(seen, this.masked.seen) ? MASK_EVERY : MASK_EVERY_STILL;
+      if (++this.masked.age < every) return false;
+    }
+    const masked = { seen, age: 0 };
+    this.masked = masked;
+    this.mask = await this.findMask(picture, this.#clicksIn(picture));
+    this.box = objectBox(this.mask, picture.width);
+    if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
+    this.#followObject(picture);
+    return true;
   }
 
   /** Clicks in pixels; once an object was found, the place it is now stands for the click on it. */

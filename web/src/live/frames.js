@@ -9,6 +9,9 @@
 /** Longer side at which a frame is looked at. */
 const LONG_PX = 480;
 
+/** What a frame that does not say its colours is taken for, as browsers show it. */
+const UNTOLD = { matrix: "smpte170m", fullRange: false };
+
 /** Kr and Kb of the luma, by the name of the matrix. */
 const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.299, 0.114] };
 
@@ -27,7 +30,8 @@ export async function takeFrame(video) {
       const { format, colorSpace } = source;
       const bytes = new Uint8Array(source.allocationSize());
       const layout = await source.copyTo(bytes);
-      const { matrix, fullRange } = colorSpace;
+      const matrix = colorSpace.matrix ?? UNTOLD.matrix;
+      const fullRange = colorSpace.fullRange ?? UNTOLD.fullRange;
       return { frame: { width, height, format, layout, matrix, fullRange, bytes }, transfer: [bytes.buffer] };
     }
   } finally {
@@ -45,7 +49,7 @@ function isReadable({ format, rotation, flip, visibleRect, displayWidth, display
     !flip &&
     visibleRect.width === displayWidth &&
     visibleRect.height === displayHeight &&
-    colorSpace.matrix in LUMA
+    (colorSpace.matrix ?? UNTOLD.matrix) in LUMA
   );
 }
 
@@ -67,25 +71,38 @@ function convert({ width: fullWidth, height: fullHeight, format, layout, matrix,
   const [luma, u, second] = layout;
   const v = isWoven ? { ...u, offset: u.offset + 1 } : second;
   const apart = isWoven ? 2 : 1;
-  const write = toRgb(matrix, fullRange);
+  const [kr, kb] = LUMA[matrix];
+  const [black, gain, chromaGain] = fullRange ? [0, 1, 1] : [16, 255 / 219, 255 / 224];
+  const toRed = 2 * (1 - kr) * chromaGain;
+  const toBlue = 2 * (1 - kb) * chromaGain;
+  const [greenOfLight, greenOfRed, greenOfBlue] = [1, kr, kb].map((share) => share / (1 - kr - kb));
   const columns = edges(fullWidth, width);
   const rows = edges(fullHeight, height);
   const rgba = new Uint8ClampedArray(4 * width * height);
+  const sums = new Float64Array(fullWidth); // of the luma of the rows that fall into one
   for (let y = 0, to = 0; y < height; y++) {
     const [top, bottom] = [rows[y], rows[y + 1]];
-    const chromaRow = (top + bottom) >> 2;
+    sums.fill(0);
+    for (let row = top; row < bottom; row++) {
+      for (let column = 0, at = luma.offset + row * luma.stride; column < fullWidth; column++, at++) {
+        sums[column] += bytes[at];
+      }
+    }
+    const toBlueRow = u.offset + ((top + bottom) >> 2) * u.stride;
+    const toRedRow = v.offset + ((top + bottom) >> 2) * v.stride;
     for (let x = 0; x < width; x++, to += 4) {
       const left = columns[x];
       const right = columns[x + 1];
-      let sum = 0;
-      for (let row = top; row < bottom; row++) {
-        const at = luma.offset + row * luma.stride;
-        for (let column = left; column < right; column++) sum += bytes[at + column];
-      }
+      let sum = sums[left];
+      for (let column = left + 1; column < right; column++) sum += sums[column];
       const middle = ((left + right) >> 2) * apart;
-      const blue = bytes[u.offset + chromaRow * u.stride + middle];
-      const red = bytes[v.offset + chromaRow * v.stride + middle];
-      write(sum / ((bottom - top) * (right - left)), blue, red, rgba, to);
+      const light = (sum / ((bottom - top) * (right - left)) - black) * gain;
+      const red = light + toRed * (bytes[toRedRow + middle] - 128);
+      const blue = light + toBlue * (bytes[toBlueRow + middle] - 128);
+      rgba[to] = red;
+      rgba[to + 1] = greenOfLight * light - greenOfRed * red - greenOfBlue * blue;
+      rgba[to + 2] = blue;
+      rgba[to + 3] = 255;
     }
   }
   return { width, height, rgba };
@@ -94,23 +111,6 @@ function convert({ width: fullWidth, height: fullHeight, format, layout, matrix,
 /** Where the samples of a shorter line begin and end in the longer one. */
 function edges(length, count) {
   return Int32Array.from({ length: count + 1 }, (_, i) => Math.floor((i * length) / count));
-}
-
-/** A function of luma, blue and red difference that writes red, green, blue and opaque. */
-function toRgb(matrix, fullRange) {
-  const [kr, kb] = LUMA[matrix];
-  const [black, gain, chromaGain] = fullRange ? [0, 1, 1] : [16, 255 / 219, 255 / 224];
-  const toRed = 2 * (1 - kr) * chromaGain;
-  const toBlue = 2 * (1 - kb) * chromaGain;
-  return (y, u, v, rgba, to) => {
-    const light = (y - black) * gain;
-    const red = light + toRed * (v - 128);
-    const blue = light + toBlue * (u - 128);
-    rgba[to] = red;
-    rgba[to + 1] = (light - kr * red - kb * blue) / (1 - kr - kb);
-    rgba[to + 2] = blue;
-    rgba[to + 3] = 255;
-  };
 }
 
 let context = null;

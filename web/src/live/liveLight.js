@@ -1,12 +1,9 @@
-/** Frames of the camera to the networks' thread, one at a time, and how many a second come back. */
+/** Every frame of the camera to the networks' thread, which takes the newest, and the lights that come back. */
 
 import { takeFrame } from "./frames.js";
 
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
-
-/** Between two tries while no object is seen. */
-const LOST_MS = 100;
 
 export class LiveLight {
   /**
@@ -24,8 +21,8 @@ export class LiveLight {
   async start(clicks, longFovDeg) {
     await this.networks.ask("startLive", { clicks, longFovDeg });
     this.running = true;
-    this.#countFrames();
-    this.#estimate();
+    this.networks.onLive = (answer) => this.#hear(answer);
+    this.#watch();
   }
 
   stop() {
@@ -47,38 +44,36 @@ export class LiveLight {
     return { updates: rate(this.updates), frames: rate(this.frames) };
   }
 
-  /** The object over a picture is drawn anew when its light or its place changes; the pictures follow the camera. */
-  #countFrames() {
+  /** Count the pictures that are shown, and give each away; the object over them follows its light alone. */
+  #watch() {
     if (!this.running) return;
     this.frames.push(performance.now() / 1000);
-    const next = () => this.#countFrames();
+    this.#give();
+    const next = () => this.#watch();
     if (this.video.requestVideoFrameCallback) this.video.requestVideoFrameCallback(next);
     else requestAnimationFrame(next);
   }
 
-  /** Frame after frame; the networks have the next one before the last one's light is shown. */
-  async #estimate() {
+  async #give() {
+    const time = performance.now() / 1000;
     try {
-      let asked = await this.#ask();
-      while (this.running) {
-        const answer = await asked.answer;
-        if (!this.running) return;
-        if (answer.lost) await new Promise((resolve) => setTimeout(resolve, LOST_MS));
-        else this.updates.push(performance.now() / 1000);
-        asked = await this.#ask();
-        if (this.running) this.onLight(answer);
-      }
+      const taken = await takeFrame(this.video);
+      if (this.running) this.networks.give(taken, time);
     } catch (error) {
-      this.running = false;
-      this.onError(error);
+      this.#fail(error);
     }
   }
 
-  /** Give the networks the camera's picture of now; the answer is a promise of its own, not awaited here. */
-  async #ask() {
-    const { frame, transfer } = await takeFrame(this.video);
-    const answer = this.networks.ask("frame", { frame, time: performance.now() / 1000 }, transfer);
-    answer.catch(() => {}); // told where it is awaited, if it still is
-    return { answer };
+  #hear(answer) {
+    if (!this.running) return;
+    if (answer.error) return this.#fail(new Error(answer.error));
+    if (!answer.lost) this.updates.push(performance.now() / 1000);
+    this.onLight(answer);
+  }
+
+  #fail(error) {
+    if (!this.running) return;
+    this.running = false;
+    this.onError(error);
   }
 }

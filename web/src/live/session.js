@@ -69,24 +69,31 @@ export class LiveSession {
 
   #show(answer) {
     if (answer.lost) return setStatus("No object is seen. Click on it in the picture “Object” below.");
-    if (!this.placed && answer.mask) {
-      this.stage.place(answer.width, answer.height, DEFAULT_LONG_FOV_DEG, answer.mask, answer.box);
-      this.placed = true;
-      setStatus("Live, in this browser.");
-    }
+    if (answer.mask) this.#setMask(answer);
     if (!this.placed) return;
     this.stage.setLight(answer.light);
     document.dispatchEvent(new CustomEvent("anyprobe-light", { detail: answer }));
-    if (!answer.balls) return;
-    this.stage.stage.setMask(answer.mask);
-    const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
-    this.light.show({ light: answer.light, balls: answer.balls }, about);
-    this.stages.show(answer.stages, answer.light.radiance);
-    this.#showMask(answer);
+    if (answer.balls) {
+      const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
+      this.light.show({ light: answer.light, balls: answer.balls }, about);
+    }
+    if (answer.stages) {
+      this.stages.show(answer.stages, answer.light.radiance);
+      this.#showMask();
+    }
   }
 
-  async #showMask({ mask }) {
+  #setMask({ width, height, mask, box }) {
+    this.mask = mask;
+    if (this.placed) return this.stage.stage.setMask(mask);
+    this.stage.place(width, height, DEFAULT_LONG_FOV_DEG, mask, box);
+    this.placed = true;
+    setStatus("Live, in this browser.");
+  }
+
+  async #showMask() {
     const { video } = this.stage;
+    const { mask } = this;
     if (!this.live || !video.srcObject) return;
     this.still = await takePicture(video);
     if (this.live && mask.length === this.still.width * this.still.height) this.editor.showOn(this.still, mask);

@@ -5,10 +5,14 @@ export class Networks {
   #waiting = new Map();
   #count = 0;
 
+  /** Hears what is told of the camera's frames. */
+  onLive = () => {};
+
   /** @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened */
   constructor(onProgress = () => {}) {
     this.#worker.onmessage = ({ data }) => {
       if (data.progress) return onProgress(data.progress);
+      if (data.live) return this.onLive(data.live);
       const { resolve, reject } = this.#waiting.get(data.id);
       this.#waiting.delete(data.id);
       if (data.error === undefined) resolve(data.result);
@@ -28,6 +32,11 @@ export class Networks {
       this.#waiting.set(id, { resolve, reject });
       this.#worker.postMessage({ id, task, ...given }, transfer);
     });
+  }
+
+  /** A frame of the camera; onLive hears its light, unless a newer one overtakes it. */
+  give({ frame, transfer }, time) {
+    this.#worker.postMessage({ task: "frame", frame, time }, transfer);
   }
 
   /** Open the networks once, at the first call; ?engine= and ?threads= in the page's address have their way. */

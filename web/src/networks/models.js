@@ -59,17 +59,20 @@ export class Models {
    *
    * @param {Float32Array} image [4, 128, 128] display RGB times mask, and mask
    * @param {number} tanHalf tangent of half the angle that the crop's side takes in
+   * @param {{withStages?: boolean}} [options] without them only the radiance need be told
    * @returns {Promise<{radiance: Float32Array, irradiance: Float32Array, ldr: Float32Array, lnRadiance: Float32Array}>}
    *   row by row, channel last: maps [64, 128, 3] in the crop's frame, irradiance [128, 128, 3] in [0, 1]
    */
-  async light(image, tanHalf) {
-    return "light" in this.sessions ? this.#lift(image, tanHalf) : this.#chain(image);
+  async light(image, tanHalf, { withStages = true } = {}) {
+    return "light" in this.sessions ? this.#lift(image, tanHalf, withStages) : this.#chain(image);
   }
 
-  async #lift(image, tanHalf) {
+  async #lift(image, tanHalf, withStages) {
     const [irradiance, ln] = await this.#run("light", [image, PHOTO_SHAPE], [Float32Array.of(tanHalf), [1, 1]]);
     const lnRadiance = channelLast(ln);
-    const radiance = lnRadiance.map((value) => Math.exp(Math.min(value, LN_MAX)));
+    const radiance = new Float32Array(lnRadiance.length);
+    for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
+    if (!withStages) return { radiance };
     return { radiance, irradiance: clipped(channelLast(irradiance)), ldr: radiance.map((x) => response(x)), lnRadiance };
   }
 
@@ -111,8 +114,8 @@ const clipped = (values) => values.map((value) => Math.min(Math.max(value, 0), 1
 function channelLast(values) {
   const plane = values.length / 3;
   const out = new Float32Array(values.length);
-  for (let pixel = 0; pixel < plane; pixel++) {
-    for (let channel = 0; channel < 3; channel++) out[3 * pixel + channel] = values[channel * plane + pixel];
+  for (let channel = 0, from = 0; channel < 3; channel++) {
+    for (let to = channel; to < out.length; to += 3, from++) out[to] = values[from];
   }
   return out;
 }

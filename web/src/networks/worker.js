@@ -1,7 +1,8 @@
 /**
  * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
  *
- * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}.
+ * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}. A camera's frames have no id:
+ * lights are told as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
  */
 
 import { describe, cameraRadiance } from "../light/light.js";
@@ -13,11 +14,15 @@ import { propose } from "../photo/propose.js";
 import { refine } from "../photo/refine.js";
 import { resize } from "../photo/resize.js";
 import { FrameLight } from "../live/frameLight.js";
+import { Newest } from "../live/newest.js";
 import { Models } from "./models.js";
 import { chooseEngines, openRuntime } from "./runtime.js";
 
 /** The first run compiles what later ones use. */
 const TRIAL_MS = 15_000;
+
+/** Between two tries while no object is seen. */
+const LOST_MS = 100;
 
 let models = null;
 let live = null;
@@ -55,17 +60,34 @@ const tasks = {
   },
 
   startLive({ clicks, longFovDeg }) {
-    live = new FrameLight(models, findMaskQuickly, clicks, longFovDeg);
+    const lights = new FrameLight(models, findMaskQuickly, clicks, longFovDeg);
+    const frames = new Newest(
+      (given) => tellLight(lights, given),
+      ({ frame }) => frame.close?.(),
+    );
+    live = { lights, frames };
   },
 
   frame({ frame, time }) {
-    return live.next(frame, time);
+    live.frames.offer({ frame, time });
   },
 
   clickLive({ clicks }) {
-    live.click(clicks);
+    live.lights.click(clicks);
   },
 };
+
+/** The light of a frame to the page, unless it has begun anew meanwhile. */
+async function tellLight(lights, { frame, time }) {
+  let answer;
+  try {
+    answer = await lights.next(frame, time);
+  } catch (error) {
+    answer = { error: error.message ?? String(error) };
+  }
+  if (lights === live.lights) self.postMessage({ live: answer });
+  if (answer.lost) await new Promise((resolve) => setTimeout(resolve, LOST_MS));
+}
 
 /** Throws where an engine that has another behind it gives no numbers, or none in time. */
 async function tryOnce(models) {
@@ -99,6 +121,7 @@ function checkObject(mask, width) {
 }
 
 self.onmessage = async ({ data: { id, task, ...given } }) => {
+  if (id === undefined) return tasks[task](given);
   try {
     self.postMessage({ id, result: await tasks[task](given) });
   } catch (error) {

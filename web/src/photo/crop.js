@@ -20,35 +20,34 @@ const MARGIN = 1.1;
  * @param {import("./picture.js").Picture} picture
  * @param {Float32Array} mask
  * @param {number} longFovDeg field of view of the longer side
+ * @param {number[]} [box] of the mask's object, where it is known already
  * @returns {{image: Float32Array, cameraFromCrop: number[], sidePx: number, centerPx: number[],
  *   tanHalf: number}}
  *   image is [4, 128, 128] channel first, red, green, blue, mask in [0, 1]; cameraFromCrop turns
  *   the frame that looks at the window's centre along -Z to the camera's; tanHalf is the tangent of
  *   half the angle that the window's side takes in
  */
-export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_LONG_FOV_DEG) {
-  const [x0, y0, x1, y1] = objectBox(mask, width);
+export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_LONG_FOV_DEG, box = objectBox(mask, width)) {
+  const [x0, y0, x1, y1] = box;
   const centerPx = [(x0 + x1) / 2, (y0 + y1) / 2];
   const sidePx = MARGIN * Math.max(x1 - x0, y1 - y0);
   const columns = resampling(centerPx[0] - sidePx / 2, sidePx, width);
   const rows = resampling(centerPx[1] - sidePx / 2, sidePx, height);
 
   // first every row of the window to CROP_SIZE columns, then the columns to CROP_SIZE rows
-  const count = rows.last - rows.first;
-  const narrow = new Float32Array(4 * count * CROP_SIZE);
-  for (let y = 0; y < count; y++) {
-    for (let out = 0; out < CROP_SIZE; out++) {
-      const { from, weights } = columns.samples[out];
+  const line = 4 * CROP_SIZE;
+  const narrow = new Float32Array((rows.last - rows.first) * line);
+  for (let y = rows.first, to = 0; y < rows.last; y++) {
+    for (let sample = 0; sample < CROP_SIZE; sample++, to += 4) {
       let [r, g, b, a] = [0, 0, 0, 0];
-      for (let i = 0; i < weights.length; i++) {
-        const pixel = (rows.first + y) * width + from + i;
-        const share = weights[i] * mask[pixel];
+      let pixel = y * width + columns.from[sample];
+      for (let i = columns.start[sample]; i < columns.start[sample + 1]; i++, pixel++) {
+        const share = columns.weights[i] * mask[pixel];
         r += share * rgba[4 * pixel];
         g += share * rgba[4 * pixel + 1];
         b += share * rgba[4 * pixel + 2];
         a += share;
       }
-      const to = 4 * (y * CROP_SIZE + out);
       narrow[to] = r / 255;
       narrow[to + 1] = g / 255;
       narrow[to + 2] = b / 255;
@@ -57,16 +56,17 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
   }
   const plane = CROP_SIZE * CROP_SIZE;
   const image = new Float32Array(4 * plane);
-  for (let out = 0; out < CROP_SIZE; out++) {
-    const { from, weights } = rows.samples[out];
-    for (let x = 0; x < CROP_SIZE; x++) {
-      for (let channel = 0; channel < 4; channel++) {
-        let sum = 0;
-        for (let i = 0; i < weights.length; i++) {
-          sum += weights[i] * narrow[4 * ((from + i - rows.first) * CROP_SIZE + x) + channel];
-        }
-        image[channel * plane + out * CROP_SIZE + x] = Math.min(Math.max(sum, 0), 1);
-      }
+  const sums = new Float64Array(line);
+  for (let sample = 0; sample < CROP_SIZE; sample++) {
+    sums.fill(0);
+    let from = (rows.from[sample] - rows.first) * line;
+    for (let i = rows.start[sample]; i < rows.start[sample + 1]; i++, from += line) {
+      const weight = rows.weights[i];
+      for (let at = 0; at < line; at++) sums[at] += weight * narrow[from + at];
+    }
+    for (let channel = 0; channel < 4; channel++) {
+      let to = channel * plane + sample * CROP_SIZE;
+      for (let at = channel; at < line; at += 4, to++) image[to] = Math.min(Math.max(sums[at], 0), 1);
     }
   }
   const ray = pixelDirection(centerPx, width, height, longFovDeg);
@@ -86,22 +86,29 @@ export function pixelDirection([x, y], width, height, longFovDeg) {
   return [(x - width / 2) / focal, -(y - height / 2) / focal, -1];
 }
 
-/** For every sample of the window [start, start + side): the first pixel it reads, and their weights. */
-function resampling(start, side, length) {
-  const first = Math.max(0, Math.floor(start) - 1);
-  const last = Math.min(length, Math.ceil(start + side) + 1);
+/**
+ * Which pixels every sample of the window [begin, begin + side) reads, of those from first to last: `from` the first
+ * of them, with the weights from start[sample] on.
+ */
+function resampling(begin, side, length) {
+  const first = Math.max(0, Math.floor(begin) - 1);
+  const last = Math.min(length, Math.ceil(begin + side) + 1);
   const step = side / CROP_SIZE;
-  const samples = Array.from({ length: CROP_SIZE }, (_, sample) => {
-    const low = start + step * sample;
-    const reach = step >= 1 ? [low, low + step] : [low + step / 2 - 1.5, low + step / 2 + 1.5];
-    const from = Math.min(Math.max(first, Math.floor(reach[0])), last);
-    const to = Math.max(from, Math.min(last, Math.ceil(reach[1])));
-    const weights = Float32Array.from({ length: to - from }, (_, i) => {
-      const pixel = from + i;
-      if (step >= 1) return Math.max(Math.min(low + step, pixel + 1) - Math.max(low, pixel), 0) / step;
-      return Math.max(1 - Math.abs(low + step / 2 - (pixel + 0.5)), 0);
-    });
-    return { from, weights };
-  });
-  return { first, last, samples };
+  const from = new Int32Array(CROP_SIZE);
+  const start = new Int32Array(CROP_SIZE + 1);
+  const weights = new Float32Array(CROP_SIZE * (Math.ceil(Math.max(step, 3)) + 2));
+  for (let sample = 0, at = 0; sample < CROP_SIZE; sample++) {
+    const low = begin + step * sample;
+    const middle = low + step / 2;
+    const [reach, end] = step >= 1 ? [low, low + step] : [middle - 1.5, middle + 1.5];
+    from[sample] = Math.min(Math.max(first, Math.floor(reach)), last);
+    const to = Math.max(from[sample], Math.min(last, Math.ceil(end)));
+    for (let pixel = from[sample]; pixel < to; pixel++, at++) {
+      const overlap = Math.min(low + step, pixel + 1) - Math.max(low, pixel);
+      const share = step >= 1 ? overlap / step : 1 - Math.abs(middle - (pixel + 0.5));
+      weights[at] = Math.max(share, 0);
+    }
+    start[sample + 1] = at;
+  }
+  return { first, last, from, start, weights };
 }

@@ -14,17 +14,19 @@ export const MIN_OBJECT_PX = 24;
 
 /** Bounding box [x0, y0, x1, y1] (exclusive) of mask > 0.5, or null where nothing is. */
 export function objectBox(mask, width) {
-  let [x0, y0, x1, y1] = [Infinity, Infinity, -1, -1];
-  for (let i = 0; i < mask.length; i++) {
-    if (!(mask[i] > 0.5)) continue;
-    const x = i % width;
-    const y = (i - x) / width;
-    if (x < x0) x0 = x;
-    if (x > x1) x1 = x;
-    if (y < y0) y0 = y;
-    if (y > y1) y1 = y;
+  let [x0, y0, x1, y1] = [width, -1, -1, -1];
+  for (let y = 0, row = 0; row < mask.length; y++, row += width) {
+    let first = 0;
+    while (first < width && !(mask[row + first] > 0.5)) first++;
+    if (first === width) continue;
+    let last = width - 1;
+    while (!(mask[row + last] > 0.5)) last--;
+    if (first < x0) x0 = first;
+    if (last > x1) x1 = last;
+    if (y0 < 0) y0 = y;
+    y1 = y;
   }
-  return x1 < 0 ? null : [x0, y0, x1 + 1, y1 + 1];
+  return y1 < 0 ? null : [x0, y0, x1 + 1, y1 + 1];
 }
 
 /** The picture's own transparency as a mask, or null where all of it is opaque. */

@@ -74,42 +74,39 @@ async function look(run, picture, window, clicks, box) {
     const from = (window.start[1] + y) * MASK_SIZE + window.start[0];
     values.set(answer.subarray(from, from + width), y * width);
   }
-  const kept = keepLargeParts(values.map((value) => (value > 0.5 ? 1 : 0)), width);
+  const isInside = new Uint8Array(values.length);
+  for (let i = 0; i < values.length; i++) isInside[i] = values[i] > 0.5 ? 1 : 0;
+  const kept = keepLargeParts(isInside, width);
   let [inside, count, outside] = [0, 0, 0];
-  values.forEach((value, i) => {
-    if (kept[i] && value > 0.5) {
-      inside += value;
+  for (let i = 0; i < values.length; i++) {
+    if (kept[i] && isInside[i]) {
+      inside += values[i];
       count += 1;
-    } else outside += value;
-  });
-  return {
-    values: values.map((value, i) => value * kept[i]),
-    width,
-    height,
-    confidence: count ? inside / (count + outside) : 0,
-  };
+    } else outside += values[i];
+    if (!kept[i]) values[i] = 0;
+  }
+  return { values, width, height, confidence: count ? inside / (count + outside) : 0 };
 }
 
-function networkInput({ width, rgba }, window, hints) {
+function networkInput({ width, height, rgba }, window, hints) {
   const [x0, y0] = window.origin;
   const [w, h] = window.size;
-  const rgb = new Float32Array(3 * w * h);
-  for (let y = 0; y < h; y++) {
-    let from = 4 * ((y0 + y) * width + x0);
-    for (let to = 3 * y * w; to < 3 * (y + 1) * w; to += 3, from += 4) {
-      rgb[to] = rgba[from] / 255;
-      rgb[to + 1] = rgba[from + 1] / 255;
-      rgb[to + 2] = rgba[from + 2] / 255;
+  let part = rgba;
+  if (w !== width || h !== height) {
+    part = new Uint8ClampedArray(4 * w * h);
+    for (let y = 0; y < h; y++) {
+      const from = 4 * ((y0 + y) * width + x0);
+      part.set(rgba.subarray(from, from + 4 * w), 4 * y * w);
     }
   }
   const [columns, rows] = window.inner;
-  const small = resize(rgb, 3, window.size, window.inner);
+  const small = resize(part, 4, window.size, window.inner);
   const plane = MASK_SIZE * MASK_SIZE;
   const input = new Float32Array(4 * plane).fill(GREY, 0, 3 * plane);
-  for (let y = 0; y < rows; y++) {
-    for (let x = 0; x < columns; x++) {
-      const to = (window.start[1] + y) * MASK_SIZE + window.start[0] + x;
-      for (let c = 0; c < 3; c++) input[c * plane + to] = small[3 * (y * columns + x) + c];
+  for (let y = 0, from = 0; y < rows; y++) {
+    let to = (window.start[1] + y) * MASK_SIZE + window.start[0];
+    for (let x = 0; x < columns; x++, to++, from += 4) {
+      for (let c = 0; c < 3; c++) input[c * plane + to] = small[from + c] / 255;
     }
   }
   input.set(hints, 3 * plane);
@@ -118,46 +115,72 @@ function networkInput({ width, rgba }, window, hints) {
 
 /** The hint channel [160, 160], as anyprobe.core.hints: box and clicks on the object less clicks beside it. */
 export function drawHints(on, off, box = null) {
-  const blob = ([x, y], column, row) =>
-    Math.exp(-0.5 * (((column + 0.5 - x) / CLICK_SIGMA_PX) ** 2 + ((row + 0.5 - y) / CLICK_SIGMA_PX) ** 2));
-  return Float32Array.from({ length: MASK_SIZE * MASK_SIZE }, (_, i) => {
-    const [column, row] = [i % MASK_SIZE, Math.floor(i / MASK_SIZE)];
-    const [x, y] = [column + 0.5, row + 0.5];
-    const isBoxed = box && x >= box[0] && x < box[2] && y >= box[1] && y < box[3];
-    const most = (points, least) => points.reduce((value, p) => Math.max(value, blob(p, column, row)), least);
-    return Math.min(Math.max(most(on, isBoxed ? BOX_LEVEL : 0) - most(off, 0), -1), 1);
-  });
+  const hints = new Float32Array(MASK_SIZE * MASK_SIZE);
+  if (box) {
+    for (let i = 0; i < hints.length; i++) {
+      const [x, y] = [(i % MASK_SIZE) + 0.5, Math.floor(i / MASK_SIZE) + 0.5];
+      if (x >= box[0] && x < box[2] && y >= box[1] && y < box[3]) hints[i] = BOX_LEVEL;
+    }
+  }
+  drawBlobs(on, hints);
+  const against = drawBlobs(off, new Float32Array(hints.length));
+  for (let i = 0; i < hints.length; i++) hints[i] -= against[i];
+  return hints;
+}
+
+/** Raise values to a round blob of height 1 about each point. */
+function drawBlobs(points, values) {
+  const axis = (middle) =>
+    Float64Array.from({ length: MASK_SIZE }, (_, i) => Math.exp(-0.5 * ((i + 0.5 - middle) / CLICK_SIGMA_PX) ** 2));
+  for (const point of points) {
+    const [across, down] = point.map(axis);
+    for (let row = 0, i = 0; row < MASK_SIZE; row++) {
+      for (let column = 0; column < MASK_SIZE; column++, i++) {
+        values[i] = Math.max(values[i], across[column] * down[row]);
+      }
+    }
+  }
+  return values;
 }
 
 /** The mask without loose parts below PART_SHARE of the largest, grown by a pixel. */
 export function keepLargeParts(inside, width) {
-  const part = new Int32Array(inside.length);
+  const count = inside.length;
+  const part = new Int32Array(count);
   const sizes = [0];
-  const neighbours = (at) => {
-    const x = at % width;
-    return [x > 0 ? at - 1 : -1, x < width - 1 ? at + 1 : -1, at - width, at + width];
-  };
-  for (let start = 0; start < inside.length; start++) {
+  const waiting = new Int32Array(count);
+  for (let start = 0; start < count; start++) {
     if (!inside[start] || part[start]) continue;
-    const number = sizes.push(0) - 1;
-    const waiting = [start];
-    part[start] = number;
-    while (waiting.length) {
-      const at = waiting.pop();
-      sizes[number] += 1;
-      for (const next of neighbours(at)) {
-        if (next < 0 || next >= inside.length || !inside[next] || part[next]) continue;
-        part[next] = number;
-        waiting.push(next);
-      }
+    const number = sizes.length;
+    let [size, last] = [0, 0];
+    const visit = (at) => {
+      if (at < 0 || at >= count || !inside[at] || part[at]) return;
+      part[at] = number;
+      waiting[last++] = at;
+    };
+    visit(start);
+    while (last > 0) {
+      const at = waiting[--last];
+      const x = at % width;
+      size += 1;
+      if (x > 0) visit(at - 1);
+      if (x < width - 1) visit(at + 1);
+      visit(at - width);
+      visit(at + width);
     }
+    sizes.push(size);
   }
   const least = PART_SHARE * Math.max(...sizes);
-  const kept = Uint8Array.from(part, (number) => (number && sizes[number] >= least ? 1 : 0));
-  const grown = kept.slice();
-  kept.forEach((value, at) => {
-    if (value) for (const next of neighbours(at)) if (next >= 0 && next < grown.length) grown[next] = 1;
-  });
+  const grown = new Uint8Array(count);
+  for (let at = 0; at < count; at++) {
+    if (!part[at] || sizes[part[at]] < least) continue;
+    const x = at % width;
+    grown[at] = 1;
+    if (x > 0) grown[at - 1] = 1;
+    if (x < width - 1) grown[at + 1] = 1;
+    if (at >= width) grown[at - width] = 1;
+    if (at + width < count) grown[at + width] = 1;
+  }
   return grown;
 }
 

@@ -10,21 +10,25 @@
 export function resize(values, channels, [width, height], [newWidth, newHeight]) {
   const line = newWidth * channels;
   const narrow = new Float32Array(height * line);
-  weights(width, newWidth).forEach(({ first, shares }, x) => {
-    for (let y = 0; y < height; y++) {
+  const columns = weights(width, newWidth);
+  for (let y = 0, to = 0; y < height; y++) {
+    for (let x = 0; x < newWidth; x++) {
+      const { first, shares } = columns[x];
       const from = (y * width + first) * channels;
-      for (let c = 0; c < channels; c++) {
+      for (let c = 0; c < channels; c++, to++) {
         let sum = 0;
-        for (let i = 0; i < shares.length; i++) sum += shares[i] * values[from + i * channels + c];
-        narrow[y * line + x * channels + c] = sum;
+        for (let i = 0, at = from + c; i < shares.length; i++, at += channels) sum += shares[i] * values[at];
+        narrow[to] = sum;
       }
     }
-  });
+  }
   const out = new Float32Array(newHeight * line);
   weights(height, newHeight).forEach(({ first, shares }, y) => {
+    const to = y * line;
     for (let i = 0; i < shares.length; i++) {
+      const share = shares[i];
       const from = (first + i) * line;
-      for (let at = 0; at < line; at++) out[y * line + at] += shares[i] * narrow[from + at];
+      for (let at = 0; at < line; at++) out[to + at] += share * narrow[from + at];
     }
   });
   return out;

@@ -4,6 +4,11 @@ import { putRgba } from "./pictures.js";
 
 const LONG_PX = 480;
 const STEP = 0.02;
+/** What is seen through a picture's transparent parts. */
+const PAPER = 236;
+const OUTLINE = [255, 196, 0];
+/** A pixel is on the outline where one of these beside it is not inside. */
+const EDGE = [[1, 0], [-1, 0], [0, 1], [0, -1], [2, 0], [-2, 0], [0, 2], [0, -2]];
 
 export class MaskEditor {
   /**
@@ -47,25 +52,29 @@ export class MaskEditor {
     const { width, height, rgba } = this.picture;
     const scale = Math.min(1, LONG_PX / Math.max(width, height));
     const [w, h] = [Math.round(width * scale), Math.round(height * scale)];
-    const from = (x, y) => Math.floor((y + 0.5) / scale) * width + Math.floor((x + 0.5) / scale);
-    const inside = (x, y) => mask !== null && mask[from(x, y)] > 0.5;
-    const out = new Uint8ClampedArray(4 * w * h);
-    for (let y = 0; y < h; y++) {
-      for (let x = 0; x < w; x++) {
-        const pixel = from(x, y);
-        const alpha = rgba[4 * pixel + 3] / 255;
-        const dim = mask === null || inside(x, y) ? 1 : 0.45;
-        const edge =
-          inside(x, y) &&
-          [[1, 0], [-1, 0], [0, 1], [0, -1], [2, 0], [-2, 0], [0, 2], [0, -2]].some(
-            ([dx, dy]) => !inside(clamp(x + dx, w), clamp(y + dy, h)),
-          );
-        for (let c = 0; c < 3; c++) {
-          const shown = rgba[4 * pixel + c] * alpha + 236 * (1 - alpha);
-          out[4 * (y * w + x) + c] = edge ? [255, 196, 0][c] : shown * dim;
-        }
-        out[4 * (y * w + x) + 3] = 255;
+    const pixels = new Int32Array(w * h); // of the picture
+    const inside = new Uint8Array(w * h);
+    for (let y = 0, at = 0; y < h; y++) {
+      const row = Math.floor((y + 0.5) / scale) * width;
+      for (let x = 0; x < w; x++, at++) {
+        pixels[at] = row + Math.floor((x + 0.5) / scale);
+        inside[at] = mask !== null && mask[pixels[at]] > 0.5 ? 1 : 0;
       }
+    }
+    const isEdge = (x, y) => EDGE.some(([dx, dy]) => !inside[clamp(y + dy, h) * w + clamp(x + dx, w)]);
+    const out = new Uint8ClampedArray(4 * w * h);
+    for (let at = 0, to = 0; at < pixels.length; at++, to += 4) {
+      const from = 4 * pixels[at];
+      const alpha = rgba[from + 3] / 255;
+      const dim = mask === null || inside[at] ? 1 : 0.45;
+      const [gain, paper] = [dim * alpha, dim * PAPER * (1 - alpha)];
+      out[to] = gain * rgba[from] + paper;
+      out[to + 1] = gain * rgba[from + 1] + paper;
+      out[to + 2] = gain * rgba[from + 2] + paper;
+      out[to + 3] = 255;
+    }
+    for (let y = 0, at = 0; y < h; y++) {
+      for (let x = 0; x < w; x++, at++) if (inside[at] && isEdge(x, y)) out.set(OUTLINE, 4 * at);
     }
     putRgba(this.canvas, out, w, h);
     this.#drawClicks(scale);

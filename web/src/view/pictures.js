@@ -1,7 +1,7 @@
 /** Arrays drawn on canvases: photos, the networks' stages, the map, the balls. */
 
 import { FALSE_COLOR_MAX, falseColor, luminance } from "../core/color.js";
-import { response } from "../core/response.js";
+import { displayByte } from "../core/response.js";
 import { MAP_HEIGHT, directionToUv } from "../core/latlong.js";
 import { BALL_NAMES, BALL_SIZE } from "../light/balls.js";
 import { CROP_SIZE } from "../photo/crop.js";
@@ -13,44 +13,51 @@ export function putRgba(canvas, rgba, width, height) {
   canvas.getContext("2d").putImageData(new ImageData(rgba, width, height), 0, 0);
 }
 
-/** Draw a [height, width, 3] array through a function of its pixel's three numbers to bytes. */
-function putValues(canvas, values, width, height, color) {
+/** Draw a [height, width, 3] array through a function of one of its numbers to a byte. */
+function putValues(canvas, values, width, height, byteOf) {
   const rgba = new Uint8ClampedArray(4 * width * height);
-  for (let i = 0; i < width * height; i++) {
-    rgba.set(color(values[3 * i], values[3 * i + 1], values[3 * i + 2]), 4 * i);
-    rgba[4 * i + 3] = 255;
+  for (let from = 0, to = 0; from < values.length; from += 3, to += 4) {
+    rgba[to] = byteOf(values[from]);
+    rgba[to + 1] = byteOf(values[from + 1]);
+    rgba[to + 2] = byteOf(values[from + 2]);
+    rgba[to + 3] = 255;
   }
   putRgba(canvas, rgba, width, height);
 }
 
+const ofDisplay = (value) => 255 * value;
+
 /** Display values in [0, 1], [128, 128, 3]. */
 export function drawIrradiance(canvas, irradiance) {
-  putValues(canvas, irradiance, CROP_SIZE, CROP_SIZE, (r, g, b) => [255 * r, 255 * g, 255 * b]);
+  putValues(canvas, irradiance, CROP_SIZE, CROP_SIZE, ofDisplay);
 }
 
 /** Display values, [64, 128, 3]. */
 export function drawLdr(canvas, ldr) {
-  putValues(canvas, ldr, 2 * MAP_HEIGHT, MAP_HEIGHT, (r, g, b) => [255 * r, 255 * g, 255 * b]);
+  putValues(canvas, ldr, 2 * MAP_HEIGHT, MAP_HEIGHT, ofDisplay);
 }
 
 /** Luminance of a radiance map in false colour. */
-export function drawFalseColor(canvas, radiance) {
-  putValues(canvas, radiance, 2 * MAP_HEIGHT, MAP_HEIGHT, (r, g, b) => falseColor(luminance(r, g, b)));
+export function drawFalseColor(canvas, radiance, width = 2 * MAP_HEIGHT, height = MAP_HEIGHT) {
+  const rgba = new Uint8ClampedArray(4 * width * height);
+  for (let from = 0, to = 0; from < radiance.length; from += 3, to += 4) {
+    rgba.set(falseColor(luminance(radiance[from], radiance[from + 1], radiance[from + 2])), to);
+    rgba[to + 3] = 255;
+  }
+  putRgba(canvas, rgba, width, height);
 }
 
 /** The scale beside it, from 0 at the left. */
 export function drawFalseColorScale(canvas) {
   const width = 128;
   const values = Float32Array.from({ length: 3 * width }, (_, i) => (Math.floor(i / 3) / (width - 1)) * FALSE_COLOR_MAX);
-  putValues(canvas, values, width, 1, (value) => falseColor(value));
+  drawFalseColor(canvas, values, width, 1);
 }
 
 /** A map as the camera would show it at an exposure [EV]. */
 export function drawMap(canvas, radiance, exposureEv) {
   const gain = 2 ** exposureEv;
-  putValues(canvas, radiance, 2 * MAP_HEIGHT, MAP_HEIGHT, (...rgb) =>
-    rgb.map((value) => 255 * response(gain * value)),
-  );
+  putValues(canvas, radiance, 2 * MAP_HEIGHT, MAP_HEIGHT, (value) => displayByte(gain * value));
 }
 
 /** Where a direction lies in the map: left and top as percentages. */

@@ -12,6 +12,7 @@ import {
   DirectionalLight,
   Group,
   LinearSRGBColorSpace,
+  Matrix4,
   Mesh,
   MeshBasicMaterial,
   PCFShadowMap,
@@ -29,6 +30,7 @@ import {
 import { irradiance } from "../light/harmonics.js";
 import { luminance } from "../core/color.js";
 import { pixelDirection } from "../photo/crop.js";
+import { objectBox } from "../photo/picture.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 import { installCameraCurve, shadowOpacity } from "./curve.js";
 import { isDrawnInSoftware } from "./software.js";
@@ -38,6 +40,9 @@ import { dispose } from "./virtualObjects.js";
 const DISTANCE = 5;
 const UP = new Vector3(0, 1, 0);
 const CONTACT_OPACITY = 0.45;
+const SHADOW_PX = 256;
+/** Cosine of a quarter of a degree: a main light that turns by less keeps its shadow. */
+const SAME_DIRECTION = 0.99999;
 
 export class Stage {
   /** @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow */
@@ -48,6 +53,7 @@ export class Stage {
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer.shadowMap.autoUpdate = false;
     this.environment = new EnvironmentTexture();
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
@@ -62,17 +68,16 @@ export class Stage {
   #buildGround() {
     this.ground = new Group();
     this.standing = new Group(); // moves on the ground, carries object and contact shadow
-    const catcher = new Mesh(new PlaneGeometry(30, 30), new ShadowMaterial({ toneMapped: false }));
-    catcher.receiveShadow = true;
-    this.catcher = catcher;
+    this.catcher = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ toneMapped: false }));
+    this.catcher.receiveShadow = true;
     this.contact = new Mesh(
       new PlaneGeometry(1, 1),
       new MeshBasicMaterial({ map: softSpot(), transparent: true, toneMapped: false, depthWrite: false }),
     );
     this.contact.position.y = 0.002;
-    for (const plane of [catcher, this.contact]) plane.rotation.x = -Math.PI / 2;
+    this.contact.rotation.x = -Math.PI / 2;
     this.standing.add(this.contact);
-    this.ground.add(catcher, this.standing);
+    this.ground.add(this.catcher, this.standing);
     // a card at the real object's distance that leaves only its depth
     this.realObject = new Mesh(
       new PlaneGeometry(1, 1),
@@ -84,7 +89,7 @@ export class Stage {
     // the environment lights the object, its main light included; this light only casts the shadow
     this.shadowLight = new DirectionalLight(0xffffff, 0);
     this.shadowLight.castShadow = true;
-    this.shadowLight.shadow.mapSize.set(256, 256);
+    this.shadowLight.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
     this.shadowLight.shadow.bias = -0.0005;
     this.scene.add(this.ground, this.shadowLight, this.shadowLight.target);
   }
@@ -101,8 +106,6 @@ export class Stage {
   setPhoto(width, height, longFovDeg, mask, box) {
     Object.assign(this, { width, height, longFovDeg, box });
     this.setMask(mask);
-    const tall = (DISTANCE * height) / this.#focalPx();
-    this.realObject.scale.set((tall * width) / height, tall, 1);
     const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
     this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
     this.camera.aspect = width / height;
@@ -125,6 +128,22 @@ export class Stage {
       for (let x = 0; x < this.width; x++) data[4 * (below + x) + 1] = 255 * mask[y * this.width + x];
     }
     material.alphaMap.needsUpdate = true;
+    this.#fitCard(objectBox(mask, this.width));
+  }
+
+  /** The card of the real object as large as its mask. */
+  #fitCard(box) {
+    this.realObject.visible = box !== null;
+    if (!box) return;
+    const { width, height } = this;
+    const pixel = DISTANCE / this.#focalPx();
+    const [across, down] = [box[2] - box[0], box[3] - box[1]];
+    this.realObject.scale.set(across * pixel, down * pixel, 1);
+    this.realObject.position.x = ((box[0] + box[2] - width) / 2) * pixel;
+    this.realObject.position.y = ((height - box[1] - box[3]) / 2) * pixel;
+    const { alphaMap } = this.realObject.material;
+    alphaMap.repeat.set(across / width, down / height);
+    alphaMap.offset.set(box[0] / width, 1 - box[3] / height);
   }
 
   /** Put the object beside the real one, on the side with more room, small enough to be seen whole. */
@@ -167,6 +186,7 @@ export class Stage {
     }
     this.object = object;
     this.standing.add(object);
+    this.aimed = null;
     this.#place();
   }
 
@@ -231,7 +251,11 @@ export class Stage {
     this.contact.material.opacity = CONTACT_OPACITY;
     const foot = this.standing.getWorldPosition(new Vector3());
     const reach = 2 * (this.unit ?? 1) * this.size;
-    this.shadowLight.castShadow = cosine > 0.05;
+    const aim = { towards, foot, reach, turn: this.turn, up: this.up };
+    if (this.aimed && isSameAim(aim, this.aimed)) return;
+    this.aimed = aim;
+    this.renderer.shadowMap.needsUpdate = true;
+    this.catcher.visible = this.shadowLight.castShadow = cosine > 0.05;
     this.shadowLight.target.position.copy(foot);
     this.shadowLight.position.copy(foot).addScaledVector(towards, 3 * reach);
     const { shadow } = this.shadowLight;
@@ -240,6 +264,24 @@ export class Stage {
     shadow.camera.updateProjectionMatrix();
     shadow.radius = 2 + 6 * Math.min(Math.sqrt(mainLight.solidAngle / Math.PI), 1);
     this.shadowLight.target.updateMatrixWorld();
+    if (this.catcher.visible) this.#fitCatcher(towards, cosine, reach);
+  }
+
+  /** The part of the ground on which the shadow can fall: every pixel of it looks its shadow up. */
+  #fitCatcher(towards, cosine, reach) {
+    const away = towards.clone().addScaledVector(this.up, -cosine).negate();
+    away.applyQuaternion(this.ground.quaternion.clone().invert());
+    if (away.lengthSq() < 1e-8) away.set(1, 0, 0);
+    away.normalize();
+    const height = reach / 2;
+    const radius = height * (this.object?.userData.width ?? 1) * Math.SQRT1_2;
+    const blur = ((this.shadowLight.shadow.radius + 2) * 2 * reach) / SHADOW_PX;
+    const back = Math.min(radius + blur / cosine, reach / cosine);
+    const slant = Math.sqrt(1 - Math.min(cosine, 1) ** 2) / cosine;
+    const front = Math.min(height * slant + radius + blur / cosine, reach / cosine);
+    this.catcher.scale.set(front + back, 2 * (radius + blur), 1);
+    this.catcher.position.copy(this.standing.position).addScaledVector(away, (front - back) / 2);
+    this.catcher.quaternion.setFromRotationMatrix(new Matrix4().makeBasis(away, UP.clone().cross(away), UP));
   }
 
   /** Draw at the size the canvas is shown at. */
@@ -256,6 +298,17 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
     this.frames += 1;
   }
+}
+
+/** Whether a shadow drawn for one aim does for another. */
+function isSameAim(a, b) {
+  return (
+    a.towards.dot(b.towards) > SAME_DIRECTION &&
+    a.foot.equals(b.foot) &&
+    a.up.equals(b.up) &&
+    a.reach === b.reach &&
+    a.turn === b.turn
+  );
 }
 
 /** A round spot, dark in its middle, for the darkness where an object touches the ground. */

@@ -1,0 +1,43 @@
+/** One piece of work after the other, always on the newest of what has arrived; what is overtaken is dropped. */
+
+export class Newest {
+  #waiting = null;
+  #busy = false;
+
+  /**
+   * @param {(item: object) => Promise<void>} work
+   * @param {(item: object) => void} drop what is never worked on
+   */
+  constructor(work, drop) {
+    Object.assign(this, { work, drop });
+  }
+
+  offer(item) {
+    if (this.#waiting) this.drop(this.#waiting);
+    this.#waiting = item;
+    if (!this.#busy) this.#run();
+  }
+
+  async #run() {
+    this.#busy = true;
+    while (this.#waiting) {
+      const item = this.#waiting;
+      this.#waiting = null;
+      await this.work(item);
+      await messagesHeard();
+    }
+    this.#busy = false;
+  }
+}
+
+/** Let the thread hear what was sent to it meanwhile; a timer would take milliseconds. */
+function messagesHeard() {
+  return new Promise((resolve) => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = () => {
+      port1.close();
+      resolve();
+    };
+    port2.postMessage(null);
+  });
+}

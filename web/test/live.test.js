@@ -1,0 +1,97 @@
+/** The camera's frames become lights: always the newest, its mask found anew where the picture has changed. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { FrameLight } from "../src/live/frameLight.js";
+import { Newest } from "../src/live/newest.js";
+
+const [WIDTH, HEIGHT] = [160, 120];
+
+/** A bright square on a dark ground, with the camera's noise, as a frame's memory. */
+function frameOf(left, noise, random) {
+  const count = WIDTH * HEIGHT;
+  const bytes = new Uint8Array(1.5 * count).fill(128);
+  for (let i = 0; i < count; i++) {
+    const [x, y] = [i % WIDTH, Math.floor(i / WIDTH)];
+    const isInside = x >= left && x < left + 60 && y >= 30 && y < 90;
+    bytes[i] = (isInside ? 180 : 60) + noise * (random() - 0.5);
+  }
+  const chroma = (offset) => ({ offset, stride: WIDTH / 2 });
+  const layout = [{ offset: 0, stride: WIDTH }, chroma(count), chroma(1.25 * count)];
+  return { width: WIDTH, height: HEIGHT, format: "I420", layout, matrix: "bt709", fullRange: false, bytes };
+}
+
+/** Numbers in [0, 1) that are the same in every run. */
+function numbers(seed) {
+  return () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+}
+
+/** How often the mask was found in so many frames, and how often it was told. */
+async function follow(count, leftOf, clickAt = -1) {
+  const random = numbers(5);
+  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
+  const seen = { found: [], told: [] };
+  let at = 0;
+  const findMask = async ({ rgba }) => {
+    seen.found.push(at);
+    return Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
+  };
+  const lights = new FrameLight(models, findMask, { on: [], off: [] }, 65);
+  for (; at < count; at++) {
+    if (at === clickAt) lights.click({ on: [[0.5, 0.5]], off: [] });
+    const { mask } = await lights.next(frameOf(leftOf(at), 10, random), at / 15);
+    if (mask) seen.told.push(at);
+  }
+  return seen;
+}
+
+test("the mask of a still picture is found twice, of a moving one every fourth frame", async () => {
+  const still = await follow(40, () => 50);
+  assert.deepEqual(still.found, [0, 32]);
+  const moving = await follow(40, (at) => 20 + at);
+  assert.deepEqual(moving.found, [0, 4, 8, 12, 16, 20, 24, 28, 32, 36]);
+  assert.deepEqual(moving.told, moving.found);
+});
+
+test("a jump is seen at once, and a click", async () => {
+  const jumped = await follow(20, (at) => (at < 10 ? 50 : 53));
+  assert.deepEqual(jumped.found, [0, 10]);
+  const clicked = await follow(20, () => 50, 7);
+  assert.deepEqual(clicked.found, [0, 7]);
+});
+
+test("balls, stages and mask come now and then", async () => {
+  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
+  const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
+  const lights = new FrameLight(models, async () => inside, { on: [], off: [] }, 65);
+  const kinds = [];
+  for (let i = 0; i < 6; i++) {
+    const { balls, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
+    kinds.push(`${balls ? "balls " : ""}${stages ? "stages " : ""}${mask ? "mask" : ""}`.trim());
+  }
+  assert.deepEqual(kinds, ["balls mask", "", "stages", "", "balls", ""]);
+});
+
+test("frames that are overtaken are dropped, the newest is worked on", async () => {
+  const [worked, dropped] = [[], []];
+  let release;
+  const newest = new Newest(
+    (item) => (worked.push(item), new Promise((resolve) => (release = resolve))),
+    (item) => dropped.push(item),
+  );
+  const until = async (count) => {
+    while (worked.length < count) await new Promise((resolve) => setTimeout(resolve));
+  };
+  for (const item of [1, 2, 3]) newest.offer(item);
+  release();
+  await until(2);
+  newest.offer(4);
+  release();
+  await until(3);
+  release();
+  newest.offer(5);
+  await until(4);
+  assert.deepEqual(worked, [1, 3, 4, 5]);
+  assert.deepEqual(dropped, [2]);
+});
