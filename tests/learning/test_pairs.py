@@ -21,9 +21,10 @@ from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noq
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade  # noqa: E402
-from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals, straight_on_normal  # noqa: E402
+from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
+from anyprobe.scatter.brdf import Material  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -169,33 +170,38 @@ def test_noise_is_fresh_in_every_photo_and_batch(rng):
         assert float((photos[0][0] - other).std()) == pytest.approx(0.02 * np.sqrt(2), rel=0.05)
 
 
-def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch):
-    """Reflectance maps stand for per-point shading: a perspective ball both ways, sampled to convergence."""
+@pytest.mark.parametrize("alpha", [0.08, 0.4, 0.9])
+def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch, alpha):
+    """Reflectance maps stand for per-point shading: a ball seen from near both ways, sampled to convergence.
+
+    Lookups at the mirror direction alone, without the albedo of n's own view, fail all: the coat errs by 0.33 to 0.51.
+    """
     monkeypatch.setattr(lighting, "hammersley", lambda count: hammersley(512))
-    pyramid = build_pyramid(maps[0])
-    rotation = world_from_camera(0.7, 0.3)
-    camera = frame_object(sphere(), rotation, fov_deg=25.0)
+    camera = frame_object(sphere(), world_from_camera(0.7, 0.3), fov_deg=40.0)
     surface = see(sphere(), camera)
     turn = camera.world_from_camera.T.astype(np.float32)
-    for alpha in (0.08, 0.4, 0.9):
-        point = shade(pyramid, surface.normals @ turn, surface.wo @ turn, alpha, hammersley(512))
-        lit = Illuminator([maps[0]], compiled=False)
-        terms = lit.light(0, camera.world_from_camera, alpha, 0).terms
-        n, wo = torch.from_numpy(surface.normals), torch.from_numpy(surface.wo)
-        inner = (n * wo).sum(1) > 0.3  # the rim's few pixels turn too fast for any map
-
-        def read(image, normals):
-            xy = normal_to_reflectance_xy(normals)[None, None]
-            return torch.nn.functional.grid_sample(image[None], xy, align_corners=False)[0, :, 0].T
-
-        for name, value in (
-            ("irradiance", read(terms[:3], straight_on_normal(n, wo))),
-            ("specular", read(terms[3:6], straight_on_normal(n, wo))),
-            ("diffuse", read(terms[9:], n)),
-        ):
-            expected = torch.from_numpy(np.asarray(getattr(point, name), np.float32))
-            error = ((value - expected)[inner] ** 2).mean().sqrt() / (expected[inner] ** 2).mean().sqrt()
-            assert error < 0.12, f"{name} alpha {alpha}: {error:.3f}"
+    point = shade(build_pyramid(maps[0]), surface.normals @ turn, surface.wo @ turn, alpha, hammersley(512))
+    lit = Illuminator([maps[0]], compiled=False).light(0, camera.world_from_camera, alpha, 0)
+    row, column = np.nonzero(surface.mask)
+    normals = torch.zeros(1, 3, *surface.mask.shape)
+    normals[0, :, row, column] = torch.from_numpy(surface.normals.T)
+    wo = pairs.pixel_wo(torch.full((1, 1, 1, 1), camera.tan_half), camera.size)
+    inner = (surface.normals * surface.wo).sum(axis=1) > 0.15  # the rim's pixels turn too fast for any map
+    black, grey = np.zeros(3, np.float32), np.full(3, 0.5, np.float32)
+    for name, most, material in (
+        ("metal", 0.12, Material(albedo=black, f0=np.ones(3, np.float32), alpha=alpha)),
+        ("coat", 0.17, Material(albedo=black, f0=np.full(3, 0.04, np.float32), alpha=alpha)),
+        ("plastic", 0.07, Material(albedo=grey, f0=np.full(3, 0.04, np.float32), alpha=alpha)),
+        ("irradiance", 0.17, None),
+    ):
+        radiance, first_factor = pairs.shade(
+            [lit], [material or Material(albedo=black, f0=black, alpha=alpha)], normals, wo
+        )
+        found = (first_factor if material is None else radiance)[0, :, row, column].T
+        expected = point.irradiance if material is None else point.radiance(material)
+        expected = torch.from_numpy(np.asarray(expected, np.float32))
+        error = ((found - expected)[inner] ** 2).mean().sqrt() / (expected[inner] ** 2).mean().sqrt()
+        assert error < most, f"{name} alpha {alpha}: {error:.3f}"
 
 
 def test_reflectance_map_finds_its_own_normals():

@@ -22,8 +22,9 @@ from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
-from anyprobe.render.reflectance import normal_to_reflectance_xy, straight_on_normal
+from anyprobe.render.reflectance import stand_ins
 from anyprobe.render.surface import pixel_rays
+from anyprobe.scatter.albedo import albedo_table
 from anyprobe.scatter.brdf import Material
 
 
@@ -33,6 +34,7 @@ class PairConfig:
 
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
+    cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     """
 
     batch: int = 32
@@ -41,6 +43,7 @@ class PairConfig:
     group: int = 16
     pool: int = 12
     lanes: int = 2
+    cut_out: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,7 +67,7 @@ class PairSource:
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
         self.config, self.illuminator, self.surfaces = config, illuminator, surfaces
         self.device = illuminator.device
-        self._places, self._tone = illuminator.wrap(reflectance_places), illuminator.wrap(response)
+        self._places, self._tone = illuminator.wrap(stand_ins), illuminator.wrap(response)
         self._groups: dict[tuple[int, int], list[LitMaterial]] = {}
         self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
@@ -117,9 +120,12 @@ class PairSource:
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
-        photos = take_photos(shots, radiance * gain, mask, see_behind(light, wo), rng, self._tone)
-        cut_out = np.stack([disturb_mask(one, rng) for one in mask[:, 0].cpu().numpy() > 0])
-        photo_mask = torch.from_numpy(cut_out[:, None]).to(self.device).float()
+        behind = see_behind(light, wo)
+        if self.config.cut_out > 0:
+            behind = behind * column(rng.random(count) >= self.config.cut_out)
+        photos = take_photos(shots, radiance * gain, mask, behind, rng, self._tone)
+        found = np.stack([disturb_mask(one, rng) for one in mask[:, 0].cpu().numpy() > 0])
+        photo_mask = torch.from_numpy(found[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
         return Batch(
@@ -142,37 +148,32 @@ class PairSource:
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
 
-def reflectance_places(n: torch.Tensor, wo: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Where normals n seen along wo, [B, S, S, 3], lie in the specular and in the diffuse reflectance maps."""
-    return normal_to_reflectance_xy(straight_on_normal(n, wo)), normal_to_reflectance_xy(n)
-
-
 def shade(
     chosen: list[LitMaterial],
     materials: list[Material],
     normals: torch.Tensor,
     wo: torch.Tensor,
-    places: Callable = reflectance_places,
+    places: Callable = stand_ins,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
 
-    places: reflectance_places, or the same compiled.
+    places: stand_ins, or the same compiled.
 
     Returns:
         radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
     """
-    specular_xy, diffuse_xy = places(normals.permute(0, 2, 3, 1), wo)
     device = normals.device
+    alpha = _column([lit.alpha for lit in chosen], device)
+    table = torch.from_numpy(albedo_table()).to(device)
+    *xy, gain_one, gain_grazing = places(normals.permute(0, 2, 3, 1), wo, alpha, table)
     f0, albedo = _column([m.f0 for m in materials], device), _column([m.albedo for m in materials], device)
-    # f0 S1 + (1 - f0) Ss is linear: six channels to look up, not nine
-    maps = torch.empty((len(chosen), 6, *chosen[0].terms.shape[1:]), device=device)
-    for one, lit, weight in zip(maps, chosen, f0, strict=True):
-        one[:3] = lit.terms[:3]
-        torch.lerp(lit.terms[6:9], lit.terms[3:6], weight.expand(3, 1, 1), out=one[3:])
-    specular = F.grid_sample(maps, specular_xy, mode="bilinear", align_corners=False)
-    diffuse = torch.stack([lit.terms[9:] for lit in chosen])
-    diffuse = F.grid_sample(diffuse, diffuse_xy, mode="bilinear", align_corners=False)
-    return torch.addcmul(specular[:, 3:], albedo * (1 - f0), diffuse), specular[:, :3]
+    terms = torch.stack([lit.terms for lit in chosen])
+    parts = zip(terms.split([3, 6, 3], dim=1), xy, strict=True)
+    first_factor, specular, diffuse = (F.grid_sample(*part, align_corners=False) for part in parts)
+    one, grazing = specular.split(3, dim=1)
+    # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
+    radiance = torch.lerp(grazing * gain_grazing[:, None] + albedo * diffuse, one * gain_one[:, None], f0)
+    return radiance, first_factor
 
 
 def _column(values, device) -> torch.Tensor:

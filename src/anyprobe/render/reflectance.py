@@ -12,10 +12,13 @@ from functools import lru_cache
 import numpy as np
 from array_api_compat import array_namespace
 
-from anyprobe.core.frames import normalize
+from anyprobe.core.frames import dot, normalize, reflect
+from anyprobe.scatter.albedo import directional_albedo
 
 LIMIT = 0.995
 """The rim's angle as a share of 90 degrees: at 90 nothing is seen."""
+ALBEDO_FLOOR = 1e-3
+"""Added to albedos before their quotient: Ss vanishes before a smooth mirror."""
 
 
 @lru_cache(maxsize=8)
@@ -47,12 +50,62 @@ def normal_to_reflectance_xy(n):
 def straight_on_normal(n, wo):
     """The normal that, seen along +Z, mirrors the direction that n mirrors seen from wo.
 
-    It stands for n in the specular terms when the view is perspective: the lobe's
-    centre is then exact, its shape and Fresnel term only nearly so.
+    It stands for n before a mirror when the view is perspective.
     """
-    reflected = (
-        2.0 * (n[..., 0:1] * wo[..., 0:1] + n[..., 1:2] * wo[..., 1:2] + n[..., 2:3] * wo[..., 2:3]) * n - wo
-    )
+    reflected = reflect(wo, n)
     xp = array_namespace(n)
     forward = xp.stack([reflected[..., 0], reflected[..., 1], reflected[..., 2] + 1.0], axis=-1)
     return normalize(forward)
+
+
+def lobe_normal(n, wo, alpha):
+    """The normal that, seen along +Z, has the middle of its lobe where n has it, seen from wo.
+
+    It stands for n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
+    about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3.
+    Its albedo is another than n's: see anyprobe.scatter.albedo.
+
+    Args:
+        n, wo: [..., 3].   alpha: scalar or [..., 1].
+    """
+    mirrored = (1.0 - alpha) * ((1.0 - alpha) ** 0.5 + alpha)
+    return normalize(n + mirrored * (straight_on_normal(n, wo) - n))
+
+
+def stand_ins(n, wo, alpha, table) -> tuple:
+    """What stands for normals n seen along wo in maps that are seen along +Z.
+
+    Args:
+        n, wo: [..., 3], camera frame; where n is zero, anything comes of it.
+        alpha: [..., 1].   table: anyprobe.scatter.albedo.albedo_table, an array of the same kind.
+    Returns:
+        Where to look in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms,
+        [..., 2] each, and what S1 and Ss found there are to be multiplied by, [...]: the lobe is
+        there, but n has its own albedo.
+    """
+    stand_in = lobe_normal(n, wo, alpha)
+    own = directional_albedo(dot(n, wo)[..., 0], alpha[..., 0], table)
+    found = directional_albedo(stand_in[..., 2], alpha[..., 0], table)
+    gain_one, gain_grazing = (
+        (a + ALBEDO_FLOOR) / (b + ALBEDO_FLOOR) for a, b in zip(own, found, strict=True)
+    )
+    places = (normal_to_reflectance_xy(normal) for normal in (straight_on_normal(n, wo), stand_in, n))
+    return *places, gain_one, gain_grazing
+
+
+def read_map(picture, xy, channels) -> list:
+    """Channels of a map [S, S, C] between its pixel centres at xy [..., 2] in [-1, 1], [...] each."""
+    xp = array_namespace(picture, xy)
+    size = picture.shape[0]
+    flat = xp.reshape(picture, (size * size, -1))
+    column, row = (xp.clip((xy[..., k] + 1.0) * (size / 2) - 0.5, 0.0, size - 1.001) for k in range(2))
+    column0, row0 = xp.floor(column), xp.floor(row)
+    right, down = column - column0, row - row0
+    first = xp.astype(row0 * size + column0, xp.int32)
+    corners = (
+        (first, (1.0 - right) * (1.0 - down)),
+        (first + 1, right * (1.0 - down)),
+        (first + size, (1.0 - right) * down),
+        (first + size + 1, right * down),
+    )
+    return [sum(flat[index, channel] * share for index, share in corners) for channel in channels]
