@@ -1,4 +1,4 @@
-"""Our side of the equal-error part: the compiled shading, its error, the fewest samples that will do."""
+"""Our side of the equal-error part: the compiled shading, its error, the cheapest way that will do."""
 
 from __future__ import annotations
 
@@ -12,36 +12,65 @@ from measure import best_time, relative_rmse
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import Pyramid, build_pyramid
-from anyprobe.render.compiled import compile_kernel
-from anyprobe.render.integrate import NUM_LAMPS, shade_diffuse, shade_specular
+from anyprobe.render.by_maps import PLAIN, Kernels, radiance_by_maps
+from anyprobe.render.integrate import NUM_LAMPS
 from anyprobe.scatter.brdf import Material
 
 COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
-"""Samples a point that are tried."""
+"""Samples a point that are tried; of the specular and the diffuse term alike."""
+SIZES = (24, 32, 48, 64, 96, 128)
+"""Of reflectance maps that are tried, beside shading every point by itself."""
+MAP_COUNTS, MAP_DIFFUSE_COUNTS = COUNTS[:9], (8, 16, 24, 32, 64)
+"""Samples of a map's normals that are tried, of either term."""
+LOOK_UP = 16
+"""Looking a point up, its lamps included, costs about as much as so many samples."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Way:
+    """How a picture is shaded: samples of the specular and of the diffuse term, of each point or of each
+    normal of maps of side size (None: of each point)."""
+
+    samples: int
+    diffuse_samples: int
+    size: int | None = None
+
+    def cost(self, points: int) -> int:
+        """Samples in all, or what costs as much."""
+        samples = self.samples + self.diffuse_samples
+        return samples * self.size**2 + LOOK_UP * points if self.size else samples * points
+
+
+def ways(kind: str, points: int, sizes: list[int]) -> list[Way]:
+    """Every way that is tried, with maps of these sizes, the cheapest first."""
+    metal = kind == "conductor"
+    tried = [Way(samples=count, diffuse_samples=0 if metal else count) for count in COUNTS] + [
+        Way(samples=count, diffuse_samples=diffuse, size=size)
+        for size in sizes
+        for count in MAP_COUNTS
+        for diffuse in ((0,) if metal else MAP_DIFFUSE_COUNTS)
+    ]
+    return sorted(tried, key=lambda way: way.cost(points))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OurResult:
-    """samples a point, seconds a picture, relative RMSE; reached: whether that is within the target.
+    """The way, seconds a picture, relative RMSE; reached: whether that is within the target."""
 
-    errors: of every count tried, uncompiled.
-    """
-
-    samples: int
+    way: Way
     seconds: float
     error: float
     reached: bool
-    errors: dict[int, float]
 
 
 class OurRenderer:
-    """Shades the ball's points; compiled once for every sample count that is timed."""
+    """Shades the ball's points; compiled once for every way that is timed."""
 
     def __init__(self, compiled: bool = True) -> None:
-        self._plain = self._timed = (shade_specular, shade_diffuse)
+        self._timed = PLAIN
         if compiled:
-            torch._dynamo.config.recompile_limit = 64  # one for each sample count
-            self._timed = (compile_kernel(shade_specular), compile_kernel(shade_diffuse))
+            torch._dynamo.config.recompile_limit = 256  # one for each way
+            self._timed = Kernels.compiled()
         self._pyramid: Pyramid | None = None
 
     def set_map(self, radiance: np.ndarray) -> float:
@@ -51,27 +80,43 @@ class OurRenderer:
         return best_time(lambda: build_pyramid(tensor, lamps=NUM_LAMPS), repetitions=3, seconds=0.0)
 
     def picture(
-        self, kind: str, view: View, material: Material, samples: int, timed: bool = False
+        self, view: View, material: Material, way: Way, timed: bool = False
     ) -> Callable[[], torch.Tensor]:
-        """A call that shades every point: Lo [P, 3], a conductor's without the diffuse term.
+        """A call that shades every point: Lo [P, 3].
 
         timed: by the compiled kernels if there are any.
         """
-        specular_terms, diffuse_term = self._timed if timed else self._plain
+        kernels = self._timed if timed else PLAIN
         n, wo = torch.from_numpy(view.n), torch.from_numpy(view.wo)
+        u = torch.from_numpy(hammersley(way.samples))
+        u_diffuse = torch.from_numpy(hammersley(way.diffuse_samples)) if way.diffuse_samples else None
         alpha = torch.full((len(n), 1), material.alpha)
-        u = torch.from_numpy(hammersley(samples))
         f0, albedo = torch.from_numpy(material.f0), torch.from_numpy(material.albedo)
 
-        def call() -> torch.Tensor:
+        def by_maps() -> torch.Tensor:
             with torch.no_grad():
-                _, specular, grazing = specular_terms(self._pyramid, n, wo, alpha, u)
+                return radiance_by_maps(
+                    self._pyramid,
+                    n,
+                    wo,
+                    material,
+                    view.rotation,
+                    u,
+                    u_diffuse,
+                    size=way.size,
+                    kernels=kernels,
+                )
+
+        def by_points() -> torch.Tensor:
+            with torch.no_grad():
+                _, specular, grazing = kernels.specular(self._pyramid, n, wo, alpha, u)
                 radiance = f0 * specular + (1.0 - f0) * grazing
-                if kind == "plastic":
-                    radiance = radiance + albedo * (1.0 - f0) * diffuse_term(self._pyramid, n, wo, u)
+                if u_diffuse is not None:
+                    diffuse = kernels.diffuse(self._pyramid, n, wo, u_diffuse)
+                    radiance = radiance + albedo * (1.0 - f0) * diffuse
                 return radiance
 
-        return call
+        return by_maps if way.size else by_points
 
     def reach(
         self,
@@ -84,27 +129,28 @@ class OurRenderer:
         target: float,
         seconds: float,
     ) -> OurResult:
-        """The fewest samples of COUNTS whose error is within target, timed; else the best of them.
+        """The cheapest way whose error is within target, timed; else the best of them.
 
         reference [inner points, 3] and its noise: see measure.relative_rmse.
         """
 
-        def error(samples: int, timed: bool = False) -> float:
-            picture = self.picture(kind, view, material, samples, timed)().numpy()
+        def error(way: Way, timed: bool = False) -> float:
+            picture = self.picture(view, material, way, timed)().numpy()
             return relative_rmse(picture[view.inner], reference, noise)
 
-        errors: dict[int, float] = {}
-        for samples in COUNTS:
-            errors[samples] = error(samples)
-            if errors[samples] <= target:
+        most = {"samples": MAP_COUNTS[-1], "diffuse_samples": MAP_DIFFUSE_COUNTS[-1] * (kind == "plastic")}
+        sizes = [size for size in SIZES if error(Way(size=size, **most)) <= target]
+        best, least = None, np.inf
+        for way in ways(kind, len(view.n), sizes):
+            found = error(way)
+            if found < least:
+                best, least = way, found
+            if least <= target:
                 break
-        samples = min(errors, key=errors.__getitem__)
-        call = self.picture(kind, view, material, samples, timed=True)
-        reached = error(samples, timed=True)
+        reached = error(best, timed=True)
         return OurResult(
-            samples=samples,
-            seconds=best_time(call, seconds=seconds),
+            way=best,
+            seconds=best_time(self.picture(view, material, best, timed=True), seconds=seconds),
             error=reached,
             reached=reached <= target,
-            errors=errors,
         )

@@ -22,7 +22,7 @@ COLUMNS = (
     "faster",
     "than its default",
 )
-WIDTH = 112
+WIDTH = 124
 """Columns at least, also where the output is a file."""
 
 
@@ -76,7 +76,7 @@ class Report:
                 line["place"],
                 line["kind"],
                 f"{line['alpha']:g}",
-                str(line["ours_samples"]),
+                _way(line),
                 f"{100 * line['ours_error']:.2f} %",
                 f"{1e3 * line['ours_s']:.1f}",
                 str(line["mitsuba_spp"]),
@@ -88,3 +88,11 @@ class Report:
         maps = {f"{line['place']}: {line['map']}": None for line in self._cells}
         table.caption = "; ".join([*maps, "*: in proportion to the samples, beyond what was timed"])
         return table
+
+
+def _way(line: dict[str, Any]) -> str:
+    """Samples, and the side of the maps that they are taken for."""
+    samples = str(line["ours_samples"])
+    if line["ours_diffuse_samples"]:
+        samples += f" + {line['ours_diffuse_samples']}"
+    return f"{samples} a normal, {line['ours_map_size']}^2" if line["ours_map_size"] else f"{samples} a point"

@@ -68,6 +68,10 @@ class Pyramid:
     lamps: Any = None
     lamp_flux: Any = None
 
+    def without_lamps(self) -> Pyramid:
+        """What is left of the map."""
+        return replace(self, lamps=None, lamp_flux=None)
+
     def to(self, device) -> Pyramid:
         """The same on another device, for torch."""
         names = ("texels",) if self.lamps is None else ("texels", "lamps", "lamp_flux")

@@ -36,7 +36,6 @@ NUM_LAMPS = 16
 """Lamps that pyramids for shading have, enough for a sun's disc.
 
 64 samples under a sun err by 1-4 % with them and by 20-115 % without. They cost as much time as ten samples.
-`benchmarks/render.py --only equal-error --size 40` prints the errors (ours_errors) for the numbers set here.
 """
 
 
@@ -124,7 +123,7 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     weak = xp.stack([xp.mean(channel * grazing, axis=1) for channel in light], axis=-1)
     if pyramid.lamps is None:
         return irradiance, specular, weak
-    lit = _lamps_specular(pyramid, n, wo, alpha)
+    lit = lamps_specular(pyramid, n, wo, alpha)
     return irradiance + lit[0] * (u.shape[0] / total), specular + lit[1], weak + lit[2]
 
 
@@ -146,7 +145,7 @@ def _gather(weight, flux) -> Any:
     return np.stack([np.sum(weight * flux[None, :, k], axis=1) for k in range(3)], axis=-1)
 
 
-def _lamps_specular(pyramid: Pyramid, n, wo, alpha):
+def lamps_specular(pyramid: Pyramid, n, wo, alpha):
     """The lamps' part of shade_specular's three integrals, Eq. 5's before division by the kept share.
 
     A lamp is a pixel wide, not a point: D is widened by what that is between half vectors.

@@ -8,6 +8,7 @@ import numpy as np
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
+from anyprobe.render.by_maps import radiance_by_maps
 from anyprobe.render.integrate import NUM_LAMPS, shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, see
@@ -16,6 +17,9 @@ from anyprobe.scatter.brdf import Material
 NUM_SAMPLES = 64
 SUPERSAMPLE = 3
 CHUNK = 4096
+MAPS_FROM = 0.3
+"""Materials of this alpha or more are looked up in reflectance maps of side MAP_SIZE if points are more."""
+MAP_SIZE = 48
 
 
 def draw_mesh(
@@ -29,7 +33,7 @@ def draw_mesh(
     """The mesh as the camera sees it; distant light, nothing shadows anything.
 
     A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their
-    normals.
+    normals: by itself, or where that is as good by reflectance maps.
 
     Args:
         camera: in the mesh's frame.
@@ -50,6 +54,9 @@ def draw_mesh(
     pyramid, u = build_pyramid(np.asarray(radiance, np.float32), lamps=NUM_LAMPS), hammersley(num_samples)
     picture = np.zeros((size * size, 4), np.float32)
     picture[:, 3] = count / supersample**2
+    if material.alpha >= MAPS_FROM and len(seen) > MAP_SIZE**2:
+        picture[seen, :3] = radiance_by_maps(pyramid, n, wo, material, u, u, size=MAP_SIZE)
+        return picture.reshape(size, size, 4)
     for some in np.array_split(np.arange(len(seen)), max(1, -(-len(seen) // CHUNK))):
         if len(some):
             shading = shade(pyramid, n[some], wo[some], material.alpha, u)
