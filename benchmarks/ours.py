@@ -100,7 +100,6 @@ class OurRenderer:
                     n,
                     wo,
                     material,
-                    view.rotation,
                     u,
                     u_diffuse,
                     size=way.size,
