@@ -51,4 +51,4 @@ def test_every_pair_is_in_its_groups():
 def test_the_bins_of_alpha_leave_nothing_out():
     bins = [belongs for name, belongs in GROUPS.items() if name.startswith("alpha")]
     for alpha in np.linspace(0.01, 1.0, 100):
-        assert sum(belongs(pair(float(alpha), 0.0)) for belongs in bins) == 1
+        assert sum(belongs(pair(float(alpha), 0.0), False) for belongs in bins) == 1

@@ -18,7 +18,8 @@ ONE_LIGHT = 0.3
 SHINY = 0.3
 """Below this alpha an object shows lamps as highlights."""
 
-Group = Callable[[Pair], bool]
+Group = Callable[[Pair, bool], bool]
+"""Whether a pair belongs, told whether one light dominates its true map."""
 
 
 def main_light_share(radiance: np.ndarray) -> float:
@@ -27,31 +28,27 @@ def main_light_share(radiance: np.ndarray) -> float:
     return float(luminance(find_main_light(radiance).irradiance)) / max(whole, 1e-9)
 
 
-def one_light(pair: Pair) -> bool:
-    """Whether one light dominates the true map."""
-    return main_light_share(pair.radiance) >= ONE_LIGHT
-
-
 def _in_bin(low: float, high: float) -> Group:
-    return lambda pair: low <= pair.material.alpha < high
+    return lambda pair, single: low <= pair.material.alpha < high
 
 
 GROUPS: dict[str, Group] = {
-    "all": lambda pair: True,
-    "specular": lambda pair: pair.specular,
-    "diffuse": lambda pair: not pair.specular,
-    "indoor": lambda pair: pair.indoor,
-    "outdoor": lambda pair: not pair.indoor,
+    "all": lambda pair, single: True,
+    "specular": lambda pair, single: pair.specular,
+    "diffuse": lambda pair, single: not pair.specular,
+    "indoor": lambda pair, single: pair.indoor,
+    "outdoor": lambda pair, single: not pair.indoor,
     **{
         f"alpha {low:g}-{min(high, 1.0):g}": _in_bin(low, high)
         for low, high in zip(ALPHA_EDGES[:-1], ALPHA_EDGES[1:], strict=True)
     },
-    "one light": one_light,
-    "one light, shiny": lambda pair: pair.material.alpha < SHINY and one_light(pair),
-    "one light, diffuse": lambda pair: not pair.specular and one_light(pair),
+    "one light": lambda pair, single: single,
+    "one light, shiny": lambda pair, single: single and pair.material.alpha < SHINY,
+    "one light, diffuse": lambda pair, single: single and not pair.specular,
 }
 
 
 def groups_of(pair: Pair) -> set[str]:
     """Names of the groups that a pair belongs to."""
-    return {name for name, belongs in GROUPS.items() if belongs(pair)}
+    single = main_light_share(pair.radiance) >= ONE_LIGHT
+    return {name for name, belongs in GROUPS.items() if belongs(pair, single)}
