@@ -1,9 +1,10 @@
 """The live page in headless Chromium with a fake camera: lights and pictures a second, stillness, following.
 
-    python benchmarks/live_page.py [--seconds 20] [--engine wasm|webgpu] [--threads 2] [--cores 0,1]
+    python benchmarks/live_page.py [--seconds 20] [--engine wasm|webgpu] [--threads 2] [--cores 0,1] [--sway 0]
 
 The camera shows a shaded ball with a little noise, and every four seconds the light on it turns by 90
-degrees about +Y, there and back; a patch in the video's corner says when. It draws in software (SwiftShader)
+degrees about +Y, there and back; a patch in the video's corner says when. With --sway the ball goes to and fro
+by so many pixels every two seconds, and its mask must be found anew all the time. It draws in software (SwiftShader)
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
 tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
 
@@ -55,16 +56,18 @@ PATIENCE_S = 60.0
 """How long they are waited for."""
 
 
-def frames(radiance: np.ndarray, patch: int, count: int, rng: np.random.Generator):
+def frames(radiance: np.ndarray, patch: int, count: int, rng: np.random.Generator, sway: float = 0.0):
     """[480, 640, 3] uint8: the ball under a light over a dull ground, each frame with its own noise."""
     rows = np.arange(HEIGHT)[:, None, None]
     ground = 0.2 + 0.2 * rows / HEIGHT * np.array([0.2, 0.6, 1.0])
-    clean = np.broadcast_to(ground, (HEIGHT, WIDTH, 3)).copy()
-    top, left = (HEIGHT - DIAMETER) // 2, (WIDTH - DIAMETER) // 2
+    top, middle = (HEIGHT - DIAMETER) // 2, (WIDTH - DIAMETER) // 2
     on = ball_normals(DIAMETER)[1]
-    clean[top : top + DIAMETER, left : left + DIAMETER][on] = response(0.8 * diffuse(radiance, DIAMETER))[on]
-    clean[:16, :16] = patch
-    for _ in range(count):
+    ball = response(0.8 * diffuse(radiance, DIAMETER))
+    for index in range(count):
+        left = middle + round(sway * np.sin(2 * np.pi * index / count))
+        clean = np.broadcast_to(ground, (HEIGHT, WIDTH, 3)).copy()
+        clean[top : top + DIAMETER, left : left + DIAMETER][on] = ball[on]
+        clean[:16, :16] = patch
         yield to_bytes(clean + rng.normal(0, NOISE / 255, clean.shape))
 
 
@@ -143,6 +146,7 @@ def main() -> None:
     parser.add_argument("--engine", choices=("wasm", "webgpu"), default="wasm")
     parser.add_argument("--threads", type=int, default=0, help="of the networks; one a core where not told")
     parser.add_argument("--cores", help="which ones all of it runs on, as 0,1")
+    parser.add_argument("--sway", type=float, default=0.0, help="pixels by which the ball goes to and fro")
     parser.add_argument("--screenshot", type=Path, help="where to keep a picture of the page")
     asked = parser.parse_args()
     if asked.cores:
@@ -154,7 +158,11 @@ def main() -> None:
     if asked.screenshot:
         steps["screenshot"] = str(asked.screenshot.resolve())
     with tempfile.TemporaryDirectory() as folder, server() as url:
-        pictures = [one for patch, light in enumerate(lights) for one in frames(light, patch, DISTINCT, rng)]
+        pictures = [
+            one
+            for patch, light in enumerate(lights)
+            for one in frames(light, patch, DISTINCT, rng, asked.sway)
+        ]
         stretch = np.arange(round(FPS * asked.half)) % DISTINCT
         order = [*stretch, *(DISTINCT + stretch)]
         video = write_y4m(Path(folder) / "camera.y4m", pictures, FPS, order)

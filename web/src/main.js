@@ -12,14 +12,17 @@ import { maskFromAlpha, objectBox } from "./photo/picture.js";
 import { openPhoto } from "./photo/open.js";
 import { readExample } from "./photo/example.js";
 
-const networks = new Networks(({ done, of }) => {
-  if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
-});
 const config = await (await fetch("config.json")).json();
 if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
   element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
 }
 const stage = new PhotoStage();
+const networks = new Networks(
+  ({ done, of }) => {
+    if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
+  },
+  stage.stage.isSoftware ? 1 : 0, // which then draws
+);
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const stages = new StagesPanel();

@@ -66,11 +66,11 @@ test("balls, stages and mask come now and then", async () => {
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
   const lights = new FrameLight(models, async () => inside, { on: [], off: [] }, 65);
   const kinds = [];
-  for (let i = 0; i < 6; i++) {
+  for (let i = 0; i < 9; i++) {
     const { balls, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
     kinds.push(`${balls ? "balls " : ""}${stages ? "stages " : ""}${mask ? "mask" : ""}`.trim());
   }
-  assert.deepEqual(kinds, ["balls mask", "", "stages", "", "balls", ""]);
+  assert.deepEqual(kinds, ["balls mask", "", "", "", "stages", "", "", "", "balls"]);
 });
 
 test("frames that are overtaken are dropped, the newest is worked on", async () => {

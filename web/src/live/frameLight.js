@@ -14,8 +14,8 @@ const MASK_EVERY = 4;
 /** And every so many while the picture is the one it was found in. */
 const MASK_EVERY_STILL = 32;
 
-/** The balls, and two frames later the networks' stages, are sent every so many frames. */
-const REST_EVERY = 4;
+/** The balls, and half as many frames later the networks' stages, are sent every so many frames. */
+const REST_EVERY = 8;
 
 export class FrameLight {
   /**

@@ -19,16 +19,19 @@ const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.2
  * The frame that a video shows now.
  *
  * @param {HTMLVideoElement} video playing
+ * @param {ArrayBuffer[]} [spares] memory of earlier frames, used again where its size is right
  * @returns {Promise<{frame: object, transfer: object[]}>} frame is an ImageBitmap, or {width, height, format, layout,
  *   matrix, fullRange, bytes}; transfer is what of it moves to another thread
  */
-export async function takeFrame(video) {
+export async function takeFrame(video, spares = []) {
   const source = typeof VideoFrame === "function" ? new VideoFrame(video) : null;
   try {
     if (source && isReadable(source)) {
       const { width, height } = source.visibleRect;
       const { format, colorSpace } = source;
-      const bytes = new Uint8Array(source.allocationSize());
+      const size = source.allocationSize();
+      const spare = spares.pop();
+      const bytes = new Uint8Array(spare?.byteLength === size ? spare : size);
       const layout = await source.copyTo(bytes);
       const matrix = colorSpace.matrix ?? UNTOLD.matrix;
       const fullRange = colorSpace.fullRange ?? UNTOLD.fullRange;

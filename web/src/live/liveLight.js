@@ -57,7 +57,7 @@ export class LiveLight {
   async #give() {
     const time = performance.now() / 1000;
     try {
-      const taken = await takeFrame(this.video);
+      const taken = await takeFrame(this.video, this.networks.spares);
       if (this.running) this.networks.give(taken, time);
     } catch (error) {
       this.#fail(error);

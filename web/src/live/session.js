@@ -26,6 +26,8 @@ export class LiveSession {
   async start() {
     const { video } = this.stage;
     setStatus("Opening the camera …");
+    const opening = this.networks.open(this.config); // while the user is asked for the camera
+    opening.catch(() => {}); // told where it is awaited
     video.srcObject = await openCamera();
     await video.play();
     this.stage.showVideo();
@@ -41,7 +43,7 @@ export class LiveSession {
     const { live } = this;
     this.still = await takePicture(video);
     this.editor.open(this.still);
-    const { hasMask, provider, threads } = await this.networks.open(this.config);
+    const { hasMask, provider, threads } = await opening;
     if (this.live !== live) return; // stopped meanwhile
     this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
     await live.start({ on: [], off: [] }, DEFAULT_LONG_FOV_DEG);
@@ -73,12 +75,15 @@ export class LiveSession {
     if (!this.placed) return;
     this.stage.setLight(answer.light);
     document.dispatchEvent(new CustomEvent("anyprobe-light", { detail: answer }));
+    // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.balls) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
       this.light.show({ light: answer.light, balls: answer.balls }, about);
-    }
-    if (answer.stages) {
+    } else if (answer.stages) {
       this.stages.show(answer.stages, answer.light.radiance);
+      this.isMaskDue = true;
+    } else if (this.isMaskDue) {
+      this.isMaskDue = false;
       this.#showMask();
     }
   }

@@ -8,11 +8,19 @@ export class Networks {
   /** Hears what is told of the camera's frames. */
   onLive = () => {};
 
-  /** @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened */
-  constructor(onProgress = () => {}) {
+  /** Memory of frames that are done with. */
+  spares = [];
+
+  /**
+   * @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened
+   * @param {number} sparedCores how many the networks leave to others
+   */
+  constructor(onProgress, sparedCores) {
+    this.sparedCores = sparedCores;
     this.#worker.onmessage = ({ data }) => {
       if (data.progress) return onProgress(data.progress);
       if (data.live) return this.onLive(data.live);
+      if (data.spare) return this.spares.push(data.spare);
       const { resolve, reject } = this.#waiting.get(data.id);
       this.#waiting.delete(data.id);
       if (data.error === undefined) resolve(data.result);
@@ -46,7 +54,9 @@ export class Networks {
       Object.entries(config.weights).map(([stage, path]) => [stage, new URL(path, base).href]),
     );
     const asked = new URLSearchParams(location.search);
-    const [engine, threads] = [asked.get("engine"), Number(asked.get("threads"))];
+    const engine = asked.get("engine");
+    const cores = navigator.hardwareConcurrency || 1;
+    const threads = Number(asked.get("threads")) || Math.max(cores - this.sparedCores, 1);
     this.opened ??= this.ask("open", { base, weights, engine, threads });
     return this.opened;
   }

@@ -23,14 +23,13 @@ export async function chooseEngines(asked) {
 /**
  * @param {string} base address of the page's folder
  * @param {string} engine "wasm" or "webgpu"
- * @param {number} asked how many threads at most; 0 for one a core
+ * @param {number} most threads
  * @returns {Promise<{ort: object, threads: number}>}
  */
-export async function openRuntime(base, engine, asked) {
+export async function openRuntime(base, engine, most) {
   const folder = new URL("ort/", base).href;
   const ort = await import(/* @vite-ignore */ `${folder}${MODULES[engine]}`);
   // threads share memory, which a browser allows to isolated pages only (COOP and COEP)
-  const most = asked || navigator.hardwareConcurrency || 1;
   const threads = self.crossOriginIsolated ? Math.min(most, MAX_THREADS) : 1;
   ort.env.wasm.wasmPaths = folder;
   ort.env.wasm.numThreads = threads;

@@ -28,12 +28,12 @@ let models = null;
 let live = null;
 
 const tasks = {
-  async open({ base, weights, engine, threads: asked }) {
+  async open({ base, weights, engine, threads: most }) {
     const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
     const engines = await chooseEngines(engine);
     for (const [index, name] of engines.entries()) {
       try {
-        const { ort, threads } = await openRuntime(base, name, asked);
+        const { ort, threads } = await openRuntime(base, name, most);
         models = await Models.open(ort, weights, { providers: [name], onProgress });
         if (engines.length > index + 1) await tryOnce(models);
         return { provider: name, threads, hasMask: models.hasMask };
@@ -63,7 +63,7 @@ const tasks = {
     const lights = new FrameLight(models, findMaskQuickly, clicks, longFovDeg);
     const frames = new Newest(
       (given) => tellLight(lights, given),
-      ({ frame }) => frame.close?.(),
+      ({ frame }) => letGo(frame),
     );
     live = { lights, frames };
   },
@@ -86,7 +86,14 @@ async function tellLight(lights, { frame, time }) {
     answer = { error: error.message ?? String(error) };
   }
   if (lights === live.lights) self.postMessage({ live: answer });
+  letGo(frame);
   if (answer.lost) await new Promise((resolve) => setTimeout(resolve, LOST_MS));
+}
+
+/** Close a frame that is done with, or give its memory back for another. */
+function letGo(frame) {
+  if (frame.bytes) self.postMessage({ spare: frame.bytes.buffer }, [frame.bytes.buffer]);
+  else frame.close();
 }
 
 /** Throws where an engine that has another behind it gives no numbers, or none in time. */

@@ -28,6 +28,7 @@ export class PhotoStage {
     }
     putRgba(this.canvas, opaque, width, height);
     this.#fit(width, height);
+    this.stage.isLive = false;
     this.overlay.style.visibility = "hidden"; // until there is a light to show it in
   }
 
@@ -37,6 +38,7 @@ export class PhotoStage {
     this.video.hidden = false;
     this.overlay.style.visibility = "hidden";
     this.#fit(this.video.videoWidth, this.video.videoHeight);
+    this.stage.isLive = true;
   }
 
   #fit(width, height) {

@@ -41,6 +41,8 @@ const DISTANCE = 5;
 const UP = new Vector3(0, 1, 0);
 const CONTACT_OPACITY = 0.45;
 const SHADOW_PX = 256;
+/** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
+const COARSE = 0.7;
 /** Cosine of a quarter of a degree: a main light that turns by less keeps its shadow. */
 const SAME_DIRECTION = 0.99999;
 
@@ -48,7 +50,8 @@ export class Stage {
   /** @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow */
   constructor(canvas) {
     installCameraCurve();
-    this.renderer = new WebGLRenderer({ canvas, alpha: true, antialias: !isDrawnInSoftware() });
+    this.isSoftware = isDrawnInSoftware();
+    this.renderer = new WebGLRenderer({ canvas, alpha: true, antialias: !this.isSoftware });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;
@@ -62,6 +65,7 @@ export class Stage {
     this.turn = 0;
     this.size = 1;
     this.frames = 0;
+    this.isLive = false;
     this.#buildGround();
   }
 
@@ -284,10 +288,10 @@ export class Stage {
     this.catcher.quaternion.setFromRotationMatrix(new Matrix4().makeBasis(away, UP.clone().cross(away), UP));
   }
 
-  /** Draw at the size the canvas is shown at. */
+  /** Draw at the size the canvas is shown at, coarser where that keeps the camera's picture going. */
   render() {
     const canvas = this.renderer.domElement;
-    const ratio = Math.min(window.devicePixelRatio, 2);
+    const ratio = this.isLive && this.isSoftware ? COARSE : Math.min(window.devicePixelRatio, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (!width || !height || !this.box) return;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
