@@ -13,7 +13,6 @@ from anyprobe.infer.runtime import weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
-from anyprobe.masks.refine import refine
 
 CLICKS = {"none": {"on": [], "off": []}, "clicks": {"on": [[200, 250]], "off": [[20, 30]]}}
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03]
@@ -57,8 +56,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     }
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, clicks in CLICKS.items():
-        cover = shared_network().propose(rgb, clicks["on"], clicks["off"]).cover
-        answers[f"mask_{name}"] = refine(rgb, cover)
+        answers[f"cover_{name}"] = shared_network().propose(rgb, clicks["on"], clicks["off"]).cover
     answers["frames"], answers["steadied"] = _steadied(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())

@@ -26,7 +26,11 @@ def rendered_cases(stock: Stock, count: int, seed: int) -> Iterator[Case]:
     """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
     surfaces = build_surfaces(list(stock.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
     illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
-    views, textures = ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES)
+    yield from drawn_cases(ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES), count, seed)
+
+
+def drawn_cases(views: ViewSource, textures: TexturePool, count: int, seed: int) -> Iterator[Case]:
+    """Scenes of these views in front of these textures, each with one object that is meant without a word."""
     rng = np.random.default_rng((seed, 4))
     made = drawn = 0
     while made < count:

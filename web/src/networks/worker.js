@@ -8,10 +8,10 @@
 import { describe, cameraRadiance } from "../light/light.js";
 import { drawBalls } from "../light/balls.js";
 import { CROP_SIZE, cropObject } from "../photo/crop.js";
+import { cutOut } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { propose } from "../photo/propose.js";
-import { refine } from "../photo/refine.js";
 import { resize } from "../photo/resize.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
@@ -103,11 +103,11 @@ async function tryOnce(models) {
   if (!lnRadiance.every(Number.isFinite)) throw new Error("The GPU gives no numbers.");
 }
 
-/** The mask of a picture, its edge on the photo's own. */
+/** The mask of a picture, cut out along the photo's own edges. */
 async function findMask(picture, clicks) {
   if (!models.hasMask) return flood(picture, clicks);
   const cover = await propose((input) => models.mask(input), picture, clicks);
-  return refine(picture, cover);
+  return cutOut(picture, cover, clicks);
 }
 
 /** The same at one look and without refining, for video. */

@@ -1,0 +1,88 @@
+"""How well the live page finds objects in still photos, beside the command line: IoU with true masks.
+
+    python benchmarks/page_masks.py --data DATA --scenes 12 --photos PHOTOS [--seed 2020]
+
+The scenes and photos are those of `anyprobe evaluate-masks` with the same options. The page's code runs in Node
+with its own runtime, one thread. Needs what that command needs, OpenCV, Node.js and the packages of web/
+(cd web && npm ci).
+Prints one JSON object a set and a telling:
+
+page, command_line  mean and median IoU with the true mask, and how many are 0.8 at least
+agreement           mean IoU of the page's masks with the command line's
+ms                  processor time of the page a photo: of the network's proposal and of cutting out, median and most
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.dataset.stock import load_stock
+from anyprobe.evaluate.mask_scenes import rendered_cases
+from anyprobe.evaluate.masks import Case, iou, methods, photo_cases
+from anyprobe.masks.propose import shared_network
+
+ROOT = Path(__file__).parents[1]
+
+
+def compare(cases: list[Case], told: str) -> dict:
+    """The page and the command line told nothing or a click."""
+    from support.page_masks import page_masks
+
+    clicks = [[case.click] if told == "click" else [] for case in cases]
+    with tempfile.TemporaryDirectory() as folder:
+        pages, spent = page_masks(Path(folder), [case.rgb for case in cases], clicks)
+    find = methods(shared_network())[f"{told}: network, GrabCut"]
+    ours = [find(case) for case in cases]
+    ours = [np.zeros_like(page) if mask is None else mask for mask, page in zip(ours, pages, strict=True)]
+    return {
+        "page": scores(pages, cases),
+        "command_line": scores(ours, cases),
+        "agreement": round(float(np.mean([iou(a, b) for a, b in zip(pages, ours, strict=True)])), 3),
+        "ms": {part: middle_and_most([one[part] for one in spent]) for part in ("propose", "cut")},
+    }
+
+
+def scores(masks: list[np.ndarray], cases: list[Case]) -> dict:
+    values = np.array([iou(mask, case.mask) for mask, case in zip(masks, cases, strict=True)])
+    return {
+        "mean": round(float(values.mean()), 3),
+        "median": round(float(np.median(values)), 3),
+        "at_least_0.8": f"{(values >= 0.8).sum()} of {len(values)}",
+    }
+
+
+def middle_and_most(values: list[float]) -> list[int]:
+    return [round(float(np.median(values))), round(max(values))]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", type=Path, help="folder with hdri/test and meshes/test to render scenes of")
+    parser.add_argument("--scenes", type=int, default=12)
+    parser.add_argument("--photos", type=Path, help="folder of photos NAME.* with NAME_mask.png beside them")
+    parser.add_argument("--seed", type=int, default=2020)
+    asked = parser.parse_args()
+    if asked.data is None and asked.photos is None:
+        parser.error("expected --data DIR, --photos DIR or both, got neither")
+    sys.path.insert(0, str(ROOT / "tests"))
+    sets = {}
+    if asked.data is not None:
+        stock = load_stock(asked.data, "test", commercial_only=False)
+        sets["scenes"] = list(rendered_cases(stock, asked.scenes, asked.seed))
+    if asked.photos is not None:
+        sets["photos"] = list(photo_cases(asked.photos))
+    for name, cases in sets.items():
+        for told in ("nothing", "click"):
+            print(json.dumps({"set": name, "told": told, **compare(cases, told)}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
