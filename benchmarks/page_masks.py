@@ -29,15 +29,19 @@ from anyprobe.masks.propose import shared_network
 
 ROOT = Path(__file__).parents[1]
 
+METHODS = {"nothing": "nothing: network, GrabCut", "click": "click: network, GrabCut", "box": "box: GrabCut"}
+"""What `anyprobe mask` does, by what it is told."""
+
 
 def compare(cases: list[Case], told: str) -> dict:
-    """The page and the command line told nothing or a click."""
+    """The page and the command line told nothing, a click or a box."""
     from support.page_masks import page_masks
 
     clicks = [[case.click] if told == "click" else [] for case in cases]
+    boxes = [case.box if told == "box" else None for case in cases]
     with tempfile.TemporaryDirectory() as folder:
-        pages, spent = page_masks(Path(folder), [case.rgb for case in cases], clicks)
-    find = methods(shared_network())[f"{told}: network, GrabCut"]
+        pages, spent = page_masks(Path(folder), [case.rgb for case in cases], clicks, boxes)
+    find = methods(shared_network())[METHODS[told]]
     ours = [find(case) for case in cases]
     ours = [np.zeros_like(page) if mask is None else mask for mask, page in zip(ours, pages, strict=True)]
     return {
@@ -80,7 +84,7 @@ def main() -> None:
     if asked.photos is not None:
         sets["photos"] = list(photo_cases(asked.photos))
     for name, cases in sets.items():
-        for told in ("nothing", "click"):
+        for told in METHODS:
             print(json.dumps({"set": name, "told": told, **compare(cases, told)}), flush=True)
 
 

@@ -70,6 +70,18 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
         assert f"light_{target}.json" in names
 
 
+def test_box_is_drawn_by_mouse_key_and_finger(page_url):
+    box = [0.26, 0.45, 0.74, 0.85]  # around the example's vase without its neck
+    seen = run_steps("page_box.mjs", page_url, {"box": box}, viewport=(1280, 900))
+    outlines = seen["outlines"]
+    assert outlines["before"][1] < 0.25
+    np.testing.assert_allclose(outlines["wobble"], outlines["click"], atol=0.01)  # a box of two pixels
+    for told in ("mouse", "keys", "finger"):
+        np.testing.assert_allclose(outlines[told], [0.31, 0.45, 0.69, 0.79], atol=0.03, err_msg=told)
+    assert seen["band"]
+    assert seen["pressed"] == ["false", "true", "false"]
+
+
 def test_static_page_works_without_a_server(static_url, tmp_path):
     seen = run_steps("page_static.mjs", static_url, {"photo": str(VASE), "folder": str(tmp_path)})
     assert seen["elsewhere"] == []

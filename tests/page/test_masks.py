@@ -16,7 +16,7 @@ from anyprobe.dataset.sprites import ViewSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.evaluate.mask_scenes import drawn_cases  # noqa: E402
 from anyprobe.evaluate.masks import iou  # noqa: E402
-from anyprobe.masks.grabcut import cut_seeded  # noqa: E402
+from anyprobe.masks.grabcut import cut_seeded, mask_from_box  # noqa: E402
 from anyprobe.masks.propose import shared_network  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -45,4 +45,15 @@ def test_page_cuts_out_what_the_package_cuts_out(cases, tmp_path):
     for rgb, on, page in zip(photos, clicks, pages, strict=True):
         own = cut_seeded(rgb, shared_network().propose(rgb, on).cover, on)
         agreements.append(iou(page, np.zeros(page.shape) if own is None else own))
+    assert np.mean(agreements) >= 0.9, np.round(agreements, 2)
+
+
+def test_page_cuts_out_of_a_box_what_the_package_cuts_out(cases, tmp_path):
+    if not can_run():
+        pytest.skip("needs Node.js and the packages of web/ (cd web && npm ci)")
+    photos, boxes = [case.rgb for case in cases], [case.box for case in cases]
+    pages, _ = page_masks(tmp_path, photos, [[]] * len(photos), boxes)
+    agreements = [
+        iou(page, mask_from_box(rgb, box)) for rgb, box, page in zip(photos, boxes, pages, strict=True)
+    ]
     assert np.mean(agreements) >= 0.9, np.round(agreements, 2)

@@ -22,22 +22,31 @@ def can_run() -> bool:
 
 
 def page_masks(
-    folder: Path, photos: Sequence[np.ndarray], clicks: Sequence[Sequence[tuple[float, float]]]
+    folder: Path,
+    photos: Sequence[np.ndarray],
+    clicks: Sequence[Sequence[tuple[float, float]]],
+    boxes: Sequence[Sequence[float] | None] | None = None,
 ) -> tuple[list[np.ndarray], list[dict[str, float]]]:
-    """Mask [H, W] of each photo [H, W, 3] in [0, 1] told its clicks x, y on the object, and what it took.
+    """Mask [H, W] of each photo [H, W, 3] in [0, 1] told its clicks x, y on the object or its box, and what it took.
 
     Args:
         folder: an empty one, for the photos and masks.
+        boxes: x0, y0, x1, y1 around the object of each photo, or None.
     Returns:
-        The masks, and of each the milliseconds of processor time as {"propose", "cut"}.
+        The masks, and of each the milliseconds of processor time as {"propose", "cut"}; a box is cut out
+        without a proposal.
     """
     cases = []
-    for number, (rgb, on) in enumerate(zip(photos, clicks, strict=True)):
+    for number, (rgb, on, box) in enumerate(zip(photos, clicks, boxes or [None] * len(photos), strict=True)):
         height, width = rgb.shape[:2]
         opaque = np.full((height, width, 1), 255, np.uint8)
         (folder / f"{number}.rgba").write_bytes(np.concatenate([to_bytes(rgb), opaque], axis=-1).tobytes())
-        told = {"on": [[float(x), float(y)] for x, y in on], "off": []}
-        cases.append({"name": str(number), "width": width, "height": height, "clicks": told})
+        told = {
+            "on": [[float(x), float(y)] for x, y in on],
+            "off": [],
+            "box": None if box is None else [float(value) for value in box],
+        }
+        cases.append({"name": str(number), "width": width, "height": height, "hints": told})
     (folder / "cases.json").write_text(json.dumps({"weights": str(default_graph()), "cases": cases}))
     run = subprocess.run(
         ["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False

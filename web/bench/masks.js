@@ -1,7 +1,7 @@
 /**
  * Masks as the page finds them: node bench/masks.js FOLDER
  *
- * FOLDER holds cases.json, {weights, cases: [{name, width, height, clicks}]}, and NAME.rgba; every mask is written as
+ * FOLDER holds cases.json, {weights, cases: [{name, width, height, hints}]}, and NAME.rgba; every mask is written as
  * NAME.f32. Prints the milliseconds of processor time that each took: {NAME: {propose, cut}}.
  */
 
@@ -10,7 +10,7 @@ import { join } from "node:path";
 import * as ort from "onnxruntime-web";
 
 import { Models } from "../src/networks/models.js";
-import { cutOut } from "../src/photo/cutOut.js";
+import { cutOut, cutOutOfBox } from "../src/photo/cutOut.js";
 import { propose } from "../src/photo/propose.js";
 
 const folder = process.argv[2];
@@ -25,12 +25,12 @@ const used = () => {
 };
 
 const spent = {};
-for (const { name, width, height, clicks } of cases) {
+for (const { name, width, height, hints } of cases) {
   const picture = { width, height, rgba: new Uint8ClampedArray(readFileSync(join(folder, `${name}.rgba`))) };
   const start = used();
-  const cover = await propose((input) => models.mask(input), picture, clicks);
+  const cover = hints.box ? null : await propose((input) => models.mask(input), picture, hints);
   const proposed = used();
-  const mask = cutOut(picture, cover, clicks);
+  const mask = cover ? cutOut(picture, cover, hints) : cutOutOfBox(picture, hints);
   spent[name] = { propose: proposed - start, cut: used() - proposed };
   writeFileSync(join(folder, `${name}.f32`), mask);
 }

@@ -27,8 +27,14 @@ const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const stages = new StagesPanel();
 const editor = new MaskEditor(
-  { canvas: element("mask"), cursor: element("cross"), removing: element("removing") },
-  (clicks) => (live.running ? live.click(clicks) : remask(clicks)),
+  {
+    canvas: element("mask"),
+    cursor: element("cross"),
+    removing: element("removing"),
+    band: element("band"),
+    button: element("draw-box"),
+  },
+  (hints) => (live.running ? live.mark(hints) : remask(hints)),
 );
 const live = new LiveSession({ networks, config, stage, light, stages, editor });
 
@@ -53,14 +59,14 @@ async function open(blob, name) {
 /** The mask network's own proposal, or null: then a click is needed. */
 async function proposal() {
   const { hasMask } = await networks.open(config);
-  return hasMask ? networks.ask("mask", { picture: opened.picture, clicks: editor.clicks }) : null;
+  return hasMask ? networks.ask("mask", { picture: opened.picture, hints: editor.hints }) : null;
 }
 
-async function remask(clicks) {
+async function remask(hints) {
   await attempt(async () => {
     await networks.open(config);
     setStatus("Finding the object …");
-    await estimate(await networks.ask("mask", { picture: opened.picture, clicks }));
+    await estimate(await networks.ask("mask", { picture: opened.picture, hints }));
   });
 }
 
@@ -69,13 +75,13 @@ async function estimate(mask) {
   const { picture, longFovDeg } = opened;
   editor.show(mask);
   const box = mask && objectBox(mask, picture.width);
-  if (!box) return setStatus("Click on the object in the picture “Object” below.");
+  if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
   await networks.open(config);
   setStatus("Estimating the light …");
   const result = await networks.ask("estimate", { picture, mask, longFovDeg });
   if (mine !== turn) return;
   show(result, mask, box);
-  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below.`);
+  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 
 function show(result, mask, box) {
@@ -111,7 +117,7 @@ async function attempt(work) {
 listenForPhotos((blob, name) => attempt(() => open(blob, name)));
 element("example").addEventListener("click", () => attempt(openExample));
 element("reset").addEventListener("click", () => {
-  if (live.running) return live.click(editor.reset());
+  if (live.running) return live.mark(editor.reset());
   editor.open(opened.picture);
   attempt(async () => estimate(maskFromAlpha(opened.picture) ?? (await proposal())));
 });

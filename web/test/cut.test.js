@@ -3,7 +3,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { cutOut } from "../src/photo/cutOut.js";
+import { boxLabels, cutOut, cutOutOfBox } from "../src/photo/cutOut.js";
+import { MAYBE_ON, OFF } from "../src/photo/grabcut.js";
 import { MaxFlow, STEPS } from "../src/photo/maxflow.js";
 
 const [COLUMNS, ROWS] = [4, 3];
@@ -125,6 +126,47 @@ test("where there is nothing to cut, nothing is found or what was clicked", () =
   assert.ok(cutOut(discPicture(), nowhere, NO_CLICKS).every((value) => value === 0));
   assert.ok(cutOut(discPicture(), proposal(() => true), NO_CLICKS).every((value) => value === 0));
   assert.ok(cutOut(discPicture(), nowhere, { on: [[60, 45]], off: [] })[45 * WIDTH + 60] === 1);
+});
+
+const BOX = [30, 15, 98, 75];
+
+test("a box is perhaps the object, and nothing outside it is", () => {
+  const labels = boxLabels([2.9, 1.2, 5.6, 3.4], [8, 5]);
+  const isInside = (i) => i % 8 >= 2 && i % 8 < 6 && i >= 8 && i < 24;
+  labels.forEach((label, i) => assert.equal(label, isInside(i) ? MAYBE_ON : OFF, `pixel ${i}`));
+});
+
+test("a box at the far corner has a pixel, a box around everything has surroundings", () => {
+  assert.deepEqual([...boxLabels([8, 5, 8, 5], [8, 5])].flatMap((label, i) => (label === MAYBE_ON ? [i] : [])), [39]);
+  const rows = boxLabels([0, 0, 8, 5], [8, 5]);
+  rows.forEach((label, i) => assert.equal(label, i % 8 === 0 || i % 8 === 7 ? OFF : MAYBE_ON));
+});
+
+test("what a box has inside is cut out, thin parts too, and clicks correct it", () => {
+  const found = cutOutOfBox(discPicture(), { ...NO_CLICKS, box: BOX });
+  assert.ok(iou(found, isObject) > 0.95, `IoU ${iou(found, isObject)}`);
+  const clicks = { on: [[20, 45]], off: [[90, 44]] };
+  const corrected = cutOutOfBox(discPicture(), { ...clicks, box: BOX });
+  assert.equal(corrected[45 * WIDTH + 20], 1);
+  assert.equal(corrected[44 * WIDTH + 90], 0);
+});
+
+test("nothing outside a box is found, whatever it looks like", () => {
+  const most = cutOutOfBox(discPicture(), { ...NO_CLICKS, box: [30, 15, 80, 75] });
+  most.forEach((value, i) => assert.ok(i % WIDTH < 82 || value === 0));
+  assert.ok(most[45 * WIDTH + 60] === 1);
+});
+
+test("a large picture's box is made small with it", () => {
+  const [width, height] = [8 * WIDTH, 8 * HEIGHT];
+  const { rgba } = discPicture();
+  const large = new Uint32Array(width * height);
+  const pixels = new Uint32Array(rgba.buffer);
+  large.forEach((_, i) => (large[i] = pixels[Math.floor(i / width / 8) * WIDTH + Math.floor((i % width) / 8)]));
+  const picture = { width, height, rgba: new Uint8ClampedArray(large.buffer) };
+  const found = cutOutOfBox(picture, { ...NO_CLICKS, box: BOX.map((value) => 8 * value) });
+  const shrunk = Float32Array.from({ length: WIDTH * HEIGHT }, (_, i) => found[(8 * Math.floor(i / WIDTH) + 4) * width + 8 * (i % WIDTH) + 4]);
+  assert.ok(iou(shrunk, isObject) > 0.95, `IoU ${iou(shrunk, isObject)}`);
 });
 
 test("a picture of one colour gives numbers", () => {

@@ -28,18 +28,19 @@ function numbers(seed) {
 }
 
 /** How often the mask was found in so many frames, and how often it was told. */
-async function follow(count, leftOf, clickAt = -1) {
+async function follow(count, leftOf, markAt = -1, hints = { on: [[0.5, 0.5]], off: [] }) {
   const random = numbers(5);
   const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
-  const seen = { found: [], told: [] };
+  const seen = { found: [], told: [], hints: [] };
   let at = 0;
-  const findMask = async ({ rgba }) => {
+  const findMask = async ({ rgba }, told) => {
     seen.found.push(at);
+    seen.hints.push(told);
     return Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
   };
   const lights = new FrameLight(models, findMask, { on: [], off: [] }, 65);
   for (; at < count; at++) {
-    if (at === clickAt) lights.click({ on: [[0.5, 0.5]], off: [] });
+    if (at === markAt) lights.mark(hints);
     const { mask } = await lights.next(frameOf(leftOf(at), 10, random), at / 15);
     if (mask) seen.told.push(at);
   }
@@ -59,6 +60,14 @@ test("a jump is seen at once, and a click", async () => {
   assert.deepEqual(jumped.found, [0, 10]);
   const clicked = await follow(20, () => 50, 7);
   assert.deepEqual(clicked.found, [0, 7]);
+});
+
+test("a box is told in pixels, and from then on the place of what it had inside", async () => {
+  const { found, hints } = await follow(20, (at) => 20 + at, 5, { on: [], off: [], box: [0.25, 0.25, 0.75, 1] });
+  assert.equal(found[2], 5);
+  assert.deepEqual(hints[2], { on: [], off: [], box: [0.25 * WIDTH, 0.25 * HEIGHT, 0.75 * WIDTH, HEIGHT] });
+  assert.equal(hints[3].box, null);
+  assert.deepEqual(hints[3].on, [[25 + 60 / 2, 60]]);
 });
 
 test("balls, stages and mask come now and then", async () => {

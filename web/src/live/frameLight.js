@@ -20,23 +20,23 @@ const REST_EVERY = 8;
 export class FrameLight {
   /**
    * @param {import("../networks/models.js").Models} models
-   * @param {(picture: object, clicks: object) => Promise<Float32Array>} findMask
-   * @param {{on: number[][], off: number[][]}} clicks x, y as shares of width and height
+   * @param {(picture: object, hints: object) => Promise<Float32Array>} findMask
+   * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
    */
-  constructor(models, findMask, clicks, longFovDeg) {
+  constructor(models, findMask, hints, longFovDeg) {
     this.models = models;
     this.findMask = findMask;
-    this.clicks = clicks;
+    this.hints = hints;
     this.longFovDeg = longFovDeg;
     this.state = null;
     this.count = 0;
     this.masked = null;
   }
 
-  /** New clicks: the mask is found anew at the next frame. */
-  click(clicks) {
-    this.clicks = clicks;
+  /** New clicks or a new box: the mask is found anew at the next frame. */
+  mark(hints) {
+    this.hints = hints;
     this.masked = null;
     this.follow = null;
   }
@@ -92,22 +92,25 @@ export class FrameLight {
     }
     const masked = { seen, age: 0 };
     this.masked = masked;
-    this.mask = await this.findMask(picture, this.#clicksIn(picture));
+    this.mask = await this.findMask(picture, this.#hintsIn(picture));
     this.box = objectBox(this.mask, picture.width);
     if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
     this.#followObject(picture);
     return true;
   }
 
-  /** Clicks in pixels; once an object was found, the place it is now stands for the click on it. */
-  #clicksIn({ width, height }) {
+  /** In pixels; once an object was found, the place it is now stands for the click on it or the box around it. */
+  #hintsIn({ width, height }) {
     const pixels = (points) => points.map(([x, y]) => [x * width, y * height]);
-    return { on: this.follow ? [this.follow] : pixels(this.clicks.on), off: pixels(this.clicks.off) };
+    const { on, off, box } = this.hints;
+    if (this.follow) return { on: [this.follow], off: pixels(off), box: null };
+    return { on: pixels(on), off: pixels(off), box: box && [0, 2].flatMap((i) => pixels([box.slice(i, i + 2)])[0]) };
   }
 
-  /** A click moves with the object: to the middle of its box, where that lies on it. */
+  /** A click or a box moves with the object: to the middle of its box, where that lies on it. */
   #followObject({ width }) {
-    if (this.clicks.on.length === 0 || this.box === null) return;
+    const { on, box } = this.hints;
+    if ((on.length === 0 && !box) || this.box === null) return;
     const [x, y] = [(this.box[0] + this.box[2]) / 2, (this.box[1] + this.box[3]) / 2];
     if (this.mask[Math.floor(y) * width + Math.floor(x)] > 0.5) this.follow = [x, y];
   }

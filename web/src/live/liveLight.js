@@ -18,8 +18,8 @@ export class LiveLight {
     this.frames = [];
   }
 
-  async start(clicks, longFovDeg) {
-    await this.networks.ask("startLive", { clicks, longFovDeg });
+  async start(hints, longFovDeg) {
+    await this.networks.ask("startLive", { hints, longFovDeg });
     this.running = true;
     this.networks.onLive = (answer) => this.#hear(answer);
     this.#watch();
@@ -29,9 +29,9 @@ export class LiveLight {
     this.running = false;
   }
 
-  /** @param {{on: number[][], off: number[][]}} clicks x, y as shares of width and height */
-  click(clicks) {
-    return this.networks.ask("clickLive", { clicks });
+  /** @param {import("../photo/picture.js").Hints} hints as shares of width and height */
+  mark(hints) {
+    return this.networks.ask("markLive", { hints });
   }
 
   /** Lights and pictures a second. */

@@ -46,7 +46,7 @@ export class LiveSession {
     const { hasMask, provider, threads } = await opening;
     if (this.live !== live) return; // stopped meanwhile
     this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
-    await live.start({ on: [], off: [] }, DEFAULT_LONG_FOV_DEG);
+    await live.start({ on: [], off: [], box: null }, DEFAULT_LONG_FOV_DEG);
     setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
     element("rates").hidden = false;
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
@@ -62,11 +62,12 @@ export class LiveSession {
     this.button.setAttribute("aria-pressed", "false");
   }
 
-  /** @param {{on: number[][], off: number[][]}} clicks in pixels of the still picture */
-  click(clicks) {
-    const shares = (points) => points.map(([x, y]) => [x / this.still.width, y / this.still.height]);
+  /** @param {import("../photo/picture.js").Hints} hints in pixels of the still picture */
+  mark({ on, off, box }) {
+    const { width, height } = this.still;
+    const shares = (points) => points.map(([x, y]) => [x / width, y / height]);
     this.placed = false;
-    return this.live.click({ on: shares(clicks.on), off: shares(clicks.off) });
+    return this.live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
   }
 
   #show(answer) {

@@ -8,7 +8,7 @@
 import { describe, cameraRadiance } from "../light/light.js";
 import { drawBalls } from "../light/balls.js";
 import { CROP_SIZE, cropObject } from "../photo/crop.js";
-import { cutOut } from "../photo/cutOut.js";
+import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { propose } from "../photo/propose.js";
@@ -43,9 +43,9 @@ const tasks = {
     }
   },
 
-  /** The mask of a still picture from clicks; without any, the network's own proposal. */
-  mask({ picture, clicks }) {
-    return findMask(picture, clicks);
+  /** The mask of a still picture from clicks or a box; without any, the network's own proposal. */
+  mask({ picture, hints }) {
+    return findMask(picture, hints);
   },
 
   async estimate({ picture, mask, longFovDeg }) {
@@ -59,8 +59,8 @@ const tasks = {
     return { light, stages, balls: drawBalls(light.radiance), cameraFromCrop, centerPx, sidePx, seconds };
   },
 
-  startLive({ clicks, longFovDeg }) {
-    const lights = new FrameLight(models, findMaskQuickly, clicks, longFovDeg);
+  startLive({ hints, longFovDeg }) {
+    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg);
     const frames = new Newest(
       (given) => tellLight(lights, given),
       ({ frame }) => letGo(frame),
@@ -72,8 +72,8 @@ const tasks = {
     live.frames.offer({ frame, time });
   },
 
-  clickLive({ clicks }) {
-    live.lights.click(clicks);
+  markLive({ hints }) {
+    live.lights.mark(hints);
   },
 };
 
@@ -104,16 +104,17 @@ async function tryOnce(models) {
 }
 
 /** The mask of a picture, cut out along the photo's own edges. */
-async function findMask(picture, clicks) {
-  if (!models.hasMask) return flood(picture, clicks);
-  const cover = await propose((input) => models.mask(input), picture, clicks);
-  return cutOut(picture, cover, clicks);
+async function findMask(picture, hints) {
+  if (hints.box) return cutOutOfBox(picture, hints);
+  if (!models.hasMask) return flood(picture, hints);
+  const cover = await propose((input) => models.mask(input), picture, hints);
+  return cutOut(picture, cover, hints);
 }
 
 /** The same at one look and without refining, for video. */
-async function findMaskQuickly(picture, clicks) {
-  if (!models.hasMask) return flood(picture, clicks);
-  const cover = await propose((input) => models.mask(input), picture, clicks, { again: false });
+async function findMaskQuickly(picture, hints) {
+  if (!models.hasMask) return flood(picture, hints);
+  const cover = await propose((input) => models.mask(input), picture, hints, { again: false });
   const { width, height } = picture;
   return resize(cover.values, 1, [cover.width, cover.height], [width, height]);
 }

@@ -1,4 +1,4 @@
-/** The object cut out of a still picture from what the mask network proposes, as anyprobe.masks.grabcut. */
+/** The object cut out of a still picture from what the mask network proposes or from a box, as anyprobe.masks.grabcut. */
 
 import { grabCut, MAYBE_OFF, MAYBE_ON, OFF, ON } from "./grabcut.js";
 import { objectBox } from "./picture.js";
@@ -14,13 +14,29 @@ const CLICK_SURE = 0.02;
 /**
  * @param {import("./picture.js").Picture} picture
  * @param {import("./propose.js").Cover} cover the object is somewhere around cover > 0.5
- * @param {{on: number[][], off: number[][]}} clicks x, y in pixels of the picture
+ * @param {import("./picture.js").Hints} hints in pixels of the picture; the box counts in the proposal alone
  * @returns {Float32Array} a mask of the picture; empty where nothing stands out
  */
-export function cutOut(picture, cover, clicks) {
+export function cutOut(picture, cover, hints) {
   const small = shrink(picture);
   const coarse = resize(cover.values, 1, [cover.width, cover.height], small.size);
-  const labels = startLabels(coarse, small, clicks);
+  return cut(picture, small, coverLabels(coarse, small.size), hints);
+}
+
+/**
+ * The same without a network: what the box has inside, and it alone, may be the object.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {import("./picture.js").Hints} hints in pixels of the picture; clicks correct the box
+ * @returns {Float32Array} a mask of the picture
+ */
+export function cutOutOfBox(picture, hints) {
+  const small = shrink(picture);
+  return cut(picture, small, boxLabels(hints.box.map((value) => value * small.scale), small.size), hints);
+}
+
+function cut(picture, small, labels, clicks) {
+  markClicks(labels, small, clicks);
   if (labels.every((label) => label % 2 === 1)) labels.fill(OFF); // nothing that it could stand out from
   grabCut(small.rgb, small.size, labels, ROUNDS);
   return enlarge(labels, small.size, [picture.width, picture.height]);
@@ -40,7 +56,20 @@ function shrink({ width, height, rgba }) {
   return { rgb, size, scale };
 }
 
-function startLabels(coarse, { size: [width, height], scale }, clicks) {
+/** Perhaps the object inside a box x0, y0, x1, y1, surely not around it. */
+export function boxLabels([x0, y0, x1, y1], [width, height]) {
+  let left = Math.min(Math.floor(x0), width - 1);
+  const top = Math.min(Math.floor(y0), height - 1);
+  let right = Math.min(width, Math.max(left + 1, Math.round(x1)));
+  const bottom = Math.min(height, Math.max(top + 1, Math.round(y1)));
+  const isWhole = left === 0 && top === 0 && right === width && bottom === height;
+  if (isWhole) [left, right] = [1, width - 1]; // the surroundings must not be empty
+  const labels = new Uint8Array(width * height).fill(OFF);
+  for (let y = top; y < bottom; y++) labels.fill(MAYBE_ON, y * width + left, y * width + right);
+  return labels;
+}
+
+function coverLabels(coarse, [width, height]) {
   const labels = new Uint8Array(coarse.length).fill(OFF);
   const box = objectBox(coarse, width);
   if (box) {
@@ -51,6 +80,10 @@ function startLabels(coarse, { size: [width, height], scale }, clicks) {
       }
     }
   }
+  return labels;
+}
+
+function markClicks(labels, { size: [width, height], scale }, clicks) {
   const reach = CLICK_SURE * Math.max(width, height);
   for (const [points, label] of [[clicks.on, ON], [clicks.off, OFF]]) {
     for (const point of points) {
@@ -61,7 +94,6 @@ function startLabels(coarse, { size: [width, height], scale }, clicks) {
       });
     }
   }
-  return labels;
 }
 
 /** What was cut out, smoothed and in the picture's size. */

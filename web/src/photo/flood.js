@@ -11,7 +11,7 @@ const LONG_PX = 320;
 
 /**
  * @param {import("./picture.js").Picture} picture
- * @param {{on: number[][], off: number[][]}} clicks x, y in pixels of the picture
+ * @param {import("./picture.js").Hints} clicks in pixels of the picture; a box does not count
  * @returns {Float32Array} a mask of the picture; empty without a click on the object
  */
 export function flood(picture, clicks) {

@@ -7,6 +7,11 @@
  * @property {Uint8ClampedArray} rgba display values of the upright picture, four bytes a pixel, not premultiplied
  *
  * A mask is a Float32Array of width * height numbers in [0, 1], 1 on the object.
+ *
+ * @typedef {object} Hints what was marked on a picture
+ * @property {number[][]} on x, y of clicks on the object
+ * @property {number[][]} off likewise beside it
+ * @property {number[] | null} [box] x0, y0, x1, y1 around it
  */
 
 /** Smallest longer side of an object's bounding box, in pixels of the picture. */

@@ -1,4 +1,4 @@
-/** The mask network finds the object, from clicks or from nothing, as anyprobe.masks.propose. */
+/** The mask network finds the object, from clicks, a box or nothing, as anyprobe.masks.propose. */
 
 import { MASK_SIZE } from "../networks/models.js";
 import { objectBox } from "./picture.js";
@@ -24,13 +24,13 @@ const PART_SHARE = 0.2;
 /**
  * @param {(input: Float32Array) => Promise<Float32Array>} run the network: [4, 160, 160] to [160, 160]
  * @param {import("./picture.js").Picture} picture
- * @param {{on: number[][], off: number[][]}} clicks x, y in pixels of the picture
+ * @param {import("./picture.js").Hints} hints in pixels of the picture
  * @param {{again?: boolean}} [options] again: look at a small object a second time
  * @returns {Promise<Cover>}
  */
-export async function propose(run, picture, clicks, { again = true } = {}) {
+export async function propose(run, picture, hints, { again = true } = {}) {
   const { width, height } = picture;
-  const first = await look(run, picture, windowOf([0, 0], [width, height]), clicks, null);
+  const first = await look(run, picture, windowOf([0, 0], [width, height]), hints, hints.box);
   const seen = objectBox(first.values, first.width);
   if (!again || !seen) return first;
   const [across, down] = [width / first.width, height / first.height];
@@ -38,7 +38,7 @@ export async function propose(run, picture, clicks, { again = true } = {}) {
   const longer = Math.max(box[2] - box[0], box[3] - box[1]);
   if (longer >= AGAIN_BELOW * Math.max(width, height)) return first;
   const window = squareAround(box, AGAIN_SIDE * longer, width, height);
-  const closer = await look(run, picture, window, clicks, clicks.on.length ? null : box);
+  const closer = await look(run, picture, window, hints, hints.box ?? (hints.on.length ? null : box));
   return closer.confidence < first.confidence ? first : paste(closer, window, width, height);
 }
 

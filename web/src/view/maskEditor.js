@@ -1,5 +1,6 @@
-/** The photo with the object's mask on it; clicks add to the object or take away. */
+/** The photo with the object's mask on it; clicks add to the object or take away, a box goes around it. */
 
+import { BoxTool } from "./boxTool.js";
 import { putRgba } from "./pictures.js";
 
 const LONG_PX = 480;
@@ -12,14 +13,17 @@ const EDGE = [[1, 0], [-1, 0], [0, 1], [0, -1], [2, 0], [-2, 0], [0, 2], [0, -2]
 
 export class MaskEditor {
   /**
-   * @param {{canvas: HTMLCanvasElement, cursor: HTMLElement, removing: HTMLInputElement}} parts
-   * @param {(clicks: {on: number[][], off: number[][]}) => void} onClicks x, y in pixels of the picture
+   * @param {{canvas: HTMLCanvasElement, cursor: HTMLElement, removing: HTMLInputElement, band: HTMLElement,
+   *   button: HTMLButtonElement}} parts band and button are the box's
+   * @param {(hints: import("../photo/picture.js").Hints) => void} onHints in pixels of the picture
    */
-  constructor({ canvas, cursor, removing }, onClicks) {
-    Object.assign(this, { canvas, cursor, removing, onClicks });
-    this.clicks = { on: [], off: [] };
+  constructor({ canvas, cursor, removing, band, button }, onHints) {
+    Object.assign(this, { canvas, cursor, removing, onHints });
+    this.hints = noHints();
     this.at = [0.5, 0.5];
+    this.boxTool = new BoxTool({ canvas, band, button }, (box) => this.#enclose(box));
     canvas.addEventListener("click", (event) => {
+      if (this.boxTool.takeClick()) return;
       const box = canvas.getBoundingClientRect();
       this.at = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
       this.#click(event.shiftKey || removing.checked);
@@ -28,26 +32,27 @@ export class MaskEditor {
     canvas.addEventListener("keydown", (event) => this.#key(event));
   }
 
-  /** Show a picture and forget the clicks on the last one. */
+  /** Show a picture and forget what was marked on the last one. */
   open(picture) {
     this.picture = picture;
-    this.clicks = { on: [], off: [] };
+    this.reset();
     this.show(null);
   }
 
-  /** Forget the clicks; what is left of them. */
+  /** Forget clicks and box; what is left of them. */
   reset() {
-    this.clicks = { on: [], off: [] };
-    return this.clicks;
+    this.boxTool.close();
+    this.hints = noHints();
+    return this.hints;
   }
 
-  /** Show another picture of the same scene with its mask; the clicks stay. */
+  /** Show another picture of the same scene with its mask; clicks and box stay. */
   showOn(picture, mask) {
     this.picture = picture;
     this.show(mask);
   }
 
-  /** Show a mask on the picture: the rest dimmed, the outline bright, the clicks as dots. */
+  /** Show a mask on the picture: the rest dimmed, the outline bright, the clicks as dots, the box dashed. */
   show(mask) {
     const { width, height, rgba } = this.picture;
     const scale = Math.min(1, LONG_PX / Math.max(width, height));
@@ -77,12 +82,22 @@ export class MaskEditor {
       for (let x = 0; x < w; x++, at++) if (inside[at] && isEdge(x, y)) out.set(OUTLINE, 4 * at);
     }
     putRgba(this.canvas, out, w, h);
-    this.#drawClicks(scale);
+    this.#drawHints(scale);
   }
 
-  #drawClicks(scale) {
+  #drawHints(scale) {
     const context = this.canvas.getContext("2d");
-    for (const [points, color] of [[this.clicks.on, "#0a7d33"], [this.clicks.off, "#b3261e"]]) {
+    if (this.hints.box) {
+      const [x0, y0, x1, y1] = this.hints.box.map((value) => value * scale);
+      context.lineWidth = 2;
+      for (const [color, dash] of [["#000", []], ["#fff", [6, 6]]]) {
+        context.strokeStyle = color;
+        context.setLineDash(dash);
+        context.strokeRect(x0, y0, x1 - x0, y1 - y0);
+      }
+      context.setLineDash([]);
+    }
+    for (const [points, color] of [[this.hints.on, "#0a7d33"], [this.hints.off, "#b3261e"]]) {
       for (const [x, y] of points) {
         context.beginPath();
         context.arc(x * scale, y * scale, 6, 0, 2 * Math.PI);
@@ -98,22 +113,35 @@ export class MaskEditor {
   #click(removes) {
     if (!this.picture) return;
     const point = [this.at[0] * this.picture.width, this.at[1] * this.picture.height];
-    (removes ? this.clicks.off : this.clicks.on).push(point);
-    this.onClicks(this.clicks);
+    (removes ? this.hints.off : this.hints.on).push(point);
+    this.onHints(this.hints);
   }
 
-  /** Arrows move a cross, Enter adds, Delete takes away. */
+  /** A box takes the last one's place; clicks go on to count. */
+  #enclose([x0, y0, x1, y1]) {
+    if (!this.picture) return;
+    const { width, height } = this.picture;
+    this.hints.box = [x0 * width, y0 * height, x1 * width, y1 * height];
+    this.onHints(this.hints);
+  }
+
+  /** Arrows move a cross, Enter adds, Delete takes away; while a box is drawn Enter marks its corners. */
   #key(event) {
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     if (event.key in moves) {
       this.at = this.at.map((value, i) => Math.min(Math.max(value + STEP * moves[event.key][i], 0), 1));
       this.cursor.style.left = `${100 * this.at[0]}%`;
       this.cursor.style.top = `${100 * this.at[1]}%`;
-    } else if (event.key === "Enter" || event.key === " ") this.#click(this.removing.checked);
+      this.boxTool.stretch(this.at);
+    } else if (event.key === "Enter" || event.key === " ") {
+      if (!this.boxTool.isOn || !this.boxTool.mark(this.at)) this.#click(this.removing.checked);
+    } else if (event.key === "Escape" && this.boxTool.isOn) this.boxTool.close();
     else if (event.key === "Delete" || event.key === "Backspace") this.#click(true);
     else return;
     event.preventDefault();
   }
 }
+
+const noHints = () => ({ on: [], off: [], box: null });
 
 const clamp = (value, length) => Math.min(Math.max(value, 0), length - 1);
