@@ -40,4 +40,4 @@ def test_page_gives_what_the_package_gives(tmp_path, model):
     )
     assert ended.returncode == 0, ended.stdout[-3000:]
     assert "# skipped 0" in ended.stdout
-    assert "# pass 21" in ended.stdout
+    assert "# pass 27" in ended.stdout

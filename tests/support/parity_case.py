@@ -14,7 +14,11 @@ from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
 
-CLICKS = {"none": {"on": [], "off": []}, "clicks": {"on": [[200, 250]], "off": [[20, 30]]}}
+HINTS = {
+    "none": {"on": [], "off": []},
+    "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
+    "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
+}
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03]
 
 
@@ -55,8 +59,8 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
     rgb = photo[..., :3].astype(np.float32) / 255
-    for name, clicks in CLICKS.items():
-        answers[f"cover_{name}"] = shared_network().propose(rgb, clicks["on"], clicks["off"]).cover
+    for name, hints in HINTS.items():
+        answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover
     answers["frames"], answers["steadied"] = _steadied(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
@@ -69,7 +73,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "width": photo.shape[1],
         "long_fov_deg": long_fov_deg,
         "weights": weights,
-        "clicks": CLICKS,
+        "hints": HINTS,
         "frame_seconds": FRAME_SECONDS,
     }
     (folder / "case.json").write_text(json.dumps(case))

@@ -49,7 +49,7 @@ before(async () => {
   const told = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = told;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, clicks: told.clicks, frameSeconds: told.frame_seconds });
+  Object.assign(found, { picture: { width, height, rgba }, hints: told.hints, frameSeconds: told.frame_seconds });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -84,9 +84,9 @@ test("harmonics and main light of Python's own map", { skip }, () => {
   assertClose(main, floats("main_light"), 1e-4, "main light");
 });
 
-test("the mask that is proposed from nothing and from clicks", { skip }, async () => {
-  for (const [name, clicks] of Object.entries(found.clicks)) {
-    const cover = await propose((input) => found.models.mask(input), found.picture, clicks);
+test("the mask that is proposed from nothing, from clicks and from a box", { skip }, async () => {
+  for (const [name, hints] of Object.entries(found.hints)) {
+    const cover = await propose((input) => found.models.mask(input), found.picture, hints);
     assertClose(cover.values, floats(`cover_${name}`), 1e-4, `cover ${name}`);
   }
 });
