@@ -67,13 +67,13 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=5_000,
-        learning_rate=1.5e-3,
+        steps=5_500,
+        learning_rate=1.2e-3,
         warmup=100,
-        cooldown=0.7,
-        pairs=PairConfig(seed=29),
-        surfaces=SurfaceConfig(views=6, own_views=1, procedural=300, stretch=0.2, tilt_deg=20.0),
-        light=LightConfig(variants=200),
+        cooldown=0.75,
+        pairs=PairConfig(seed=37, cut_out=0.2),
+        surfaces=SurfaceConfig(views=9, own_views=1, procedural=600, stretch=0.2, tilt_deg=20.0, seed=2),
+        light=LightConfig(procedural=200, variants=600, seed=6),
     )
 
 
