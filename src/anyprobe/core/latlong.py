@@ -71,3 +71,23 @@ def bilinear(image, uv):
     upper = read(row0, column0) * (1 - fx) + read(row0, column1) * fx
     lower = read(row1, column0) * (1 - fx) + read(row1, column1) * fx
     return upper * (1 - fy) + lower * fy
+
+
+def corners(column, row, width: int) -> list:
+    """The four places around (column, row) in a flat picture of this width, and the share each has.
+
+    Args:
+        column, row: fractional, of one shape, at least 0 and below the last.
+    Returns:
+        four pairs of indices (int32) and weights.
+    """
+    xp = array_namespace(column)
+    column0, row0 = xp.floor(column), xp.floor(row)
+    right, down = column - column0, row - row0
+    first = xp.astype(row0 * width + column0, xp.int32)
+    return [
+        (first, (1.0 - right) * (1.0 - down)),
+        (first + 1, right * (1.0 - down)),
+        (first + width, (1.0 - right) * down),
+        (first + width + 1, right * down),
+    ]

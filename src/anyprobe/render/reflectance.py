@@ -13,6 +13,7 @@ import numpy as np
 from array_api_compat import array_namespace
 
 from anyprobe.core.frames import dot, normalize, reflect
+from anyprobe.core.latlong import corners
 from anyprobe.scatter.albedo import directional_albedo
 
 LIMIT = 0.995
@@ -99,13 +100,5 @@ def read_map(picture, xy, channels) -> list:
     size = picture.shape[0]
     flat = xp.reshape(picture, (size * size, -1))
     column, row = (xp.clip((xy[..., k] + 1.0) * (size / 2) - 0.5, 0.0, size - 1.001) for k in range(2))
-    column0, row0 = xp.floor(column), xp.floor(row)
-    right, down = column - column0, row - row0
-    first = xp.astype(row0 * size + column0, xp.int32)
-    corners = (
-        (first, (1.0 - right) * (1.0 - down)),
-        (first + 1, right * (1.0 - down)),
-        (first + size, (1.0 - right) * down),
-        (first + size + 1, right * down),
-    )
-    return [sum(flat[index, channel] * share for index, share in corners) for channel in channels]
+    around = corners(column, row, size)
+    return [sum(flat[index, channel] * share for index, share in around) for channel in channels]

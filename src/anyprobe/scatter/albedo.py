@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 from array_api_compat import array_namespace
 
+from anyprobe.core.latlong import corners
 from anyprobe.core.sampling import ggx_visible_normal_xyz, hammersley
 from anyprobe.scatter.microfacet import schlick_weight, smith_visibility
 
@@ -53,14 +54,6 @@ def directional_albedo(n_dot_wo, alpha, table):
     column = xp.clip(n_dot_wo * (COSINES - 1), 0.0, COSINES - 1.001)
     row = xp.clip((alpha**0.5 - 0.1) * ((ROUGHNESSES - 1) / 0.9), 0.0, ROUGHNESSES - 1.001) + 0.0 * column
     column = column + 0.0 * row
-    column0, row0 = xp.floor(column), xp.floor(row)
-    right, down = column - column0, row - row0
-    first = xp.astype(row0 * COSINES + column0, xp.int32)
-    corners = (
-        (first, (1.0 - right) * (1.0 - down)),
-        (first + 1, right * (1.0 - down)),
-        (first + COSINES, (1.0 - right) * down),
-        (first + COSINES + 1, right * down),
-    )
     flat = xp.reshape(table, (-1, 2))
-    return tuple(sum(flat[index, kind] * share for index, share in corners) for kind in range(2))
+    around = corners(column, row, COSINES)
+    return tuple(sum(flat[index, kind] * share for index, share in around) for kind in range(2))
