@@ -68,6 +68,18 @@ def test_moved_lamp_is_followed_within_half_a_second(rng, fps, still_before_s):
     assert np.linalg.norm(shown - right) < 0.1 * np.linalg.norm(left - right)
 
 
+@pytest.mark.parametrize("fps", [15, 24, 30])
+def test_nothing_of_before_lingers_after_a_jump_that_noise_soon_hides(rng, fps):
+    """All of the light is a third brighter from one frame to the next: six times the noise of a frame."""
+    jump = np.float32(6 * FRAME_NOISE)
+    bright = LEFT * np.exp(jump)
+    frames = [noisy(LEFT, rng) for _ in range(2 * fps)] + [noisy(bright, rng) for _ in range(fps)]
+    states = run(frames, [1 / fps] * len(frames))
+    left = [np.log((bright + OFFSET) / (state.radiance + OFFSET)).mean() / jump for state in states]
+    assert max(np.abs(left[2 * fps + round(0.25 * fps) :])) < 0.025
+    assert states[-1].memory_s > 0.5  # and it is kept still again
+
+
 def test_slow_drift_is_followed_though_each_frame_hides_in_the_noise(rng):
     """The whole light fades by 40 % a second, 1.7 % a frame, under noise of 5 % a frame."""
     fps, seconds, rate = 30, 3, 0.5

@@ -19,13 +19,13 @@ HINTS = {
     "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
 }
-FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03]
+FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03, 0.05, 0.04, 0.03, 0.05]
 
 
 def _steadied(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frames with noise, a slow change, a jump and a cut, and the light after them."""
+    """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them."""
     noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
-    gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0])[:, None, None, None]
+    gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0, 9.0, 4.5, 4.5, 4.5])[:, None, None, None]
     frames = (radiance * gains * np.exp(noise)).astype(np.float32)
     state = None
     for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):

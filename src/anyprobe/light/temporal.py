@@ -13,12 +13,16 @@ root mean square over the sphere and the three channels, a(T) = 1 - exp(-dt / T)
     spread  = |fast - steady| / (noise sqrt(lead / (2 - lead)))
     motion  = clip((spread - calm) / (moved - calm), 0, 1)
     memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
-    steady += a(memory) (fast - steady)
+    motion > let_go: stale = stale_fast = 1
+    stale  > forgotten: memory is no longer than it was
+    stale_fast -= lead stale_fast
+    steady += a(memory) (fast - steady), stale likewise
 
 White noise of the frames leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing
 moves. Drift is told from noise even where each frame's step is below the noise, because it adds up
 in fast - steady. After a move the memory grows with the time since: steady is then about the plain
-mean of what came after, and forgets what was before as 1 / t, not only down to the noise.
+mean of what came after. A growing memory forgets only as 1 / t, so it does not grow while more of
+what was before a clear move is left in steady (the share stale) than is let be.
 """
 
 from __future__ import annotations
@@ -42,6 +46,7 @@ class Smoothing:
     fast_s: of the average that leads. noise_s: of the noise level.
     least_noise: noise is never taken for smaller. cut_level: a frame further off is another scene.
     calm, moved: spreads where the gain begins to rise and where it is all risen.
+    let_go: motion above which all that was before is to be forgotten. forgotten: share of it that is let be.
     """
 
     still_s: float = 3.0
@@ -52,6 +57,8 @@ class Smoothing:
     cut_level: float = 1.2
     calm: float = 2.0
     moved: float = 4.5
+    let_go: float = 0.5
+    forgotten: float = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,6 +68,7 @@ class Steadied:
     steady, fast, last: [H, 2H, 3] float32, y of what is shown, of the leading average, of the
         last frame. noise: root mean square noise of a frame's y, None before the second frame.
     memory_s: time constant of steady. age_s: since the start or the last cut.
+    stale, stale_fast: share of what was before the last clear move in steady and in fast.
     held: whether the last frame was held back. spread: of the last frame; about 1 on a still scene.
     """
 
@@ -70,6 +78,8 @@ class Steadied:
     noise: float | None = None
     memory_s: float = 0.0
     age_s: float = 0.0
+    stale: float = 0.0
+    stale_fast: float = 0.0
     held: bool = False
     spread: float = 0.0
 
@@ -107,8 +117,22 @@ def step(
     spread = _rms(fast - state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
     motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
     memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
-    steady = state.steady + np.float32(_gain(dt_s, memory)) * (fast - state.steady)
-    return Steadied(steady=steady, fast=fast, last=y, noise=noise, memory_s=memory, age_s=age, spread=spread)
+    stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
+    if stale > c.forgotten:
+        memory = min(memory, max(state.memory_s, c.moving_s))
+    share = _gain(dt_s, memory)
+    stale_fast -= lead * stale_fast
+    return Steadied(
+        steady=state.steady + np.float32(share) * (fast - state.steady),
+        fast=fast,
+        last=y,
+        noise=noise,
+        memory_s=memory,
+        age_s=age,
+        stale=stale + share * (stale_fast - stale),
+        stale_fast=stale_fast,
+        spread=spread,
+    )
 
 
 def _gain(dt_s: float, time_s: float) -> float:

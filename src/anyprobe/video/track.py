@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from anyprobe.light.temporal import Steadied
 
 STATE = ".state.npz"
 MAPS = ("steady", "fast", "last")
-NUMBERS = ("noise", "memory_s", "age_s", "held", "spread")
+NUMBERS = tuple(part.name for part in fields(Steadied) if part.name not in MAPS)
 
 
 @dataclass(kw_only=True)

@@ -18,12 +18,14 @@ export const SMOOTHING = {
   cutLevel: 1.2,
   calm: 2,
   moved: 4.5,
+  letGo: 0.5,
+  forgotten: 0.05,
 };
 
 const gain = (dt, time) => -Math.expm1(-dt / time);
 
 function fresh(y) {
-  return { steady: y, fast: y, last: y, noise: null, memoryS: 0, ageS: 0, held: false };
+  return { steady: y, fast: y, last: y, noise: null, memoryS: 0, ageS: 0, stale: 0, staleFast: 0, held: false };
 }
 
 /**
@@ -50,10 +52,14 @@ export function step(state, radiance, dt, smoothing = SMOOTHING) {
   const fast = approach(state.fast, y, lead);
   const spread = rms(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
   const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
-  const memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
+  let memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
+  let { stale, staleFast } = motion > c.letGo ? { stale: 1, staleFast: 1 } : state;
+  if (stale > c.forgotten) memoryS = Math.min(memoryS, Math.max(state.memoryS, c.movingS));
   const share = gain(dt, memoryS);
   const steady = approach(state.steady, fast, share);
-  return { steady, fast, last: y, noise, memoryS, ageS, held: false };
+  staleFast -= lead * staleFast;
+  stale += share * (staleFast - stale);
+  return { steady, fast, last: y, noise, memoryS, ageS, stale, staleFast, held: false };
 }
 
 /** The light to show, linear radiance. */
