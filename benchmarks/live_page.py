@@ -8,7 +8,11 @@ by so many pixels every two seconds, and its mask must be found anew all the tim
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
 tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
 
-lights_per_s, frames_per_s   lights, each of them drawn, and pictures of the camera (of 30) that were shown
+lights_per_s, frames_per_s   lights, each of them drawn, and the page's own count of the camera's pictures (of 30): the
+                             mean of what it says twice a second, whole numbers over two seconds each
+pictures                     the same counted one by one, a second: `delivered` by the camera, `presented` to the
+                             display by the browser, `heard` by the page's own thread, which is what the page counts;
+                             `unheard`, how many were presented and not heard in each second
 ms                           means a light, in the networks' thread; `all` is their sum, `between` what the
                              thread waits for the next frame
 std_color_angle_deg          of a white ball in the light about its mean over time, one for each still stretch
@@ -20,7 +24,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
+import math
 import os
 import re
 import subprocess
@@ -96,6 +102,7 @@ def describe(seen: dict) -> dict:
         "frames_per_s": round(float(np.mean(rates)), 1) if rates else None,
         "page_says": seen["rates"][-1]["text"],
     }
+    result["pictures"] = count_pictures(seen)
     if not counted:
         return result
     ms = {part: float(np.mean([light["ms"][part] for light in counted])) for part in counted[0]["ms"]}
@@ -120,6 +127,29 @@ def describe(seen: dict) -> dict:
         arrived = times[on_the_way[-1] + 1] if len(on_the_way) else times[before[-1] + 1]
         followed.append(round(float(arrived - change), 2))
     return result | {"std_color_angle_deg": still, "followed_in_s": followed}
+
+
+def count_pictures(seen: dict) -> dict:
+    """Rates of the camera's pictures on their way while it counted, from one by one."""
+    start, end = seen["from"], seen["to"]
+
+    def pace(told: list[dict], count: str) -> float | None:
+        told = [one for one in told if start <= one["time"] <= end]
+        if len(told) < 2:
+            return None
+        return round((told[-1][count] - told[0][count]) / (told[-1]["time"] - told[0]["time"]), 2)
+
+    heard = [one | {"heard": index} for index, one in enumerate(seen["pictures"])]
+    unheard = [0] * math.floor(end - start)
+    for one, after in itertools.pairwise(heard):
+        if start <= after["time"] < start + len(unheard):
+            unheard[int(after["time"] - start)] += after["presented"] - one["presented"] - 1
+    return {
+        "delivered": pace(seen["camera"], "delivered"),
+        "presented": pace(heard, "presented"),
+        "heard": pace(heard, "heard"),
+        "unheard": unheard,
+    }
 
 
 @contextlib.contextmanager

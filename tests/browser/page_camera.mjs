@@ -1,7 +1,8 @@
 // The camera's lights for some seconds. arguments: { seconds, lights, click?, query?, screenshot?, patience_s? };
 // before it counts it waits for so many lights, and not longer than its patience.
 // Chromium's --use-file-for-fake-video-capture gives the video. `changes` are the times at which the
-// lightness of the video's top left corner was seen to change.
+// lightness of the video's top left corner was seen to change; `pictures` are the video's callbacks, each with how many
+// pictures the browser had handed to the display by then; `camera` is what the camera had delivered, twice a second.
 
 import { openPage } from "./page_steps.mjs";
 
@@ -9,7 +10,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await context.grantPermissions(["camera"], { origin: new URL(url).origin });
   await openPage(page, url, given.query ?? "?engine=wasm");
   await page.evaluate(() => {
-    globalThis.seen = { lights: [], rates: [], changes: [] };
+    globalThis.seen = { lights: [], rates: [], changes: [], pictures: [], camera: [] };
     document.addEventListener("anyprobe-light", ({ detail: { light, ms } }) => {
       const { direction, irradiance } = light.mainLight;
       seen.lights.push({ time: performance.now() / 1000, ms, direction, irradiance, sh9: [...light.sh9] });
@@ -18,11 +19,16 @@ export default async ({ page, context, url, arguments: given }) => {
     const told = () => seen.rates.push({ time: performance.now() / 1000, text: rates.textContent });
     new MutationObserver(told).observe(rates, { childList: true });
     watchCorner(document.getElementById("video"));
+    setInterval(() => {
+      const delivered = document.getElementById("video").srcObject?.getVideoTracks()[0]?.stats?.deliveredFrames;
+      if (delivered !== undefined) seen.camera.push({ time: performance.now() / 1000, delivered });
+    }, 500);
 
     function watchCorner(video) {
       let last = null;
-      const look = async () => {
+      const look = async (_, { presentedFrames: presented }) => {
         const time = performance.now() / 1000;
+        seen.pictures.push({ time, presented });
         const frame = new VideoFrame(video);
         const bytes = new Uint8Array(frame.allocationSize());
         const [{ offset, stride }] = await frame.copyTo(bytes); // luma; a canvas would wait for the GPU

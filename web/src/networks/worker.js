@@ -85,9 +85,14 @@ async function tellLight(lights, { frame, time }) {
   } catch (error) {
     answer = { error: error.message ?? String(error) };
   }
-  if (lights === live.lights) self.postMessage({ live: answer });
+  if (lights === live.lights) self.postMessage({ live: answer }, answer.light ? memoryOf(answer.light) : []);
   letGo(frame);
   if (answer.lost) await new Promise((resolve) => setTimeout(resolve, LOST_MS));
+}
+
+/** What of a light is given away with it instead of copied. */
+function memoryOf({ radiance, prefiltered }) {
+  return [radiance, ...prefiltered].map(({ buffer }) => buffer);
 }
 
 /** Close a frame that is done with, or give its memory back for another. */

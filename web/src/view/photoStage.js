@@ -58,12 +58,22 @@ export class PhotoStage {
     this.render();
   }
 
-  /** Draw soon, once however often it is asked for. */
+  /** Draw soon, once however often it is asked for, and not before the last drawing is shown. */
   render() {
-    this.waiting ??= requestAnimationFrame(() => {
-      this.waiting = null;
-      this.stage.render();
-    });
+    this.isDue = true;
+    this.drawing ??= this.#draw();
+  }
+
+  async #draw() {
+    try {
+      while (this.isDue) {
+        await new Promise(requestAnimationFrame);
+        this.isDue = false;
+        await this.stage.render();
+      }
+    } finally {
+      this.drawing = null;
+    }
   }
 
   #listen() {

@@ -31,6 +31,7 @@ import { irradiance } from "../light/harmonics.js";
 import { luminance } from "../core/color.js";
 import { pixelDirection } from "../photo/crop.js";
 import { objectBox } from "../photo/picture.js";
+import { DrawnAside } from "./drawnAside.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 import { installCameraCurve, shadowOpacity } from "./curve.js";
 import { isDrawnInSoftware } from "./software.js";
@@ -51,7 +52,13 @@ export class Stage {
   constructor(canvas) {
     installCameraCurve();
     this.isSoftware = isDrawnInSoftware();
-    this.renderer = new WebGLRenderer({ canvas, alpha: true, antialias: !this.isSoftware });
+    this.canvas = canvas;
+    this.renderer = new WebGLRenderer({
+      canvas: this.isSoftware ? document.createElement("canvas") : canvas,
+      alpha: true,
+      antialias: !this.isSoftware,
+    });
+    this.aside = this.isSoftware ? new DrawnAside(this.renderer.getContext(), canvas) : null;
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
     this.renderer.toneMapping = CustomToneMapping;
     this.renderer.shadowMap.enabled = true;
@@ -64,7 +71,6 @@ export class Stage {
     this.object = null;
     this.turn = 0;
     this.size = 1;
-    this.frames = 0;
     this.isLive = false;
     this.#buildGround();
   }
@@ -288,19 +294,24 @@ export class Stage {
     this.catcher.quaternion.setFromRotationMatrix(new Matrix4().makeBasis(away, UP.clone().cross(away), UP));
   }
 
-  /** Draw at the size the canvas is shown at, coarser where that keeps the camera's picture going. */
-  render() {
-    const canvas = this.renderer.domElement;
+  /**
+   * Draw at the size the canvas is shown at, coarser where that keeps the camera's picture going.
+   *
+   * @returns {Promise<void>} until it is shown
+   */
+  async render() {
+    const { renderer, canvas } = this;
     const ratio = this.isLive && this.isSoftware ? COARSE : Math.min(window.devicePixelRatio, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (!width || !height || !this.box) return;
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      this.renderer.setPixelRatio(ratio);
-      this.renderer.setSize(width, height, false);
+    const size = renderer.getDrawingBufferSize(new Vector2());
+    if (size.x !== Math.floor(width * ratio) || size.y !== Math.floor(height * ratio)) {
+      renderer.setPixelRatio(ratio);
+      renderer.setSize(width, height, false);
     }
     this.ground.visible = this.light !== undefined;
-    this.renderer.render(this.scene, this.camera);
-    this.frames += 1;
+    renderer.render(this.scene, this.camera);
+    await this.aside?.show();
   }
 }
 

@@ -1,0 +1,55 @@
+/** What WebGL drew beside the page comes to the canvas that is shown: upright, colours apart from coverage. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { DrawnAside, upright } from "../src/view/drawnAside.js";
+
+const [LOW, HIGH] = [[10, 20, 30, 255], [200, 100, 50, 255]];
+
+test("the lowest row comes last, opaque pixels as they are", () => {
+  assert.deepEqual([...upright(Uint8Array.from([...LOW, ...HIGH]), 1, 2)], [...HIGH, ...LOW]);
+});
+
+test("colours are told without their coverage, shadows and clear pixels stay black", () => {
+  const drawn = Uint8Array.from([60, 30, 0, 120, 0, 0, 0, 90, 0, 0, 0, 0]);
+  assert.deepEqual([...upright(drawn, 3, 1)], [128, 64, 0, 120, 0, 0, 0, 90, 0, 0, 0, 0]);
+});
+
+/** A WebGL that is done after so many looks, and what was asked of it. */
+function slowGl(looks, pixels) {
+  const asked = [];
+  const gl = new Proxy(
+    {
+      drawingBufferWidth: 1,
+      drawingBufferHeight: 2,
+      TIMEOUT_EXPIRED: "late",
+      fenceSync: () => ({}),
+      clientWaitSync: () => (looks-- > 0 ? "late" : "done"),
+      getBufferSubData: (_, __, drawn) => {
+        asked.push("getBufferSubData");
+        drawn.set(pixels);
+      },
+    },
+    { get: (own, name) => own[name] ?? (/^[A-Z]/.test(name) ? name : () => asked.push(name)) },
+  );
+  return { gl, asked };
+}
+
+test("nothing is fetched before it is drawn; then the canvas has its size and pixels", async () => {
+  globalThis.ImageData = class {
+    constructor(data, width, height) {
+      Object.assign(this, { data, width, height });
+    }
+  };
+  const shown = [];
+  const canvas = { width: 300, height: 150 };
+  canvas.getContext = () => ({ canvas, putImageData: (image) => shown.push(image) });
+  const { gl, asked } = slowGl(2, [...LOW, ...HIGH]);
+  const showing = new DrawnAside(gl, canvas).show();
+  await null;
+  assert.ok(asked.includes("readPixels") && !asked.includes("getBufferSubData"));
+  await showing;
+  assert.deepEqual([canvas.width, canvas.height], [1, 2]);
+  assert.deepEqual([...shown[0].data], [...HIGH, ...LOW]);
+});
