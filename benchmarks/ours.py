@@ -11,9 +11,9 @@ from ball import View
 from measure import best_time, relative_rmse
 
 from anyprobe.core.sampling import hammersley
-from anyprobe.light.octahedral import Pyramid, build_pyramid
+from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.by_maps import PLAIN, Kernels, radiance_by_maps
-from anyprobe.render.integrate import NUM_LAMPS
+from anyprobe.render.integrate import shading_pyramid
 from anyprobe.scatter.brdf import Material
 
 COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
@@ -63,6 +63,11 @@ class OurResult:
     reached: bool
 
 
+def _widths(kind: str, alpha: float) -> set[float]:
+    """Alphas of the pyramids that a material needs."""
+    return {alpha} if kind == "conductor" else {alpha, 1.0}
+
+
 class OurRenderer:
     """Shades the ball's points; compiled once for every way that is timed."""
 
@@ -71,13 +76,26 @@ class OurRenderer:
         if compiled:
             torch._dynamo.config.recompile_limit = 256  # one for each way
             self._timed = Kernels.compiled()
-        self._pyramid: Pyramid | None = None
+        self._map: torch.Tensor | None = None
+        self._pyramids: dict[float, Pyramid] = {}
 
-    def set_map(self, radiance: np.ndarray) -> float:
-        """The light of all that follows; returns the seconds it took to prepare, the second time round."""
-        tensor = torch.from_numpy(np.ascontiguousarray(radiance))
-        self._pyramid = build_pyramid(tensor, lamps=NUM_LAMPS)
-        return best_time(lambda: build_pyramid(tensor, lamps=NUM_LAMPS), repetitions=3, seconds=0.0)
+    def set_map(self, radiance: np.ndarray) -> None:
+        """The light of all that follows."""
+        self._map, self._pyramids = torch.from_numpy(np.ascontiguousarray(radiance)), {}
+
+    def setup_seconds(self, kind: str, alpha: float) -> float:
+        """What it takes to prepare the map for one material, the second time round."""
+
+        def prepare() -> None:
+            self._pyramids = {width: shading_pyramid(self._map, width) for width in _widths(kind, alpha)}
+
+        prepare()
+        return best_time(prepare, repetitions=3, seconds=0.0)
+
+    def _pyramid(self, alpha: float) -> Pyramid:
+        if alpha not in self._pyramids:
+            self._pyramids[alpha] = shading_pyramid(self._map, alpha)
+        return self._pyramids[alpha]
 
     def picture(
         self, view: View, material: Material, way: Way, timed: bool = False
@@ -92,26 +110,29 @@ class OurRenderer:
         u_diffuse = torch.from_numpy(hammersley(way.diffuse_samples)) if way.diffuse_samples else None
         alpha = torch.full((len(n), 1), material.alpha)
         f0, albedo = torch.from_numpy(material.f0), torch.from_numpy(material.albedo)
+        pyramid = self._pyramid(material.alpha)
+        wide = self._pyramid(1.0) if way.diffuse_samples else None
 
         def by_maps() -> torch.Tensor:
             with torch.no_grad():
                 return radiance_by_maps(
-                    self._pyramid,
+                    pyramid,
                     n,
                     wo,
                     material,
                     u,
                     u_diffuse,
                     size=way.size,
+                    wide=wide,
                     kernels=kernels,
                 )
 
         def by_points() -> torch.Tensor:
             with torch.no_grad():
-                _, specular, grazing = kernels.specular(self._pyramid, n, wo, alpha, u)
+                _, specular, grazing = kernels.specular(pyramid, n, wo, alpha, u)
                 radiance = f0 * specular + (1.0 - f0) * grazing
                 if u_diffuse is not None:
-                    diffuse = kernels.diffuse(self._pyramid, n, wo, u_diffuse)
+                    diffuse = kernels.diffuse(wide, n, wo, u_diffuse)
                     radiance = radiance + albedo * (1.0 - f0) * diffuse
                 return radiance
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,17 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import integral
+from anyprobe.light.lamps import WIDENING
 from anyprobe.light.octahedral import build_pyramid, lookup
-from anyprobe.render.integrate import NUM_LAMPS, shade
+from anyprobe.render.integrate import (
+    NUM_LAMPS,
+    PATCHES,
+    lamps_specular,
+    shade,
+    shade_diffuse,
+    shade_specular,
+    shading_pyramid,
+)
 from anyprobe.scatter.brdf import Material, evaluate
 from anyprobe.scatter.microfacet import ggx_distribution
 
@@ -28,6 +39,15 @@ def sunny(rng: np.random.Generator) -> np.ndarray:
     return radiance.astype(np.float32)
 
 
+def lit_room() -> np.ndarray:
+    """Walls of radiance 1 and a square lamp of 5 x 5 pixels, 14 degrees wide, as bright as the walls together."""
+    radiance = np.ones((HEIGHT, 2 * HEIGHT, 3), np.float32)
+    lamp = np.s_[14:19, 40:45]
+    area = 5 * float(pixel_solid_angles(HEIGHT)[14:19].sum())
+    radiance[lamp] += 4 * np.pi / area * np.array([1.2, 1.0, 0.7], np.float32)
+    return radiance
+
+
 def points(rng: np.random.Generator, count: int = 400) -> tuple[np.ndarray, np.ndarray]:
     n = normalize(rng.normal(size=(count, 3))).astype(np.float32)
     wo = normalize(n + 0.7 * normalize(rng.normal(size=(count, 3)))).astype(np.float32)
@@ -35,10 +55,11 @@ def points(rng: np.random.Generator, count: int = 400) -> tuple[np.ndarray, np.n
 
 
 def sum_over_pixels(radiance: np.ndarray, material: Material, n, wo) -> np.ndarray:
-    """Eq. 3 as the plain sum over every pixel's centre."""
-    wi = pixel_directions(HEIGHT).reshape(1, -1, 3)
-    weights = np.repeat(pixel_solid_angles(HEIGHT), 2 * HEIGHT, axis=1).reshape(-1, 1)
-    light = radiance.reshape(-1, 3) * weights
+    """Eq. 3 as the plain sum over every pixel's centre that is not black."""
+    height = len(radiance)
+    lit = radiance.any(axis=-1)
+    wi = pixel_directions(height)[lit][None]
+    light = (radiance * pixel_solid_angles(height)[..., None])[lit]
     rows = []
     for one, toward in zip(n, wo, strict=True):
         f = evaluate(material, toward[None, None], wi, one[None, None])[0]
@@ -46,12 +67,13 @@ def sum_over_pixels(radiance: np.ndarray, material: Material, n, wo) -> np.ndarr
     return np.array(rows)
 
 
-def test_no_light_is_lost_or_doubled(rng):
-    radiance = sunny(rng)
-    pyramid = build_pyramid(radiance, lamps=NUM_LAMPS)
+@pytest.mark.parametrize("patches", [None, 16, 32])
+def test_no_light_is_lost_or_doubled(rng, patches):
+    radiance = sunny(rng) if patches is None else lit_room()
+    pyramid = build_pyramid(radiance, lamps=patches or NUM_LAMPS, patches=patches)
     d = pixel_directions(HEIGHT)
     rest = lookup(pyramid, d, np.zeros(d.shape[:2], np.float32))
-    assert luminance(rest).max() < 3.0  # the sun is gone
+    assert luminance(rest).max() < 3.0  # the sun is gone, and the whole lamp
     np.testing.assert_allclose(
         integral(rest) + pyramid.lamp_flux.sum(axis=0), integral(radiance), rtol=2e-3, atol=0
     )
@@ -85,6 +107,74 @@ def test_sixty_four_samples_render_a_sun(rng, alpha, f0):
 
     assert error(NUM_LAMPS) < (0.035 if f0 else 0.1)
     assert error(0) > 4 * error(NUM_LAMPS)
+
+
+def test_a_patch_is_as_wide_as_what_is_bright_in_it():
+    """A disc of half angle t has a mean direction of length 1 - t^2 / 4."""
+    middle, half_angle = normalize(np.array([1.0, 2.0, 1.0])), np.radians(4.0)
+    on = pixel_directions(256) @ middle > np.cos(half_angle)
+    radiance = np.where(on, 50.0, 0.0)[..., None] * np.ones(3, np.float32)
+    pyramid = build_pyramid(radiance.astype(np.float32), side=4, lamps=2, patches=4)
+    [lamp] = np.flatnonzero(luminance(pyramid.lamp_flux) > 0)
+    assert pyramid.lamps[lamp] @ middle > np.cos(np.radians(0.3))
+    assert pyramid.lamp_spread[lamp] - 1 / 4**2 == pytest.approx(WIDENING * half_angle**2 / 4, rel=0.03)
+
+
+def test_a_wide_lamp_makes_a_wide_highlight(rng):
+    """A disc 12 degrees wide in a black map: a lobe of alpha 0.1 does not see it as a point."""
+    middle, wo = normalize(np.array([0.5, 1.0, 1.0])), normalize(np.array([0.0, 0.2, 1.0]))
+    on = pixel_directions(256) @ middle > np.cos(np.radians(6.0))
+    radiance = np.where(on, 50.0, 0.0)[..., None] * np.ones(3, np.float32)
+    n = normalize(normalize(middle + wo) + 0.08 * rng.normal(size=(200, 3))).astype(np.float32)
+    wo = np.broadcast_to(wo, n.shape).astype(np.float32)
+    material = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.1)
+    truth = sum_over_pixels(radiance, material, n, wo)
+    pyramid = build_pyramid(radiance.astype(np.float32), side=64, lamps=2, patches=4)
+
+    def error(pyramid) -> float:
+        found = lamps_specular(pyramid, n, wo, 0.1)[1]
+        return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
+
+    assert error(pyramid) < 0.06
+    assert error(replace(pyramid, lamp_spread=np.zeros(2, np.float32))) > 0.15
+
+
+@pytest.mark.parametrize(("alpha", "f0"), [(1.0, 0.5), (0.5, 0.5), (0.3, 0.5), (0.1, 0.04)])
+def test_sixty_four_samples_render_a_lamp_of_many_pixels(rng, alpha, f0):
+    """Lamps of a pixel hold too little of it."""
+    radiance, (n, wo) = lit_room(), points(rng)
+    albedo = np.zeros(3) if f0 == 0.5 else np.array([0.5, 0.3, 0.2])
+    material = Material(albedo=albedo, f0=f0 * np.array([0.6, 1.0, 1.4]), alpha=alpha)
+    truth = sum_over_pixels(radiance, material, n, wo)
+
+    def error(pyramid, wide) -> float:
+        shading = shade(pyramid, n, wo, alpha, hammersley(64), wide=wide)
+        return float(np.sqrt(((shading.radiance(material) - truth) ** 2).mean()) / truth.mean())
+
+    pixels = build_pyramid(radiance, lamps=NUM_LAMPS)
+    patches = error(shading_pyramid(radiance, alpha), shading_pyramid(radiance))
+    assert patches < 0.02
+    assert error(pixels, pixels) > 4 * patches
+
+
+def test_the_diffuse_term_has_a_pyramid_of_its_own(rng):
+    (n, wo), u = points(rng), hammersley(64)
+    narrow, wide = shading_pyramid(lit_room(), 0.05), shading_pyramid(lit_room())
+    both = shade(narrow, n, wo, 0.05, u, wide=wide)
+    np.testing.assert_array_equal(both.diffuse, shade_diffuse(wide, n, wo, u))
+    np.testing.assert_array_equal(both.specular, shade_specular(narrow, n, wo, 0.05, u)[1])
+
+
+@pytest.mark.parametrize("patches", [None, PATCHES[0][1]])
+def test_torch_takes_the_same_lamps(patches):
+    torch = pytest.importorskip("torch")
+    here, there = (
+        build_pyramid(radiance, lamps=16, patches=patches)
+        for radiance in (lit_room(), torch.from_numpy(lit_room()))
+    )
+    for name in ("texels", "lamps", "lamp_flux", "lamp_spread"):
+        if not (patches is None and name == "lamps"):  # of equal pixels any may be taken
+            np.testing.assert_allclose(getattr(there, name), getattr(here, name), atol=2e-5, rtol=1e-5)
 
 
 @pytest.mark.parametrize("alpha", [0.3, 0.7, 1.0])

@@ -17,9 +17,8 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.material import draw_alpha
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.compiled import compile_kernel
-from anyprobe.render.integrate import NUM_LAMPS, shade_diffuse, shade_specular
+from anyprobe.render.integrate import shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.reflectance import reflectance_normals
 
 SIZE = 128
@@ -37,13 +36,9 @@ class LitMaterial:
     elevation: int
 
 
-def _budget(alpha: float) -> tuple[int, int]:
-    """Side of the computed reflectance map and samples a pixel: narrow lobes need pixels, wide ones samples."""
-    if alpha < 0.12:
-        return 128, 16
-    if alpha < 0.3:
-        return 64, 32
-    return 40, 48
+BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.12, 64, 32), (np.inf, 1.0, 40, 48))
+"""Below which alpha; of which alpha the pyramid is; side of the computed reflectance map and samples a pixel: narrow
+lobes need pixels, wide ones samples."""
 
 
 @lru_cache(maxsize=4)
@@ -64,7 +59,10 @@ class Illuminator:
     def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
         self.device = device
         self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)) for radiance in maps]
-        self.pyramids = [build_pyramid(radiance, lamps=NUM_LAMPS).to(device) for radiance in self.maps]
+        self.pyramids = {
+            width: [shading_pyramid(radiance, width).to(device) for radiance in self.maps]
+            for width in {width for _, width, *_ in BUDGETS}
+        }
         self.maps = [radiance.to(device) for radiance in self.maps]
         self.wrap = compile_kernel if compiled else (lambda function: function)
         kernels = (shade_specular, shade_diffuse, _look)
@@ -76,16 +74,16 @@ class Illuminator:
     @torch.no_grad()
     def light(self, which: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
         """One lit material under map number which, through rotation [3, 3] = world from camera (mirrored or not)."""
-        size, samples = _budget(alpha)
-        pyramid = self.pyramids[which]
+        _, width, size, samples = next(budget for budget in BUDGETS if alpha < budget[0])
         world = self._tensor(rotation.T)
         n = self._tensor(reflectance_normals(size).reshape(-1, 3)) @ world
         wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
         u = self._tensor(hammersley(samples))
-        width = torch.full((len(n), 1), alpha, device=self.device)
-        specular = torch.cat(self._specular(pyramid, n, wo, width, u), dim=1)
+        alphas = torch.full((len(n), 1), alpha, device=self.device)
+        specular = torch.cat(self._specular(self.pyramids[width][which], n, wo, alphas, u), dim=1)
         coarse = self._tensor(reflectance_normals(32).reshape(-1, 3)) @ world
-        diffuse = self._diffuse(pyramid, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
+        wide = self.pyramids[1.0][which]
+        diffuse = self._diffuse(wide, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
         directions = _map_directions(MAP_HEIGHT, 4).to(self.device) @ world
         fine = self._look(self.maps[which], directions)
@@ -94,7 +92,7 @@ class Illuminator:
 
     def draw(self, rng: np.random.Generator) -> LitMaterial:
         """A random map, view and alpha; half of the maps mirrored."""
-        which = int(rng.integers(len(self.pyramids)))
+        which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(
             rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from array_api_compat import array_namespace
 
-from anyprobe.core.color import luminance
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.light.lamps import take_patches, take_pixels
 
 
 def _sign(x):
@@ -57,9 +57,10 @@ def octahedral_to_direction(st):
 class Pyramid:
     """Levels of a map: texels [T, 3], the side of level 0, and how many levels there are.
 
-    lamps [K, 3], lamp_flux [K, 3]: directions and irradiance (at normal incidence) of the
-    brightest pixels' excess over the next brightest. The texels then hold the rest: shading
-    adds the lamps exactly, so that no sample need hit the sun. None without lamps.
+    lamps [K, 3], lamp_flux [K, 3]: directions and irradiance (at normal incidence) of what the
+    brightest pixels, or patches, have in excess of the next brightest. The texels then hold the
+    rest: shading adds the lamps exactly, so that no sample need hit the sun. None without lamps.
+    lamp_spread: how wide lamps are, as what they add to alpha^2; one number, or [K].
     """
 
     texels: Any
@@ -67,15 +68,16 @@ class Pyramid:
     num_levels: int
     lamps: Any = None
     lamp_flux: Any = None
+    lamp_spread: Any = None
 
     def without_lamps(self) -> Pyramid:
         """What is left of the map."""
-        return replace(self, lamps=None, lamp_flux=None)
+        return replace(self, lamps=None, lamp_flux=None, lamp_spread=None)
 
     def to(self, device) -> Pyramid:
         """The same on another device, for torch."""
-        names = ("texels",) if self.lamps is None else ("texels", "lamps", "lamp_flux")
-        return replace(self, **{name: getattr(self, name).to(device) for name in names})
+        arrays = {name: getattr(self, name) for name in ("texels", "lamps", "lamp_flux", "lamp_spread")}
+        return replace(self, **{name: a.to(device) for name, a in arrays.items() if hasattr(a, "to")})
 
 
 @lru_cache(maxsize=8)
@@ -101,25 +103,17 @@ def _border_index(side: int) -> np.ndarray:
     return (row * side + column).reshape(-1)
 
 
-def _take_lamps(radiance, count: int):
-    """The map [H, 2H, 3] without, and directions and flux [K, 3] of, what its brightest pixels have in excess."""
-    xp = array_namespace(radiance)
-    height = radiance.shape[0]
-    flat = xp.reshape(radiance, (-1, 3))
-    order = xp.flip(xp.argsort(luminance(flat)), axis=0)
-    chosen, cap = order[:count], luminance(flat)[order[count]]
-    bright = xp.take(flat, chosen, axis=0)
-    excess = bright * (1.0 - cap / xp.clip(luminance(bright), 1e-12, None))[:, None]
-    rest = xp.asarray(flat, copy=True)
-    rest[chosen] = bright - excess
-    directions = np.reshape(pixel_directions(height), (-1, 3)).astype(np.float32)
-    solid_angles = np.repeat(pixel_solid_angles(height), 2 * height, axis=1).reshape(-1, 1)
-    of_pixels = [xp.asarray(values, device=radiance.device) for values in (directions, solid_angles)]
-    directions, solid_angles = (xp.take(values, chosen, axis=0) for values in of_pixels)
-    return xp.reshape(rest, radiance.shape), directions, excess * solid_angles
+@lru_cache(maxsize=8)
+def _patches(height: int, side: int) -> np.ndarray:
+    """Which of side x side squares of the unfolded sphere each pixel of a map lies in, [H * 2H]."""
+    st = direction_to_octahedral(pixel_directions(height).reshape(-1, 3))
+    column, row = np.clip((st * side).astype(int), 0, side - 1).T
+    return row * side + column
 
 
-def build_pyramid(radiance, side: int = 256, supersample: int = 2, lamps: int = 0) -> Pyramid:
+def build_pyramid(
+    radiance, side: int = 256, supersample: int = 2, lamps: int = 0, patches: int | None = None
+) -> Pyramid:
     """Unfold a map [H, 2H, 3] and average it down level by level to 4 x 4.
 
     Args:
@@ -128,11 +122,18 @@ def build_pyramid(radiance, side: int = 256, supersample: int = 2, lamps: int = 
         supersample: subsamples along a texel of level 0.
         lamps: how many of the brightest pixels become lamps. A pyramid with lamps is for
             shading; lookup alone does not see them.
+        patches: lamps are whole patches instead, of patches x patches on the unfolded sphere.
     """
     xp = array_namespace(radiance)
-    directions = flux = None
-    if lamps:
-        radiance, directions, flux = _take_lamps(radiance, lamps)
+    directions = flux = spread = None
+    if lamps and patches:
+        radiance, directions, flux, spread = take_patches(
+            radiance, lamps, _patches(radiance.shape[0], patches)
+        )
+        spread = spread + 1.0 / side**2
+    elif lamps:
+        radiance, directions, flux = take_pixels(radiance, lamps)
+        spread = 1.0 / side**2
     uv = xp.asarray(_resampling(side, supersample), device=radiance.device)
     level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
     levels, size = [], side
@@ -149,6 +150,7 @@ def build_pyramid(radiance, side: int = 256, supersample: int = 2, lamps: int = 
         num_levels=len(levels),
         lamps=directions,
         lamp_flux=flux,
+        lamp_spread=spread,
     )
 
 

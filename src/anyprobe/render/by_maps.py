@@ -76,6 +76,7 @@ def radiance_by_maps(
     u_diffuse=None,
     *,
     size: int,
+    wide: Pyramid | None = None,
     kernels: Kernels = PLAIN,
 ) -> Any:
     """Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
@@ -88,6 +89,7 @@ def radiance_by_maps(
     Args:
         u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.
         size: of the maps, [size, size].
+        wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
     """
     xp = array_namespace(n, wo, u)
 
@@ -101,7 +103,7 @@ def radiance_by_maps(
     width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
     _, *terms = kernels.specular(pyramid.without_lamps(), seen, toward_eye, width, u)
     if u_diffuse is not None:
-        terms.append(kernels.diffuse(pyramid, seen, toward_eye, u_diffuse))
+        terms.append(kernels.diffuse(wide or pyramid, seen, toward_eye, u_diffuse))
     terms = xp.reshape(xp.concat(terms, axis=-1), (size, size, -1))
     width = xp.full((n.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
     specular, grazing, *diffuse = kernels.look_up(pyramid, terms, turn, n, wo, width, array(albedo_table()))

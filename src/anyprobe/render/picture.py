@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from anyprobe.core.sampling import hammersley
-from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.by_maps import radiance_by_maps
-from anyprobe.render.integrate import NUM_LAMPS, shade
+from anyprobe.render.integrate import shade, shading_pyramid
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, see
 from anyprobe.scatter.brdf import Material
@@ -51,15 +50,16 @@ def draw_mesh(
     n, wo = (_mean_direction(v, pixel, size * size)[seen] for v in (fine.normals, fine.wo))
     turn = np.asarray(camera.world_from_camera, np.float32).T
     n, wo = n @ turn, wo @ turn
-    pyramid, u = build_pyramid(np.asarray(radiance, np.float32), lamps=NUM_LAMPS), hammersley(num_samples)
+    light, u = np.asarray(radiance, np.float32), hammersley(num_samples)
+    pyramid, wide = shading_pyramid(light, material.alpha), shading_pyramid(light)
     picture = np.zeros((size * size, 4), np.float32)
     picture[:, 3] = count / supersample**2
     if material.alpha >= MAPS_FROM and len(seen) > MAP_SIZE**2:
-        picture[seen, :3] = radiance_by_maps(pyramid, n, wo, material, u, u, size=MAP_SIZE)
+        picture[seen, :3] = radiance_by_maps(pyramid, n, wo, material, u, u, size=MAP_SIZE, wide=wide)
         return picture.reshape(size, size, 4)
     for some in np.array_split(np.arange(len(seen)), max(1, -(-len(seen) // CHUNK))):
         if len(some):
-            shading = shade(pyramid, n[some], wo[some], material.alpha, u)
+            shading = shade(pyramid, n[some], wo[some], material.alpha, u, wide=wide)
             picture[seen[some], :3] = shading.radiance(material)
     return picture.reshape(size, size, 4)
 
