@@ -42,9 +42,9 @@ PATCHES = ((0.3, 16, 128), (0.1, 32, 128))
 """From which alpha on lamps are patches, how many along the unfolded sphere and how many lamps, and the
 pyramid's side: what such a lobe does not tell from a point.
 
-Under a room with a square lamp 14 degrees wide (benchmarks/ball.py's), 64 samples of a conductor err by 12, 13 and 10 %
-at alpha 0.1, 0.3 and 1 with lamps of a pixel and by 2.5, 0.6 and 0.7 % with patches, 512 by 3.7, 3.8 and 4.3 % and 2.4, 0.2
-and 0.3 % (`python benchmarks/render.py --only equal-error` has it in other terms).
+Under a room with a square lamp 14 degrees wide (that of benchmarks/ball.py), 64 samples of a conductor err by 12, 13
+and 10 % at alpha 0.1, 0.3 and 1 with lamps of a pixel, by 2.5, 0.6 and 0.7 % with patches; 512 samples by 3.7, 3.8 and
+4.3 %, and by 2.4, 0.2 and 0.3 %.
 """
 
 
