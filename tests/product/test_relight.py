@@ -19,6 +19,7 @@ from anyprobe.relight.appearance import least_scale, material_from_photo
 from anyprobe.relight.objects import OBJECTS, open_object
 from anyprobe.relight.relight import Arrangement, Stage
 from anyprobe.relight.shadow import REACH
+from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.presets import MATERIALS
@@ -85,6 +86,27 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
     assert left >= 0
     assert right <= WIDTH
     assert (left > center_x + DIAMETER / 2) if side > 0 else (right < center_x - DIAMETER / 2)
+
+
+@pytest.mark.parametrize("diameter", [40, 150])
+@pytest.mark.parametrize("where", [(0, 0), (0.5, 0.5), (1, 1)])
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 0.2, 0.2), (0.2, 1, 0.2), (0.2, 0.2, 1)])
+@pytest.mark.parametrize("size", [0.8, 4.0])
+def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size):
+    middle = [
+        diameter / 2 + 1 + share * (side - diameter - 2)
+        for share, side in zip(where, (WIDTH, HEIGHT), strict=True)
+    ]
+    photo = load_photo(ball_photo(tuple(map(int, middle)), diameter, HEIGHT, WIDTH))
+    ball = sphere(24)
+    mesh = Mesh(positions=ball.positions * np.array(stretch), faces=ball.faces, normals=ball.normals)
+    stage = Stage(photo, mesh, Arrangement(size=size))
+    pixels = stage.view.pixels(stage.placement.mesh.positions)
+    assert (pixels >= -0.5).all()
+    assert (pixels <= np.array([WIDTH, HEIGHT]) + 0.5).all()
+    assert np.ptp(pixels, axis=0).max() > 0.1 * diameter * min(stretch)
+    put = Stage(photo, mesh, Arrangement(size=size, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15))
+    assert put.view.pixels(put.placement.mesh.positions)[:, 0].max() > WIDTH
 
 
 @pytest.mark.parametrize(("fov_deg", "stretch"), [(None, 1.044), (65.0, 1.145)])

@@ -31,6 +31,9 @@ LEAST_SIZE = 0.35
 MARGIN = 0.02
 """Kept free at the picture's border, of its width."""
 
+MOST_FITS, LEAST_STEP = 16, 0.5
+"""Tries to place an object wholly inside the picture, and how much smaller each may make it."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class View:
@@ -128,7 +131,9 @@ def place_beside(
     Args:
         size: its largest extent over that of the real object, whose foot is at the mask's lower edge.
         at: x, y of its foot [px]; unless given, it stands on the side with more room, its lowest
-            point on the row of the mask's, and is made smaller down to LEAST_SIZE of the size to fit.
+            point on the row of the mask's, and is made smaller down to LEAST_SIZE of the size to fit there;
+            where that is too large yet, it stands in front of the real object, and is made smaller
+            until all of it is in the picture.
         turn_deg: about its vertical axis.
     """
     x0, y0, x1, y1 = object_box(photo.mask)
@@ -151,9 +156,23 @@ def place_beside(
     placed = _on_row(mesh, upright, view, extent, y1, (x0 + x1) / 2, pitch_deg)
     wide = np.ptp(view.pixels(placed.mesh.positions)[:, 0])
     x = x1 + wide * (0.5 + GAP) if right else x0 - wide * (0.5 + GAP)
-    edge = MARGIN * view.width + wide / 2
-    x = float(np.clip(x, edge, view.width - edge))
-    return _on_row(mesh, upright, view, extent, y1, x, pitch_deg)
+    return _inside(mesh, upright, view, extent, y1, x, pitch_deg)
+
+
+def _inside(mesh, upright, view: View, extent: float, row: float, x: float, pitch_deg: float) -> Placement:
+    """Placed on a row, moved along it and made smaller until the picture's border cuts nothing off."""
+    edge = MARGIN * view.width
+    for _ in range(MOST_FITS):
+        placed = _on_row(mesh, upright, view, extent, row, x, pitch_deg)
+        pixels = view.pixels(placed.mesh.positions)
+        (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+        share = min((view.width - 2 * edge) / (right - left), (row - edge) / (bottom - top), 1.0)
+        outside = max(edge - left, 0.0) - max(right - (view.width - edge), 0.0)
+        if share > 0.999 and abs(outside) < 0.5:
+            break
+        extent *= max(share, LEAST_STEP)
+        x += outside if share > LEAST_STEP else (view.width / 2 - x)
+    return placed
 
 
 def _on_row(mesh, upright, view: View, extent: float, row: float, x: float, pitch_deg: float) -> Placement:
