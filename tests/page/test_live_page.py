@@ -70,6 +70,24 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
         assert f"light_{target}.json" in names
 
 
+def test_border_cuts_off_only_what_was_moved_there(page_url, aside_photo, tmp_path):
+    bar = np.array([[-3, 0, 0], [3, 0, 0], [0, 0.4, 0.2], [0, 0, 0.4]], np.float32)
+    (tmp_path / "bar.glb").write_bytes(glb(bar, np.array([[0, 2, 1], [0, 3, 2], [2, 3, 1], [0, 1, 3]])))
+    photos = {"aside": aside_photo, "tight": tmp_path / "tight.png"}
+    with Image.open(VASE) as image:
+        x0, y0, x1, y1 = image.getchannel("A").point(lambda alpha: 255 * (alpha > 127)).getbbox()
+        image.crop((x0 - 4, y0 - 4, x1 + 4, y1 + 4)).save(photos["tight"])
+    given = {"photos": {name: str(path) for name, path in photos.items()}, "glb": str(tmp_path / "bar.glb")}
+    seen = run_steps("page_placement.mjs", page_url, given, viewport=(1280, 900), timeout_s=600)
+    moved = seen.pop("moved")
+    for name, shapes in seen.items():
+        for shape, (left, top, right, bottom) in shapes.items():
+            assert 0 < left < right < 1, (name, shape)
+            assert 0 < top < bottom < 1, (name, shape)
+            assert max(right - left, bottom - top) > 0.1, (name, shape)
+    assert [right for _, _, right, _ in moved] == [1, 1]  # by keys, and there it stays in another shape
+
+
 def test_box_is_drawn_by_mouse_key_and_finger(page_url):
     box = [0.26, 0.45, 0.74, 0.85]  # around the example's vase without its neck
     seen = run_steps("page_box.mjs", page_url, {"box": box}, viewport=(1280, 900))

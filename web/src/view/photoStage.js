@@ -74,6 +74,7 @@ export class PhotoStage {
     } finally {
       this.drawing = null;
     }
+    this.overlay.dispatchEvent(new Event("drawn")); // all that was asked for
   }
 
   #listen() {

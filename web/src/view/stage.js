@@ -6,9 +6,7 @@
  */
 
 import {
-  CanvasTexture,
   CustomToneMapping,
-  DataTexture,
   DirectionalLight,
   Group,
   LinearSRGBColorSpace,
@@ -30,16 +28,21 @@ import {
 import { irradiance } from "../light/harmonics.js";
 import { luminance } from "../core/color.js";
 import { pixelDirection } from "../photo/crop.js";
-import { objectBox } from "../photo/picture.js";
+import { softSpot } from "./contactSpot.js";
 import { DrawnAside } from "./drawnAside.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 import { installCameraCurve, shadowOpacity } from "./curve.js";
+import { extentOf, outlineOf } from "./outline.js";
+import { beside } from "./placement.js";
+import { RealObject } from "./realObject.js";
 import { isDrawnInSoftware } from "./software.js";
 import { dispose } from "./virtualObjects.js";
 
-/** Distance of the real object, in units of the scene; only proportions are seen. */
+/** Distance of the real object's base, in units of the scene; only proportions are seen. */
 const DISTANCE = 5;
 const UP = new Vector3(0, 1, 0);
+/** Height of the object over the real one's, at size 1 and where there is room. */
+const OF_REAL = 0.75;
 const CONTACT_OPACITY = 0.45;
 const SHADOW_PX = 256;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
@@ -72,6 +75,7 @@ export class Stage {
     this.turn = 0;
     this.size = 1;
     this.isLive = false;
+    this.isTouched = false;
     this.#buildGround();
   }
 
@@ -88,14 +92,8 @@ export class Stage {
     this.contact.rotation.x = -Math.PI / 2;
     this.standing.add(this.contact);
     this.ground.add(this.catcher, this.standing);
-    // a card at the real object's distance that leaves only its depth
-    this.realObject = new Mesh(
-      new PlaneGeometry(1, 1),
-      new MeshBasicMaterial({ alphaTest: 0.5, colorWrite: false }),
-    );
-    this.realObject.position.z = -DISTANCE;
-    this.realObject.renderOrder = -1;
-    this.scene.add(this.realObject);
+    this.realObject = new RealObject();
+    this.scene.add(this.realObject.group);
     // the environment lights the object, its main light included; this light only casts the shadow
     this.shadowLight = new DirectionalLight(0xffffff, 0);
     this.shadowLight.castShadow = true;
@@ -120,53 +118,37 @@ export class Stage {
     this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    this.isTouched = false;
     this.setTilt(this.tilt ?? 20);
-    this.#standBeside();
   }
 
   /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */
   setMask(mask) {
-    const { material } = this.realObject;
-    if (material.alphaMap?.image.width !== this.width || material.alphaMap?.image.height !== this.height) {
-      material.alphaMap?.dispose();
-      material.alphaMap = new DataTexture(new Uint8Array(4 * mask.length), this.width, this.height);
-      material.needsUpdate = true;
-    }
-    const { data } = material.alphaMap.image;
-    for (let y = 0; y < this.height; y++) {
-      const below = (this.height - 1 - y) * this.width; // a texture's first row is the lowest
-      for (let x = 0; x < this.width; x++) data[4 * (below + x) + 1] = 255 * mask[y * this.width + x];
-    }
-    material.alphaMap.needsUpdate = true;
-    this.#fitCard(objectBox(mask, this.width));
+    this.realObject.show(mask, this.width, this.height, DISTANCE, this.#focalPx());
   }
 
-  /** The card of the real object as large as its mask. */
-  #fitCard(box) {
-    this.realObject.visible = box !== null;
-    if (!box) return;
-    const { width, height } = this;
-    const pixel = DISTANCE / this.#focalPx();
-    const [across, down] = [box[2] - box[0], box[3] - box[1]];
-    this.realObject.scale.set(across * pixel, down * pixel, 1);
-    this.realObject.position.x = ((box[0] + box[2] - width) / 2) * pixel;
-    this.realObject.position.y = ((height - box[1] - box[3]) / 2) * pixel;
-    const { alphaMap } = this.realObject.material;
-    alphaMap.repeat.set(across / width, down / height);
-    alphaMap.offset.set(box[0] / width, 1 - box[3] / height);
-  }
-
-  /** Put the object beside the real one, on the side with more room, small enough to be seen whole. */
+  /** Put the object beside the real one, all of it in the photo. */
   #standBeside() {
-    const [x0, y0, x1, y1] = this.box;
-    const isRight = this.width - x1 >= x0;
-    const room = isRight ? this.width - x1 : x0;
-    const real = Math.max(y1 - y0, 0.6 * (x1 - x0));
-    const wide = Math.max(Math.min(0.75 * real, 0.85 * room), 0.3 * real);
-    this.unit = (wide * DISTANCE) / this.#focalPx();
-    const away = Math.min(0.6 * wide + 0.05 * real, Math.max(room - 0.75 * wide, 0));
-    this.moveTo(isRight ? x1 + away : x0 - away, Math.min(y1, 0.98 * this.height));
+    const { width, height, box, size } = this;
+    const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
+    const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
+    const extentAt = ({ x, y, share }) => {
+      this.#setFoot(x, y);
+      this.standing.scale.setScalar(asked * share * size);
+      this.standing.updateWorldMatrix(true, false);
+      const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
+      return extentOf(this.outline, clip, width, height);
+    };
+    const { x, y, share } = beside({ width, height, box }, extentAt);
+    this.unit = asked * share;
+    this.#setFoot(x, y);
     this.#place();
+  }
+
+  /** Whoever moved or scaled the object finds it where it was left; until then it stands beside the real one. */
+  #stand() {
+    if (this.box && this.object && !this.isTouched) this.#standBeside();
+    else this.#place();
   }
 
   #focalPx() {
@@ -185,7 +167,7 @@ export class Stage {
       this.ground.position.set(...foot).multiplyScalar(DISTANCE);
     }
     this.ground.updateMatrixWorld(true);
-    this.#aimShadow();
+    this.#stand();
   }
 
   /** @param {Group} object one unit high, standing on its origin */
@@ -195,20 +177,22 @@ export class Stage {
       dispose(this.object);
     }
     this.object = object;
+    this.outline = outlineOf(object);
     this.standing.add(object);
     this.aimed = null;
-    this.#place();
+    this.#stand();
   }
 
   /** Rotation about the ground's normal [degrees] and size, 1 for a good part of the real object's. */
   setPose({ turn = this.turn, size = this.size }) {
+    if (size !== this.size) this.isTouched = true;
     Object.assign(this, { turn, size });
-    this.#place();
+    this.standing.rotation.y = (turn * Math.PI) / 180;
+    this.#stand();
   }
 
   #place() {
-    if (!this.object) return;
-    this.standing.rotation.y = (this.turn * Math.PI) / 180;
+    if (!this.object) return this.#aimShadow();
     this.standing.scale.setScalar((this.unit ?? 1) * this.size);
     this.contact.scale.setScalar(1.1 * this.object.userData.width);
     this.#aimShadow();
@@ -216,13 +200,19 @@ export class Stage {
 
   /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
   moveTo(x, y) {
+    this.isTouched = true;
+    const isGround = this.#setFoot(x, y);
+    if (isGround) this.#aimShadow();
+    return isGround;
+  }
+
+  #setFoot(x, y) {
     const direction = new Vector3(...pixelDirection([x, y], this.width, this.height, this.longFovDeg));
     const plane = new Plane().setFromNormalAndCoplanarPoint(this.up, this.ground.position);
     const caster = new Raycaster(new Vector3(), direction.normalize());
     const hit = caster.ray.intersectPlane(plane, new Vector3());
     if (!hit || hit.length() > 6 * DISTANCE || hit.length() < 0.1 * DISTANCE) return false;
     this.standing.position.copy(this.ground.worldToLocal(hit));
-    this.#aimShadow();
     return true;
   }
 
@@ -324,18 +314,4 @@ function isSameAim(a, b) {
     a.reach === b.reach &&
     a.turn === b.turn
   );
-}
-
-/** A round spot, dark in its middle, for the darkness where an object touches the ground. */
-function softSpot() {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 128;
-  const context = canvas.getContext("2d");
-  const shade = context.createRadialGradient(64, 64, 0, 64, 64, 64);
-  for (const [place, alpha] of [[0, 1], [0.35, 0.75], [0.65, 0.25], [1, 0]]) {
-    shade.addColorStop(place, `rgba(0, 0, 0, ${alpha})`);
-  }
-  context.fillStyle = shade;
-  context.fillRect(0, 0, 128, 128);
-  return new CanvasTexture(canvas);
 }
