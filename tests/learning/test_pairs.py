@@ -20,7 +20,7 @@ from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
-from anyprobe.render.integrate import shade  # noqa: E402
+from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
@@ -201,6 +201,26 @@ def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch, alpha):
         expected = point.irradiance if material is None else point.radiance(material)
         expected = torch.from_numpy(np.asarray(expected, np.float32))
         error = ((found - expected)[inner] ** 2).mean().sqrt() / (expected[inner] ** 2).mean().sqrt()
+        assert error < most, f"{name} alpha {alpha}: {error:.3f}"
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.4, 1.0])
+def test_a_square_lamp_of_many_pixels_is_well_sampled(alpha):
+    """As training has it, with 32 to 64 samples: lamps of a pixel err by 16 to 23 %."""
+    radiance = np.ones((64, 128, 3), np.float32)
+    radiance[14:19, 40:45] = 250.0
+    some = np.s_[4::8, 4::8]
+    n = reflectance_normals(lighting.SIZE)[some].reshape(-1, 3).astype(np.float32)
+    wo = np.tile(np.array([0, 0, 1], np.float32), (len(n), 1))
+    pyramid, wide = shading_pyramid(radiance, alpha), shading_pyramid(radiance)
+    truth = shade(pyramid, n, wo, alpha, hammersley(1024), wide=wide)
+    terms = Illuminator([radiance], compiled=False).light(0, np.eye(3), alpha, 0).terms
+    found = terms.reshape(4, 3, lighting.SIZE, lighting.SIZE)[:, :, *some].flatten(2).mT.numpy()
+    for name, one, expected, most in (
+        ("S1", found[1], truth.specular, 0.06),
+        ("Dd", found[3], truth.diffuse, 0.03),
+    ):
+        error = np.sqrt(np.mean((one - expected) ** 2)) / np.mean(expected)
         assert error < most, f"{name} alpha {alpha}: {error:.3f}"
 
 

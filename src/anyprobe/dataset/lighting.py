@@ -36,7 +36,7 @@ class LitMaterial:
     elevation: int
 
 
-BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.12, 64, 32), (np.inf, 1.0, 40, 48))
+BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
 """Below which alpha; of which alpha the pyramid is; side of the computed reflectance map and samples a pixel: narrow
 lobes need pixels, wide ones samples."""
 

@@ -38,13 +38,13 @@ NUM_LAMPS = 16
 64 samples under a sun err by 1-4 % with them and by 20-115 % without. They cost as much time as ten samples.
 """
 
-PATCHES = ((0.3, 16, 128), (0.1, 32, 128))
+PATCHES = ((0.3, 16, 128), (0.2, 32, 128), (0.1, 64, 128))
 """From which alpha on lamps are patches, how many along the unfolded sphere and how many lamps, and the
-pyramid's side: what such a lobe does not tell from a point.
+pyramid's side: what such a lobe hardly tells from points.
 
 Under a room with a square lamp 14 degrees wide (that of benchmarks/ball.py), 64 samples of a conductor err by 12, 13
-and 10 % at alpha 0.1, 0.3 and 1 with lamps of a pixel, by 2.5, 0.6 and 0.7 % with patches; 512 samples by 3.7, 3.8 and
-4.3 %, and by 2.4, 0.2 and 0.3 %.
+and 10 % at alpha 0.1, 0.3 and 1 with lamps of a pixel, by 1.4, 0.6 and 0.7 % with patches; 512 samples by 3.3, 3.8 and
+4.3 %, and by 1.3, 0.2 and 0.3 %.
 """
 
 
