@@ -22,8 +22,8 @@ SIZES = (24, 32, 48, 64, 96, 128)
 """Of reflectance maps that are tried, beside shading every point by itself."""
 MAP_COUNTS, MAP_DIFFUSE_COUNTS = COUNTS[:9], (8, 16, 24, 32, 64)
 """Samples of a map's normals that are tried, of either term."""
-LOOK_UP = 16
-"""Looking a point up, its lamps included, costs about as much as so many samples."""
+LAMPS, LOOK_UP = 10, 16
+"""Samples that cost about as much as a point's lamps, for either term, and as looking a point up, lamps included."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,7 +38,9 @@ class Way:
     def cost(self, points: int) -> int:
         """Samples in all, or what costs as much."""
         samples = self.samples + self.diffuse_samples
-        return samples * self.size**2 + LOOK_UP * points if self.size else samples * points
+        if self.size:
+            return samples * self.size**2 + LOOK_UP * points
+        return (samples + LAMPS * (2 if self.diffuse_samples else 1)) * points
 
 
 def ways(kind: str, points: int, sizes: list[int]) -> list[Way]:
