@@ -22,8 +22,8 @@ from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
 from anyprobe.train.config import lift, paper, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
-from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
-from anyprobe.train.start import average, load_start, save_start  # noqa: E402
+from anyprobe.train.loop import learning_rate, train  # noqa: E402
+from anyprobe.train.start import load_start, save_start  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -147,22 +147,6 @@ def test_a_run_begins_from_kept_weights(run, tmp_path):
     ).abs().max()
     with pytest.raises(ModelError, match="expected weights of this run"):
         run(tmp_path / "d", steps=2, named=paper, start=kept)
-
-
-def test_averaged_weights_are_the_means_of_two_runs(run, tmp_path):
-    kept = tmp_path / "start.pt"
-    first = run(tmp_path / "a", steps=2, named=lift)
-    save_start(first, kept)
-    second = run(tmp_path / "b", steps=3, named=lift, start=kept)
-    averaged = average(second, kept)
-    of = {path: torch.load(path, weights_only=True)["nets"] for path in (first, second, averaged)}
-    for name, value in of[averaged].items():
-        if value.is_floating_point():
-            mean = (of[first][name] + of[second][name]) / 2
-            torch.testing.assert_close(value, mean, rtol=1e-3, atol=1e-5)
-    assert load_nets(averaged).keys() == {"light"}
-    with pytest.raises(ModelError, match="expected weights of this run"):
-        average(run(tmp_path / "c", steps=2, named=paper), kept)
 
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):

@@ -85,9 +85,6 @@ def weights(
     start: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
-    average: Annotated[
-        Path | None, typer.Option(help="Take the means of the run's weights and these, that it began from.")
-    ] = None,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
     _need_torch()
@@ -96,16 +93,9 @@ def weights(
     from anyprobe.train.export_onnx import export
     from anyprobe.train.loop import make_pairs
     from anyprobe.train.mean_map import write_mean_map
-    from anyprobe.train.start import average as averaged
     from anyprobe.train.start import save_start
 
     checkpoint = runs / run / "checkpoint.pt"
-    if average is not None:
-        if run == MASK_RUN or not checkpoint.is_file():
-            raise InputError(
-                f"--average: expected a finished run of lift, paper or designs, got {run} in {runs}"
-            )
-        checkpoint = averaged(checkpoint, average)
     exported = export_mask(checkpoint, to) if run == MASK_RUN else export(checkpoint, to)
     for stage, difference in exported.items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")

@@ -28,42 +28,15 @@ def save_start(checkpoint: Path, path: Path) -> None:
         torch.save(kept, temporary)
 
 
-def average(checkpoint: Path, start: Path) -> Path:
-    """Write averaged.pt beside a run's checkpoint: the same, with the means of its weights and those kept at start.
-
-    Of two runs one of which began where the other ended, the middle tends to err less than either
-    (Wortsman et al., Model soups, ICML 2022). Raises ModelError if start holds no weights of this run.
-    """
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
-    try:
-        kept = _kept(start)
-        stored["nets"] = {
-            name: (value + kept[name]) / 2 if value.is_floating_point() else value
-            for name, value in stored["nets"].items()
-        }
-    except Exception as error:
-        raise _no_start(start, error) from error
-    path = checkpoint.with_name("averaged.pt")
-    with atomic_path(path) as temporary:
-        torch.save(stored, temporary)
-    return path
-
-
 def load_start(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_start kept; ModelError if they are none of theirs."""
     try:
-        nets.load_state_dict(_kept(path))
+        kept = torch.load(path, map_location="cpu", weights_only=True)
+        nets.load_state_dict(
+            {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
+        )
     except Exception as error:  # torch raises many kinds for a damaged file
-        raise _no_start(path, error) from error
-
-
-def _kept(path: Path) -> dict[str, torch.Tensor]:
-    kept = torch.load(path, map_location="cpu", weights_only=True)
-    return {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
-
-
-def _no_start(path: Path, error: Exception) -> ModelError:
-    return ModelError(
-        f"{path}: expected weights of this run, kept by `anyprobe weights --start`, "
-        f"got {' '.join(str(error).split())[:80]}"
-    )
+        raise ModelError(
+            f"{path}: expected weights of this run, kept by `anyprobe weights --start`, "
+            f"got {' '.join(str(error).split())[:80]}"
+        ) from error
