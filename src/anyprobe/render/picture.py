@@ -8,7 +8,7 @@ import numpy as np
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.render.by_maps import radiance_by_maps
-from anyprobe.render.integrate import shade, shading_pyramid
+from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, see
 from anyprobe.scatter.brdf import Material
@@ -51,7 +51,8 @@ def draw_mesh(
     turn = np.asarray(camera.world_from_camera, np.float32).T
     n, wo = n @ turn, wo @ turn
     light, u = np.asarray(radiance, np.float32), hammersley(num_samples)
-    pyramid, wide = shading_pyramid(light, material.alpha), shading_pyramid(light)
+    wide = shading_pyramid(light)
+    pyramid = wide if material.alpha >= PATCHES[0][0] else shading_pyramid(light, material.alpha)
     picture = np.zeros((size * size, 4), np.float32)
     picture[:, 3] = count / supersample**2
     if material.alpha >= MAPS_FROM and len(seen) > MAP_SIZE**2:
