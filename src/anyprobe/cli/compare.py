@@ -54,6 +54,7 @@ def compare(
     from anyprobe.dataset.recipe import digest
     from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.figures import Figures
+    from anyprobe.evaluate.irradiance_limits import IrradianceLimits
     from anyprobe.evaluate.kept_pairs import kept_pairs
     from anyprobe.evaluate.study import study
     from anyprobe.evaluate.tables import result_files
@@ -72,12 +73,14 @@ def compare(
     chosen = recipes[:pairs]
     drawn = Figures(len(chosen), figures)
     tolerance = None if designs is None else Tolerance(designs.mixed)
+    limits = IrradianceLimits(irradiance_methods(model or [], designs))
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=talk) as progress:
         task = progress.add_task("", total=len(chosen))
 
         def watch(index, pair, estimates):
             drawn.add(index, pair, estimates)
+            limits.add(pair, estimates)
             if tolerance is not None:
                 tolerance.add(pair, estimates["direct"].ldr)
             progress.advance(task)
@@ -92,6 +95,7 @@ def compare(
     }
     for name, content in result_files(result, about).items():
         write_result(out / f"{name}.json", content)
+    write_result(out / "irradiance.json", about | limits.result())
     if run is not None:
         write_result(out / "gradual.json", about | curves(run / "log.csv"))
     if tolerance is not None:
@@ -131,6 +135,12 @@ def open_methods(
     for name in models:
         methods[Path(name).name], trained[Path(name).name] = shipped(name)
     return methods, trained
+
+
+def irradiance_methods(models: list[str], designs: DesignMethods | None = None) -> list[str]:
+    """Those with an irradiance image of their own: all designs share that of the model `paper`."""
+    names = [Path(name).name for name in models]
+    return names if designs is None or "paper" in names else ["irradiance", *names]
 
 
 def curves(log: Path) -> dict[str, Any]:

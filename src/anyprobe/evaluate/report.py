@@ -14,6 +14,7 @@ from anyprobe.evaluate.tables import ARRAY, CLEAN, FIELD, LIGHTS, ORDER
 from anyprobe.evaluate.verdict import (
     CURVES,
     curve_lines,
+    irradiance_lines,
     limit_lines,
     order_lines,
     rival_lines,
@@ -94,6 +95,8 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
     yield from limit_lines(table1)
     if "tolerance" in found:
         yield from tolerance_lines(found["tolerance"])
+    if "irradiance" in found:
+        yield from irradiance_lines(found["irradiance"])
     yield from _curves(found, links)
     yield from _grouped(found, links, "fig13", "Balls (the paper's Fig. 13)", "ball")
     if "fig13" in found:

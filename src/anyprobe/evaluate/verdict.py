@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from anyprobe.evaluate.irradiance_limits import PHOTO, STAGES, SURFACES
+from anyprobe.evaluate.paper_rows import TABLE1
 from anyprobe.evaluate.tolerance import DESIGNS as TOLERANT
 from anyprobe.evaluate.tolerance import tolerated
 
@@ -109,6 +111,81 @@ def tolerance_lines(tolerance: Mapping[str, Any]) -> Iterable[str]:
                 yield f"- {name}, {title}: behind direct even with true irradiance."
             else:
                 yield f"- {name}, {title}: level with direct at an irradiance RMSE of {level:.3f} (the paper's: 0.045)."
+
+
+def irradiance_lines(limits: Mapping[str, Any]) -> Iterable[str]:
+    """What of the irradiance image's error is a gain, and on which surfaces it is as good as the paper's."""
+    groups, paper = limits["groups"], TABLE1["irradiance"]["irradiance_ssim"]
+    yield from ("", "### What limits the irradiance image: an experiment", "", limits["note"])
+    yield f"Bold: at or above the paper's SSIM, {paper:.4f}."
+    yield ""
+    heads = ("surface", "pairs", "method", "RMSE", "SSIM", "gain: RMSE", "SSIM", "explained")
+    heads += ("channel: RMSE", "SSIM", "explained")
+    yield "| " + " | ".join(heads) + " |"
+    yield "|" + "---|" * len(heads)
+    for group, one in groups.items():
+        for row in one["rows"]:
+            cells = [group, str(one["pairs"]), row["design"]]
+            for stage in STAGES:
+                ssim = f"{row[f'{stage}ssim']:.4f}"
+                cells += [f"{row[f'{stage}rmse']:.4f}", f"**{ssim}**" if _meets(row, stage) else ssim]
+                cells += [f"{row[f'{stage}explained']:.0%}"] if stage else []
+            yield "| " + " | ".join(cells) + " |"
+    yield ""
+    of = {group: {row["design"]: row for row in one["rows"]} for group, one in groups.items()}
+    for method in of["all"]:
+        if method != PHOTO:
+            yield from _limits_of(method, {group: rows[method] for group, rows in of.items()})
+            yield from _beside_photo(method, of["all"])
+
+
+def _limits_of(method: str, rows: Mapping[str, Mapping[str, float]]) -> Iterable[str]:
+    """One method's row of each group."""
+    whole, paper = rows["all"], TABLE1["irradiance"]
+    yield f"- {method}: one gain a picture, {whole['gain_stops']:.2f} stops on average, explains"
+    yield f"  {whole['gain_explained']:.0%} of the squared error, a gain a channel {whole['channel_explained']:.0%}."
+    yield f"  With the one gain RMSE goes from {whole['rmse']:.4f} to {whole['gain_rmse']:.4f} and SSIM from"
+    yield f"  {whole['ssim']:.4f} to {whole['gain_ssim']:.4f} (the paper's: {paper['irradiance_rmse']:.4f},"
+    yield f"  {paper['irradiance_ssim']:.4f})."
+    surfaces = [name for bins in SURFACES.values() for name in bins if name in rows]
+    for when, stage in (("As it is", ""), ("After the one gain", "gain_")):
+        met = [name for name in surfaces if _meets(rows[name], stage)]
+        yield f"  {when} it meets the paper's SSIM {_where(surfaces, met)}."
+    worst = min(surfaces, key=lambda name: rows[name]["gain_ssim"])
+    yield f"  The lowest SSIM after the gain, {rows[worst]['gain_ssim']:.4f}, is that of {worst}"
+    if worst == SURFACES["dielectric"][0]:
+        yield "  (the irradiance image of a smooth surface is close to a mirror image, of which a dielectric shows"
+        yield "  some 4 % beside its diffuse light)."
+    else:
+        yield f"  (of {SURFACES['dielectric'][0]}: {_shown(rows, SURFACES['dielectric'][0])})."
+
+
+def _beside_photo(method: str, rows: Mapping[str, Mapping[str, float]]) -> Iterable[str]:
+    """Whether a method gives more than the photo that it is given."""
+    photo, one = rows[PHOTO], rows[method]
+    better = {
+        "RMSE": one["rmse"] < photo["rmse"],
+        "SSIM": one["ssim"] > photo["ssim"],
+        "RMSE after the gain": one["gain_rmse"] < photo["gain_rmse"],
+        "SSIM after the gain": one["gain_ssim"] > photo["gain_ssim"],
+    }
+    won, lost = ([name for name in better if better[name] is answer] for answer in (True, False))
+    yield f"  Over all pairs it is better than the photo itself in {', '.join(won) or 'no figure'}"
+    yield f"  and not in {', '.join(lost)}." if lost else "  and so in every figure."
+
+
+def _where(surfaces: Sequence[str], met: Sequence[str]) -> str:
+    if len(met) in (0, len(surfaces)):
+        return f"on {'each' if met else 'none'} of the {len(surfaces)} surfaces"
+    return f"on {'; '.join(met)}, not on {'; '.join(name for name in surfaces if name not in met)}"
+
+
+def _meets(row: Mapping[str, float], stage: str) -> bool:
+    return row[f"{stage}ssim"] >= TABLE1["irradiance"]["irradiance_ssim"]
+
+
+def _shown(rows: Mapping[str, Mapping[str, float]], group: str) -> str:
+    return f"{rows[group]['gain_ssim']:.4f}" if group in rows else "no pairs"
 
 
 def curve_lines(gradual: Mapping[str, Any]) -> Iterable[str]:
