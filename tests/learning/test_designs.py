@@ -9,10 +9,12 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
+from support.some_batch import some_batch  # noqa: E402
+
 from anyprobe.core.latlong import direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import Batch, PairSource  # noqa: E402
+from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
@@ -34,26 +36,6 @@ from anyprobe.train.loop import load_nets, train  # noqa: E402
 @pytest.fixture(scope="module")
 def learner():
     return Designs(smoke(designs()), "cpu")
-
-
-def some_batch(count=4):
-    generator = torch.Generator().manual_seed(0)
-
-    def values(*shape):
-        return torch.rand(shape, generator=generator)
-
-    normals = torch.nn.functional.normalize(
-        values(count, 3, 128, 128) - torch.tensor([0.5, 0.5, -1]).reshape(3, 1, 1), dim=1
-    )
-    return Batch(
-        photo=values(count, 4, 128, 128),
-        irradiance=values(count, 3, 128, 128),
-        ldr=values(count, 3, 64, 128),
-        ln_radiance=values(count, 3, 64, 128),
-        alpha=values(count),
-        normals=normals,
-        tan_half=0.2 * values(count),
-    )
 
 
 def test_losses_do_not_mix(learner):

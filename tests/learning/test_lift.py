@@ -1,11 +1,14 @@
 """Lifting: pixels land where their light came from, and the losses mean what they say."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
+
+from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.core.latlong import (  # noqa: E402
     bilinear,
@@ -107,6 +110,39 @@ def test_the_field_of_view_moves_what_is_lifted():
         assert guess.ln_radiance.shape == guess.ln_expected.shape == (1, 3, 64, 128)
         assert guess.confidence_logit.shape == (1, 1, 64, 128)
         assert guess.told.irradiance.shape == (1, 3, 128, 128)
+
+
+def test_known_normals_take_the_place_of_estimated_ones():
+    """Where they are told, whatever their length; elsewhere the network's own stay. Light moves with them."""
+    torch.manual_seed(0)
+    net = LightNet().eval()
+    photo, angle = torch.rand(1, 4, 128, 128), torch.tensor([[0.1]])
+    photo[:, 3] = 1.0
+    known = torch.zeros(1, 3, 64, 64)
+    known[:, 0, :, :32], known[:, 2, :, :32] = 0.48, 0.64
+    with torch.no_grad():
+        alone, none, told = (
+            net(photo, angle),
+            net(photo, angle, torch.zeros_like(known)),
+            net(photo, angle, known),
+        )
+    assert torch.equal(alone.ln_radiance, none.ln_radiance)
+    torch.testing.assert_close(told.told.normals[..., :32], known[..., :32] / 0.8)
+    torch.testing.assert_close(told.told.normals.norm(dim=1), torch.ones(1, 64, 64))
+    assert (told.told.normals[..., 32:] != known[..., 32:]).any()
+    assert (told.ln_shown - alone.ln_shown).abs().mean() > 1e-4
+
+
+def test_what_is_told_need_not_be_guessed():
+    """With exact normals told, the loss of normals is nothing; with none, something."""
+    torch.manual_seed(0)
+    learner = Lift(LiftConfig(), "cpu")
+    batch = some_batch(2)
+    batch.photo[:, 3] = 1.0
+    none = learner.losses(batch, 0.0)["normals"]
+    exact = learner.losses(replace(batch, told=torch.eye(3).expand(2, 3, 3)), 0.0)["normals"]
+    assert none > 0.01
+    assert exact == 0.0
 
 
 def test_nothing_outside_the_mask_is_lifted():

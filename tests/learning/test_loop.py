@@ -11,9 +11,11 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
+from support.some_batch import some_batch  # noqa: E402
+
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.pairs import Batch, PairSource  # noqa: E402
+from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
@@ -68,15 +70,7 @@ def test_a_finished_run_is_left_alone(run, tmp_path):
 def test_losses_do_not_mix():
     """No gradient of a later network may reach an earlier one."""
     chain = Chain(smoke(paper()), "cpu")
-    batch = Batch(
-        photo=torch.rand(4, 4, 128, 128),
-        irradiance=torch.rand(4, 3, 128, 128),
-        ldr=torch.rand(4, 3, 64, 128),
-        ln_radiance=torch.rand(4, 3, 64, 128),
-        alpha=torch.rand(4),
-        normals=torch.rand(4, 3, 128, 128),
-        tan_half=torch.rand(4),
-    )
+    batch = some_batch()
     for stage in NETS:
         chain.nets.zero_grad(set_to_none=True)
         chain.losses(batch, 0.5)[stage].backward()

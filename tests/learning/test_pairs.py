@@ -16,7 +16,7 @@ from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
-from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.pairs import TOLD_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
@@ -304,3 +304,24 @@ def test_stretch_and_tilt_make_other_shapes_of_the_same():
     assert min(facing) > 0.98  # a closed shape faces the camera somewhere
     outlines = {(picture != 0).any(axis=0).tobytes() for picture in varied.normals}
     assert len(outlines) == len(varied.normals)
+
+
+def test_told_normals_err_by_a_small_turn(maps, surfaces):
+    """They come with the share of the photos that was asked for, and change nothing else of the pairs."""
+    plain = make_source(maps, surfaces).batch(0)
+    assert not plain.told.any()
+    source = PairSource(
+        Illuminator(maps, compiled=False),
+        surfaces,
+        PairConfig(batch=4, seed=0, group=2, pool=2, reuse=4, told=0.5),
+    )
+    batches = [source.batch(step) for step in range(8)]
+    assert torch.equal(batches[0].photo, plain.photo)
+    turns = torch.cat([batch.told for batch in batches])
+    told = turns.abs().sum(dim=(1, 2)) > 0
+    assert 8 <= told.sum() <= 24
+    turns = turns[told]
+    torch.testing.assert_close(turns @ turns.mT, torch.eye(3).expand_as(turns), atol=1e-5, rtol=0)
+    cosine = (turns.diagonal(dim1=1, dim2=2).sum(dim=1) - 1) / 2
+    angles = torch.rad2deg(torch.acos(cosine.clip(-1, 1)))
+    assert 0.7 * TOLD_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * TOLD_ERROR_DEG

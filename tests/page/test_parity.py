@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -40,4 +41,6 @@ def test_page_gives_what_the_package_gives(tmp_path, model):
     )
     assert ended.returncode == 0, ended.stdout[-3000:]
     assert "# skipped 0" in ended.stdout
-    assert "# pass 27" in ended.stdout
+    passed = re.search(r"^# pass (\d+)$", ended.stdout, re.MULTILINE)
+    assert passed is not None
+    assert int(passed[1]) >= 34  # the parity tests are among them: nothing was skipped

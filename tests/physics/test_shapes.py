@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anyprobe.render.mesh import Mesh, transformed
-from anyprobe.render.shapes import blob, draw_shape, lathe, rounded_polyhedron, sphere, superquadric
+from anyprobe.render.shapes import blob, draw_shape, figure, lathe, rounded_polyhedron, sphere, superquadric
 
 FAMILIES = [superquadric, blob, lathe, rounded_polyhedron]
 SEEDS = range(8)
@@ -138,3 +138,33 @@ def test_a_ball_drawn_out_is_an_ellipsoid():
     normals, areas = geometry(mesh)
     corners = mesh.normals.astype(np.float64).mean(axis=1)
     assert ((corners * normals).sum(axis=1) > 0.9)[areas > 1e-6].all()  # what faces show agrees with normals
+
+
+def piece_of(mesh: Mesh) -> np.ndarray:
+    """The number of each face's connected piece, in the order of the vertices."""
+    label = np.arange(len(mesh.positions))
+    while True:
+        least = label[mesh.faces].min(axis=1)
+        spread = label.copy()
+        np.minimum.at(spread, mesh.faces, least[:, None])
+        spread = spread[spread]
+        if np.array_equal(spread, label):
+            return np.unique(label[mesh.faces[:, 0]], return_inverse=True)[1]
+        label = spread
+
+
+def test_figures_are_closed_pieces_turned_outwards():
+    """Each piece has a positive volume, mirrored ones too; about half of the figures have all but the body twice."""
+    twice = 0
+    for seed in range(12):
+        mesh = figure(np.random.default_rng(seed))
+        edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]))
+        assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+        normals, areas = geometry(mesh)
+        centres = mesh.positions[mesh.faces].mean(axis=1)
+        volumes = np.bincount(piece_of(mesh), (centres * normals).sum(axis=1) * areas / 3)
+        assert len(volumes) >= 3
+        assert (volumes > 0).all()
+        one, other = volumes[1::2], volumes[2::2]
+        twice += len(one) == len(other) and np.allclose(one, other, rtol=1e-3)
+    assert 3 <= twice <= 9

@@ -20,6 +20,7 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 
 from fastapi.testclient import TestClient
 
+from anyprobe.scatter.brdf import Material
 from anyprobe.serve.app import CLIENT_GONE, create_app
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.pool import Busy, Cancelled, WorkerPool
@@ -106,6 +107,24 @@ def test_clicks_and_boxes_reach_the_mask(client, photo_rgba):
     assert "box" in complaint(client.post("/v1/mask", content=opaque, params={"box": "5,5,4,9"}), 422)
 
 
+def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, photo, photo_rgba):
+    normals = np.full((*photo_rgba.shape[:2], 3), (128, 128, 255), np.uint8)  # all of it faces the camera
+    parts = {"photo": ("ball.png", photo), "normals": ("n.png", as_png(normals))}
+    answer = client.post("/v1/estimate", files=parts, data={"material": "plastic", "albedo": "0.2,0.3,0.4"})
+    told = answer.json()["known"]
+    assert told["normals"] is True
+    assert told["material"]["albedo"] == [0.2, 0.3, 0.4]
+    expected = estimator(
+        photo_rgba,
+        normals=normals,
+        material=Material(albedo=np.array([0.2, 0.3, 0.4]), f0=np.full(3, 0.045), alpha=0.12),
+    )
+    np.testing.assert_allclose(told["gain"], expected.info["known"]["gain"], rtol=1e-3)
+    assert client.post("/v1/estimate", content=photo).json()["known"] == {"normals": False}
+    exr = {**parts, "normals": ("n.exr", b"\x76\x2f\x31\x01")}
+    assert "16-bit PNG" in complaint(client.post("/v1/estimate", files=exr), 422)
+
+
 @pytest.mark.parametrize(
     ("query", "body", "word"),
     [
@@ -116,6 +135,9 @@ def test_clicks_and_boxes_reach_the_mask(client, photo_rgba):
         ("?fov=nan", None, "a number"),
         ("?fov=500", None, "170"),
         ("?include=everything", None, "radiance"),
+        ("?material=wood", None, "chrome"),
+        ("?albedo=0.5,0.5", None, "a number or R,G,B"),
+        ("?albedo=2", None, "up to 1"),
     ],
 )
 def test_what_cannot_be_used_is_named_in_one_line(client, photo, query, body, word):
@@ -145,7 +167,7 @@ def test_full_house_answers_429_and_when_to_come_back(estimator, photo):
     class Slow:
         model_id = "slow"
 
-        def from_photo(self, photo):
+        def from_photo(self, photo, material=None):
             started.set()
             go_on.wait(20)
             return estimator.from_photo(photo)

@@ -133,7 +133,8 @@ def open_methods(
         trained = {"designs": designs.run}
         methods |= designs.methods()
     for name in models:
-        methods[Path(name).name], trained[Path(name).name] = shipped(name)
+        made, trained[Path(name).name] = shipped(name)
+        methods |= made
     return methods, trained
 
 

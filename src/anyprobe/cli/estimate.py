@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Column, Table
 
+from anyprobe.cli.known import AlbedoOption, MaterialOption, NormalsOption, read_material
 from anyprobe.cli.where import (
     BoxOption,
     ClickOption,
@@ -54,6 +55,9 @@ def estimate(
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
     ] = None,
+    normals: NormalsOption = None,
+    material: MaterialOption = None,
+    albedo: AlbedoOption = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per photo on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -61,14 +65,15 @@ def estimate(
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
     from anyprobe.infer.estimate import Estimator
 
-    where = read_where(mask, box, click, click_off, depth, near, far)
+    where = read_where(mask, box, click, click_off, depth, near, far) | {"normals": normals}
+    known = read_material(material, albedo)
     listed = list_photos(photos)
     estimator = Estimator(model)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
     )
-    done = [_one(estimator, path, out, where, fov, as_json, listed) for path in steps]
+    done = [_one(estimator, path, out, where, fov, known, as_json, listed) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)
@@ -78,7 +83,9 @@ def estimate(
         raise typer.Exit(2)
 
 
-def _one(estimator, path: Path, out: Path, where: dict, fov, as_json: bool, listed: list[Path]) -> Done:
+def _one(
+    estimator, path: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
+) -> Done:
     """Estimate one photo and write its files; an error of ours ends this photo alone."""
     from anyprobe.infer.outputs import SUFFIXES, write_results
     from anyprobe.infer.photo import load_photo
@@ -90,14 +97,14 @@ def _one(estimator, path: Path, out: Path, where: dict, fov, as_json: bool, list
                 f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
             )
         told = where_for(path, where)
-        files = (*listed, told["mask"], told["depth"])
+        files = (*listed, told["mask"], told["depth"], told["normals"])
         inputs = {given.resolve(): given for given in files if given is not None}
         for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
             if target.resolve() in inputs:
                 lost = inputs[target.resolve()]
                 raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
         photo = load_photo(path, fov_deg=fov, **told)
-        light = estimator.from_photo(photo)
+        light = estimator.from_photo(photo, material=known)
         written = write_results(photo, light, out, path.stem)
     except AnyprobeError as error:
         if as_json:

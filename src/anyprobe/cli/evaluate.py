@@ -18,7 +18,7 @@ from rich.table import Table
 from anyprobe.cli.evaluate_real import evaluate_real
 from anyprobe.errors import InputError
 from anyprobe.infer.engines import DEFAULT_ENGINE, ENGINES
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.infer.runtime import DEFAULT_MODEL, LIFT_STAGES
 
 COLUMNS = (
     "ldr_psnr",
@@ -70,6 +70,10 @@ def evaluate(
         bool,
         typer.Option("--path-traced", help="Photos by Mitsuba 3: objects shadow and mirror themselves."),
     ] = False,
+    told: Annotated[
+        bool,
+        typer.Option("--told", help="Also with the objects' true normals, true materials and both told."),
+    ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
     ),
@@ -100,6 +104,7 @@ def evaluate(
     from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.baselines import chrome_ball, mean_map
     from anyprobe.evaluate.calibration import Calibration
+    from anyprobe.evaluate.methods import TOLD
     from anyprobe.evaluate.noisy_masks import with_noisy_mask
     from anyprobe.evaluate.pictures import PictureGrid
     from anyprobe.evaluate.protocol import METRICS, run
@@ -119,8 +124,14 @@ def evaluate(
             calibration.add(outputs.confidence, outputs.ldr, response(pair.radiance))
         return outputs.radiance
 
+    name = Path(model).name
+    if told and models.stages != LIFT_STAGES:
+        raise InputError(
+            f"--told: expected a model that can be told normals, got {name}; use {DEFAULT_MODEL}"
+        )
     methods = {
-        Path(model).name: network,
+        name: network,
+        **{f"{name}, told {what}": partial(_radiance_told, models, TOLD[what]) for what in TOLD if told},
         "mean map": lambda pair: mean_map(),
         "chrome ball": lambda pair: chrome_ball(pair.crop),
     }
@@ -154,6 +165,7 @@ def evaluate(
         + ("" if conditions is Conditions.clean else f" --conditions {conditions.value}")
         + (" --noisy-masks" if noisy_masks else "")
         + (" --path-traced" if path_traced else "")
+        + (" --told" if told else "")
         + ("" if engine == DEFAULT_ENGINE else f" --engine {engine}"),
         "model": model_id(model),
         "recipes": digest(recipes),
@@ -169,6 +181,12 @@ def evaluate(
     write_png(out / "pictures.png", grid.picture())
     _print(table, irradiance)
     talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
+
+
+def _radiance_told(models, told: set[str], pair):
+    from anyprobe.evaluate.methods import run_told
+
+    return run_told(models, pair, told).radiance
 
 
 def _tracer() -> Callable:

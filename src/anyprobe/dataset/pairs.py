@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
+from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
@@ -35,6 +36,8 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
+    told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
+        tracked model.
     """
 
     batch: int = 32
@@ -44,13 +47,19 @@ class PairConfig:
     pool: int = 12
     lanes: int = 2
     cut_out: float = 0.0
+    told: float = 0.0
+
+
+TOLD_ERROR_DEG = 2.0
+"""Standard deviation of each of the three angles by which told normals are turned."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
     """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
-    zero outside the object, and tan_half [B] of half the field of view."""
+    zero outside the object, and tan_half [B] of half the field of view; told [B, 3, 3]: from these normals to those
+    that come with the photo, a small turn, or zero where none do."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -59,6 +68,7 @@ class Batch:
     alpha: torch.Tensor
     normals: torch.Tensor
     tan_half: torch.Tensor
+    told: torch.Tensor
 
 
 class PairSource:
@@ -128,6 +138,9 @@ class PairSource:
         photo_mask = torch.from_numpy(found[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
+        told = np.zeros((count, 3, 3), np.float32)
+        if self.config.told > 0:
+            told = _small_turns(count, rng) * (rng.random(count) < self.config.told)[:, None, None]
         return Batch(
             photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
@@ -136,6 +149,7 @@ class PairSource:
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
             normals=normals,
             tan_half=torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device),
+            told=torch.from_numpy(told.astype(np.float32)).to(self.device),
         )
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
@@ -174,6 +188,12 @@ def shade(
     # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
     radiance = torch.lerp(grazing * gain_grazing[:, None] + albedo * diffuse, one * gain_one[:, None], f0)
     return radiance, first_factor
+
+
+def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Rotations [count, 3, 3] about all three axes, TOLD_ERROR_DEG each."""
+    angles = rng.normal(0.0, np.radians(TOLD_ERROR_DEG), (count, 3))
+    return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])
 
 
 def _column(values, device) -> torch.Tensor:

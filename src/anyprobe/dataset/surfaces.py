@@ -13,7 +13,7 @@ from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
 from anyprobe.files.atomic import atomic_path
 from anyprobe.render.mesh import Mesh, transformed
-from anyprobe.render.shapes import draw_shape
+from anyprobe.render.shapes import draw_shape, figure
 from anyprobe.render.surface import frame_object, see
 
 NUM_ELEVATIONS = 8
@@ -23,8 +23,8 @@ ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceConfig:
-    """views: per shape and elevation class; procedural: how many shapes of our own are added, each seen
-    own_views times (None: views).
+    """views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
+    made of several, each seen own_views times (None: views).
 
     stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
     directions of its own; tilt_deg: of the angle by which it leans. New shapes from old: there are few.
@@ -33,6 +33,7 @@ class SurfaceConfig:
     views: int = 3
     own_views: int | None = None
     procedural: int = 60
+    figures: int = 0
     stretch: float = 0.0
     tilt_deg: float = 0.0
     size: int = 128
@@ -74,6 +75,7 @@ def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path 
             return SurfaceSet(**{name: stored[name] for name in ("normals", "tan_half", "elevation")})
     rng = np.random.default_rng(config.seed)
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
+    meshes += [figure(rng) for _ in range(config.figures)]
     normals, tan_half, elevation = [], [], []
     for number, mesh in enumerate(meshes):
         own = number >= len(shapes) and config.own_views is not None

@@ -1,6 +1,10 @@
-"""What is compared besides the trained designs: baselines and shipped models."""
+"""What is compared besides the trained designs: baselines and shipped models, and what these do when told more."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -8,7 +12,12 @@ from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.baselines import chrome_ball, mean_map
 from anyprobe.evaluate.panel import Estimate, Method
-from anyprobe.infer.runtime import Models, model_id
+from anyprobe.infer.known_material import fit_gain
+from anyprobe.infer.known_normals import SHORTEST
+from anyprobe.infer.runtime import LIFT_STAGES, NORMALS_SIZE, Models, Outputs, model_id
+
+TOLD = {"normals": {"normals"}, "material": {"material"}, "normals and material": {"normals", "material"}}
+"""What a model may be told beside the photo, by the name of the row."""
 
 
 def baselines() -> dict[str, Method]:
@@ -23,14 +32,42 @@ def baselines() -> dict[str, Method]:
     }
 
 
-def shipped(model: str) -> tuple[Method, dict[str, str]]:
-    """A bundled model or a folder of graphs, and what identifies it."""
-    models = Models(model)
+def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
+    """A model's answer where the pair's true normals, its true material or both are told."""
+    outputs = models(pair.crop, pair.tan_half, true_normals(pair) if "normals" in told else None)
+    if "material" not in told:
+        return outputs
+    gain = fit_gain(outputs.radiance, pair.crop, outputs.normals, pair.tan_half, pair.material)
+    radiance = outputs.radiance * gain
+    return replace(
+        outputs, radiance=radiance, ldr=response(radiance), ln_radiance=outputs.ln_radiance + np.log(gain)
+    )
 
-    def method(pair: Pair) -> Estimate:
-        outputs = models(pair.crop, pair.tan_half)
+
+def true_normals(pair: Pair) -> np.ndarray:
+    """A pair's normals as a model is told them: [64, 64, 3] unit, zero outside the object."""
+    step = len(pair.normals) // NORMALS_SIZE
+    mean = (
+        np.asarray(pair.normals, np.float32)
+        .reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3)
+        .mean(axis=(1, 3))
+    )
+    length = np.linalg.norm(mean, axis=-1, keepdims=True)
+    return np.where(length > SHORTEST, mean / np.maximum(length, SHORTEST), 0.0)
+
+
+def shipped(model: str) -> tuple[dict[str, Method], dict[str, str]]:
+    """A bundled model or a folder of graphs by its name, if it can be told normals also with the true ones;
+    and what identifies it."""
+    models, name = Models(model), Path(model).name
+
+    def method(pair: Pair, told: set[str]) -> Estimate:
+        outputs = run_told(models, pair, told)
         return Estimate(
             ldr=outputs.ldr.clip(0.0, 1.0), radiance=outputs.radiance, irradiance=outputs.irradiance
         )
 
-    return method, {"model": model_id(model)}
+    methods = {name: partial(method, told=set())}
+    if models.stages == LIFT_STAGES:
+        methods[f"{name}_normals"] = partial(method, told={"normals"})
+    return methods, {"model": model_id(model)}

@@ -27,6 +27,7 @@ NAMES = {
     "ours_2": "ours, second seed",
     "georgoulis": "Georgoulis et al., direct, retrained",
     "meka": "Meka et al., retrained, true normals",
+    "lift_normals": "lift, true normals",
     "mean map": "mean map (no network)",
     "chrome ball": "chrome ball (no network)",
 }

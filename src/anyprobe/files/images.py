@@ -33,7 +33,7 @@ MIN_SIDE_PX = 32
 PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
 """Formats that may be opened; Pillow knows others that start programs or are no pictures."""
 
-_EXR_MAGIC = b"\x76\x2f\x31\x01"
+EXR_MAGIC = b"\x76\x2f\x31\x01"
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
@@ -101,7 +101,7 @@ def declared_pixels(data: bytes) -> int:
 
     What a header tells beyond Pillow's own bound counts as just above MAX_PIXELS.
     """
-    if data.startswith(_EXR_MAGIC):
+    if data.startswith(EXR_MAGIC):
         with _exr_file(data) as path:
             return exr_pixels(path)
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
@@ -146,7 +146,7 @@ def _from_stream(stream: io.BufferedIOBase, num_bytes: int, name: str) -> Pixels
     stream.seek(0)
     if not head:
         raise InvalidPhoto(f"{name}: expected an image, got an empty file; copy or save it again")
-    if head.startswith(_EXR_MAGIC):
+    if head.startswith(EXR_MAGIC):
         return _from_exr(stream.read(), name)
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
         _register_heic(name)

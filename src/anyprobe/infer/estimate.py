@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import lru_cache
 from typing import Unpack
 
 import numpy as np
 
+from anyprobe.errors import InputError
 from anyprobe.files.images import ImageSource
 from anyprobe.infer.engines import DEFAULT_ENGINE
+from anyprobe.infer.known_material import fit_gain
+from anyprobe.infer.known_normals import NormalsSource
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
-from anyprobe.infer.runtime import DEFAULT_MODEL, PHOTO_SIZE, Models, model_id
+from anyprobe.infer.runtime import DEFAULT_MODEL, LIFT_STAGES, PHOTO_SIZE, Models, model_id
 from anyprobe.light.environment import rotate
 from anyprobe.masks.find import Where
+from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.presets import material_named
 
 ENOUGH_TOLD = 0.5
 """Where less of the object than this is neither black nor burnt out, confidence falls in proportion."""
@@ -34,28 +40,55 @@ class Estimator:
         self.models = Models(model, threads, engine)
         self.model_id = model_id(model)
 
-    def __call__(self, source: ImageSource, *, fov_deg: float | None = None, **where: Unpack[Where]) -> Light:
+    def __call__(
+        self,
+        source: ImageSource,
+        *,
+        fov_deg: float | None = None,
+        normals: NormalsSource | None = None,
+        material: Material | str | None = None,
+        **where: Unpack[Where],
+    ) -> Light:
         """The light around the object of one photo.
 
         Args:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
+            normals: the object's, where they are known: a normal map of the photo's size in the camera's frame,
+                see infer.known_normals.read_normals. Light comes from truer directions then.
+            material: the object's, where it is known: of scatter.brdf, or a name of scatter.presets. Brightness and
+                colour of the light are made to fit it, see infer.known_material.
             where: mask= (a picture of the photo's size, white on the object, or a function that
                 gets the photo and returns one), click= (x, y) or several, click_off=, box= (x0, y0,
                 x1, y1), depth= with near= and far=; see masks.find.Where. Without any, the alpha
                 channel counts, else our mask network proposes the object.
         Raises:
-            InvalidPhoto, InvalidMask: with one line that says what to do.
+            InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
         """
         start = time.perf_counter()
-        return self.from_photo(load_photo(source, fov_deg=fov_deg, **where), start)
+        material = material_named(material) if isinstance(material, str) else material
+        photo = load_photo(source, fov_deg=fov_deg, normals=normals, **where)
+        return self.from_photo(photo, start, material=material)
 
-    def from_photo(self, photo: Photo, start: float | None = None) -> Light:
+    def from_photo(
+        self, photo: Photo, start: float | None = None, *, material: Material | None = None
+    ) -> Light:
         """The same for a Photo that is loaded already."""
         start = time.perf_counter() if start is None else start
+        self._check_use(photo, material)
         crop = crop_object(photo, PHOTO_SIZE)
         loaded = time.perf_counter()
-        outputs = self.models(crop.image, crop.tan_half)
+        outputs = self.models(crop.image, crop.tan_half, crop.normals)
+        known = {"normals": crop.normals is not None}
+        if material is not None:
+            gain = fit_gain(outputs.radiance, crop.image, outputs.normals, crop.tan_half, material)
+            outputs = replace(outputs, radiance=outputs.radiance * gain)
+            known["material"] = {
+                "albedo": _list(material.albedo),
+                "f0": _list(material.f0),
+                "alpha": material.alpha,
+            }
+            known["gain"] = _list(gain)
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         told = told_share(crop.image)
@@ -82,6 +115,7 @@ class Estimator:
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
                 "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
+                "known": known,
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
                     "load": round(loaded - start, 4),
@@ -90,6 +124,21 @@ class Estimator:
                 },
             },
         )
+
+    def _check_use(self, photo: Photo, material: Material | None) -> None:
+        """Only the model that lifts pixels can use what is known."""
+        told = [
+            name for name, value in (("normals", photo.normals), ("material", material)) if value is not None
+        ]
+        if told and self.models.stages != LIFT_STAGES:
+            raise InputError(
+                f"{' and '.join(told)}: expected a model that tells normals, got {self.models.name}; "
+                f"use {DEFAULT_MODEL}"
+            )
+
+
+def _list(values: np.ndarray) -> list[float]:
+    return np.round(np.asarray(values, np.float64), 5).tolist()
 
 
 def _rounded(confidence: float | None) -> float | None:
@@ -105,8 +154,10 @@ def estimate(
     source: ImageSource,
     *,
     fov_deg: float | None = None,
+    normals: NormalsSource | None = None,
+    material: Material | str | None = None,
     model: str = DEFAULT_MODEL,
     **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
-    return _shared(model)(source, fov_deg=fov_deg, **where)
+    return _shared(model)(source, fov_deg=fov_deg, normals=normals, material=material, **where)

@@ -10,6 +10,8 @@ import numpy as np
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InvalidPhoto
 from anyprobe.files.images import ImageSource, read_image
+from anyprobe.infer.known_normals import SHORTEST, NormalsSource, read_normals
+from anyprobe.infer.runtime import NORMALS_SIZE
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
 
@@ -36,6 +38,7 @@ class Photo:
         warnings: one line each, for the user.
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
+        normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
     """
 
     rgb: np.ndarray
@@ -46,6 +49,7 @@ class Photo:
     warnings: tuple[str, ...]
     mask_source: str = "mask"
     mask_confidence: float | None = None
+    normals: np.ndarray | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,6 +63,7 @@ class Crop:
         side_px: side of the window in pixels of the photo.
         center_px: x, y of its centre; pixel i covers [i, i + 1).
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
+        normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
     """
 
     image: np.ndarray
@@ -66,14 +71,22 @@ class Crop:
     side_px: float
     center_px: tuple[float, float]
     tan_half: float
+    normals: np.ndarray | None = None
 
 
-def load_photo(source: ImageSource, *, fov_deg: float | None = None, **where: Unpack[Where]) -> Photo:
+def load_photo(
+    source: ImageSource,
+    *,
+    fov_deg: float | None = None,
+    normals: NormalsSource | None = None,
+    **where: Unpack[Where],
+) -> Photo:
     """Read a photo and find its object.
 
     Args:
         source: path, bytes, Pillow image or array, see read_image.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
+        normals: known ones, see infer.known_normals.read_normals.
         where: what is told about the object: mask, depth with near and far, click, click_off,
             box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
@@ -96,6 +109,7 @@ def load_photo(source: ImageSource, *, fov_deg: float | None = None, **where: Un
         warnings=pixels.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
+        normals=None if normals is None else read_normals(normals, found.mask.shape),
     )
 
 
@@ -110,25 +124,39 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     center = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)
     side = CROP_MARGIN * max(x1 - x0, y1 - y0)
     height, width = photo.mask.shape
-    columns, column_weights = _resampling(center[0] - side / 2.0, side, size, width)
-    rows, row_weights = _resampling(center[1] - side / 2.0, side, size, height)
-
     ray = _pixel_direction(center, width, height, photo.long_fov_deg)
     # away from the photo's centre a pixel takes in less: by cos^2 along the radius, by cos across it
     tan_half = side / max(width, height) * np.tan(np.radians(photo.long_fov_deg) / 2.0) * (-ray[2]) ** 1.5
 
-    mask = photo.mask[rows, columns]
-    image = np.empty((size, size, 4), dtype=np.float32)
-    for channel in range(3):
-        image[..., channel] = row_weights @ (photo.rgb[rows, columns, channel] * mask) @ column_weights.T
-    image[..., 3] = row_weights @ mask @ column_weights.T
+    camera_from_crop = turn_towards(ray)
+    normals = None
+    if photo.normals is not None:
+        mean = _window(photo.normals, photo.mask, center, side, NORMALS_SIZE)[..., :3]
+        length = np.linalg.norm(mean, axis=-1, keepdims=True)
+        mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
+        normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
     return Crop(
-        image=np.clip(image, 0.0, 1.0),
-        camera_from_crop=turn_towards(ray),
+        image=np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0),
+        camera_from_crop=camera_from_crop,
         side_px=side,
         center_px=center,
         tan_half=float(tan_half),
+        normals=normals,
     )
+
+
+def _window(
+    values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int
+) -> np.ndarray:
+    """The square of that side in pixels around center (x, y): [size, size, 4], values times mask, and mask."""
+    columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
+    rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
+    mask = mask[rows, columns]
+    window = np.empty((size, size, 4), dtype=np.float32)
+    for channel in range(3):
+        window[..., channel] = row_weights @ (values[rows, columns, channel] * mask) @ column_weights.T
+    window[..., 3] = row_weights @ mask @ column_weights.T
+    return window
 
 
 def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:

@@ -29,8 +29,11 @@ STAGES = ("irradiance", "illumination", "hdr")
 """The paper's chain, one graph each."""
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
+LIFT_INPUTS = ("photo", "tan_half", "known_normals")
+LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals")
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE = 128
+NORMALS_SIZE = 64
 DEFAULT_MODEL = "lift"
 
 
@@ -40,8 +43,8 @@ class Outputs:
 
     radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
     ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
-    confidence [H, 2H]: probability that a pixel's display value is within 0.1; None from a model
-    that does not say.
+    confidence [H, 2H]: probability that a pixel's display value is within 0.1; normals [64, 64, 3]: unit, the
+    estimated ones or those that were given. None from a model that does not say.
     """
 
     radiance: np.ndarray
@@ -49,6 +52,7 @@ class Outputs:
     ldr: np.ndarray
     ln_radiance: np.ndarray
     confidence: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
 
 def bundled_models() -> list[str]:
@@ -97,16 +101,19 @@ class Models:
             path = folder / f"{stage}.onnx"
             self._run[stage] = open_engine(_open(path, stage, options), path, engine, threads)
 
-    def __call__(self, image: np.ndarray, tan_half: float) -> Outputs:
+    def __call__(self, image: np.ndarray, tan_half: float, normals: np.ndarray | None = None) -> Outputs:
         """Run on a crop.
 
         Args:
             image: [128, 128, 4], display RGB times mask, and mask.
             tan_half: tangent of half the angle that the crop's side takes in.
+            normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
+                The paper's chain has no use for them.
         """
-        photo = np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
+        photo = _batch(image)
         if self.stages == LIFT_STAGES:
-            return self._lift(photo, tan_half)
+            given = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
+            return self._lift(photo, tan_half, _batch(given))
         return self._chain(photo)
 
     def _chain(self, photo: np.ndarray) -> Outputs:
@@ -121,9 +128,9 @@ class Models:
             ln_radiance=ln_radiance,
         )
 
-    def _lift(self, photo: np.ndarray, tan_half: float) -> Outputs:
+    def _lift(self, photo: np.ndarray, tan_half: float, given: np.ndarray) -> Outputs:
         angle = np.array([[tan_half]], dtype=np.float32)
-        irradiance, ln_radiance, confidence = self._run["light"](photo, angle)
+        irradiance, ln_radiance, confidence, normals = self._run["light"](photo, angle, given)
         ln_radiance = _image(ln_radiance)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
@@ -132,7 +139,12 @@ class Models:
             ldr=response(radiance),
             ln_radiance=ln_radiance,
             confidence=confidence[0, 0],
+            normals=_image(normals),
         )
+
+
+def _batch(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
 
 
 def _image(batch: np.ndarray) -> np.ndarray:
@@ -152,6 +164,12 @@ def _open(path: Path, stage: str, options: onnxruntime.SessionOptions) -> onnxru
             raise ModelError(
                 f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             )
+    names = tuple(one.name for one in session.get_inputs())
+    if stage in LIFT_STAGES and names != LIFT_INPUTS:
+        raise ModelError(
+            f"{path.name}: expected inputs {', '.join(LIFT_INPUTS)}, got {', '.join(names)}; "
+            "use weights of this version"
+        )
     return session
 
 

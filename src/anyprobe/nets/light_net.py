@@ -47,8 +47,9 @@ class Guess:
 
 
 class LightNet(nn.Module):
-    """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1] -> Guess.
+    """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1], normals [N, 3, 64, 64] -> Guess.
 
+    normals: see ObjectNet; zero where they are not known.
     lifting: False leaves the lifted maps empty, so that all passes through the code.
     """
 
@@ -59,8 +60,10 @@ class LightNet(nn.Module):
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, 5)
         self.lamps = Lamps(code + 1)
 
-    def forward(self, photo: torch.Tensor, tan_half: torch.Tensor) -> Guess:
-        told = self.object(photo, tan_half)
+    def forward(
+        self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor | None = None
+    ) -> Guess:
+        told = self.object(photo, tan_half, normals)
         mask = photo[:, 3:]
         cover = F.avg_pool2d(mask, 2) + 1e-4
         seen = torch.cat(

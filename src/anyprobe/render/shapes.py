@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from anyprobe.core.frames import normalize, rotation_y
+from anyprobe.core.frames import normalize, rotation_x, rotation_y, rotation_z
 from anyprobe.render.mesh import Mesh, make_mesh
 
 GOLDEN = (1 + 5**0.5) / 2
@@ -157,6 +157,39 @@ def rounded_polyhedron(rng: np.random.Generator, rows: int = 80) -> Mesh:
     g, normals = _gauge(planes, np.concatenate([d.reshape(-1, 3), poles]), power)
     mesh = _grid_mesh(d / g[:-2].reshape(d.shape[:2])[..., None], 180.0, poles / g[-2:, None])
     return replace(mesh, normals=normalize(normals)[mesh.faces].astype(np.float32))
+
+
+def figure(rng: np.random.Generator) -> Mesh:
+    """Something like a creature, a statue or a toy: a body, with pieces at its surface and at theirs.
+
+    Closed pieces that overlap; what lies inside another is never seen. Half of all figures are the same on
+    both sides, as most such things are.
+    """
+    both_sides = rng.random() < 0.5
+    sizes, centers = [np.exp(rng.uniform(-0.5, 0.3, size=3))], [np.zeros(3)]
+    pieces = [_piece(rng, sizes[0], centers[0])]
+    for _ in range(rng.integers(2, 8)):
+        host = rng.integers(len(sizes)) if rng.random() < 0.4 else 0
+        size = sizes[host].min() * rng.uniform(0.25, 0.8) * np.exp(rng.normal(0.0, 0.45, size=3))
+        center = centers[host] + normalize(rng.normal(size=3)) * sizes[host] * rng.uniform(0.7, 1.1)
+        sizes.append(size)
+        centers.append(center)
+        positions, faces = _piece(rng, size, center)
+        pieces.append((positions, faces))
+        if both_sides:
+            pieces.append((positions * (-1.0, 1.0, 1.0), faces[:, ::-1]))
+    firsts = np.cumsum([0] + [len(positions) for positions, _ in pieces[:-1]])
+    faces = [faces + first for (_, faces), first in zip(pieces, firsts, strict=True)]
+    return make_mesh(np.concatenate([positions for positions, _ in pieces]), np.concatenate(faces))
+
+
+def _piece(rng: np.random.Generator, size: np.ndarray, center: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and faces of a blob, superquadric or turned shape of half extents size [3], leaning some way."""
+    mesh = [blob, superquadric, blob, lathe][rng.integers(4)](rng, rows=28)
+    half = np.abs(mesh.positions).max(axis=0)
+    x, y, z = rng.normal(0.0, 0.35, size=3)
+    lean = rotation_x(x) @ rotation_y(y) @ rotation_z(z)
+    return mesh.positions / half * size @ lean.T + center, mesh.faces
 
 
 def draw_shape(rng: np.random.Generator) -> Mesh:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from anyprobe.errors import InputError
@@ -20,3 +23,34 @@ def material_named(name: str, *also: str) -> Material:
     if name not in MATERIALS:
         raise InputError(f"material: expected one of {', '.join([*MATERIALS, *also])}, got {name!r}")
     return MATERIALS[name]
+
+
+DULL = "matte"
+"""The material that has the albedo where only an albedo is told."""
+
+
+def told_material(name: str | None = None, albedo: Sequence[float] | None = None) -> Material | None:
+    """A material by its name, by its albedo, or by both; None where nothing is told.
+
+    Args:
+        name: one of MATERIALS; none with an albedo is DULL.
+        albedo: linear, one number or three, in (0, 1]; takes the place of the named material's.
+    Raises:
+        InputError: another name or albedo, or an albedo for a metal, which has none.
+    """
+    if name is None and albedo is None:
+        return None
+    material = material_named(DULL if name is None else name)
+    if albedo is None:
+        return material
+    values = np.asarray(albedo, np.float64)
+    if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
+        raise InputError(
+            f"albedo: expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
+            "a grey card has 0.18"
+        )
+    if not np.any(material.albedo):
+        raise InputError(
+            f"albedo: expected a material that has one, got the metal {name}; leave one of them out"
+        )
+    return replace(material, albedo=np.broadcast_to(values, 3).copy())

@@ -14,6 +14,7 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import Photo, load_photo
 from anyprobe.infer.result import Light
+from anyprobe.scatter.presets import told_material
 from anyprobe.serve.pool import Job
 from anyprobe.serve.uploads import Upload
 
@@ -34,6 +35,7 @@ def open_photo(upload: Upload, job: Job) -> Photo:
         click_off=upload.clicks_off or None,
         box=upload.box,
         fov_deg=upload.fov_deg,
+        normals=upload.normals,
     )
     renamed = tuple(note.replace("bytes:", f"{upload.name}:", 1) for note in photo.warnings)
     return replace(photo, name=upload.name, warnings=renamed)
@@ -41,9 +43,10 @@ def open_photo(upload: Upload, job: Job) -> Photo:
 
 def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:
     """What Estimator does, with a look between decoding and computing at whether it is still wanted."""
+    material = told_material(upload.material, upload.albedo)
     photo = open_photo(upload, job)
     job.step()
-    return photo, estimator.from_photo(photo)
+    return photo, estimator.from_photo(photo, material=material)
 
 
 def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:

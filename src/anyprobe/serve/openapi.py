@@ -13,6 +13,11 @@ _OPTIONS: dict[str, str] = {
     "fov": "field of view of the photo's longer side, degrees; else EXIF's, else 65",
 }
 
+_KNOWN = {
+    "material": "the object's, where known: chrome, gold, plastic or matte",
+    "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
+}
+
 _INCLUDE = {"include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides"}
 
 
@@ -31,12 +36,17 @@ _ERRORS = {
 }
 
 
+_MASK = {"mask": "picture of the photo's size, white on the object"}
+_NORMALS = {
+    "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera, where known"
+}
+
+
 def _upload(
-    options: dict[str, str], formats: list[str], answer: dict[str, Any], with_mask: bool
+    options: dict[str, str], formats: list[str], answer: dict[str, Any], files: dict[str, str]
 ) -> dict[str, Any]:
     fields: dict[str, Any] = {"photo": _FILE}
-    if with_mask:
-        fields["mask"] = {**_FILE, "description": "picture of the photo's size, white on the object"}
+    fields |= {name: {**_FILE, "description": text} for name, text in files.items()}
     fields |= {name: {"type": "string", "description": text} for name, text in options.items()}
     form = {"schema": {"type": "object", "required": ["photo"], "properties": fields}}
     extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
@@ -57,13 +67,13 @@ _ANY: dict[str, Any] = {"schema": {"type": "object"}}
 _BYTES = {"schema": _FILE}
 
 ESTIMATE = _upload(
-    _OPTIONS | _INCLUDE,
+    _OPTIONS | _KNOWN | _INCLUDE,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
-    with_mask=True,
+    files=_MASK | _NORMALS,
 )
-MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, with_mask=True)
-PHOTO = _upload({}, [], {"image/png": _BYTES}, with_mask=False)
+MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_MASK)
+PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
 EXPORT = {
     "requestBody": {"required": True, "content": {"image/x-exr": _BYTES, "image/vnd.radiance": _BYTES}},
     "responses": {"200": {"description": "done", "content": {"application/zip": _BYTES}}, **_ERRORS},

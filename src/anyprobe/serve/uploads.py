@@ -26,21 +26,25 @@ class Upload:
     Attributes:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
-        mask: bytes of a mask picture.
+        mask: bytes of a mask picture; normals: of a picture of the object's normals.
         box: X0, Y0, X1, Y1 in pixels of the upright photo.
         clicks: x, y on the object, in pixels of the upright photo.
         clicks_off: likewise beside it.
         fov_deg: field of view of the longer side.
+        material: name of the object's; albedo: its linear albedo, one number or three.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
     """
 
     photo: bytes
     name: str = "photo"
     mask: bytes | None = None
+    normals: bytes | None = None
     box: tuple[float, ...] | None = None
     clicks: tuple[tuple[float, float], ...] = ()
     clicks_off: tuple[tuple[float, float], ...] = ()
     fov_deg: float | None = None
+    material: str | None = None
+    albedo: tuple[float, ...] | None = None
     include: frozenset[str] = frozenset()
 
 
@@ -66,11 +70,12 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
     try:
         async with asyncio.timeout(limits.upload_s):
             if request.headers.get("content-type", "").startswith(FORM):
-                form = await request.form(max_files=2, max_fields=32)
+                form = await request.form(max_files=3, max_fields=32)
                 photo, name = await _file(form, "photo")
                 mask, _ = await _file(form, "mask")
+                normals, _ = await _file(form, "normals")
             else:
-                photo, name, mask = await request.body(), "photo", None
+                photo, name, mask, normals = await request.body(), "photo", None, None
     except TimeoutError as error:
         raise HTTPException(
             408, f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
@@ -81,7 +86,7 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         raise InvalidPhoto(
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
         )
-    for picture, called in ((photo, name), (mask, "mask")):
+    for picture, called in ((photo, name), (mask, "mask"), (normals, "normals")):
         if picture and declared_pixels(picture) > limits.max_pixels:
             raise HTTPException(
                 413,
@@ -92,10 +97,13 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         photo=photo,
         name=name,
         mask=mask or None,
+        normals=normals or None,
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
         fov_deg=option.number("fov"),
+        material=option.text("material"),
+        albedo=option.numbers("albedo", 1, 3),
         include=option.words("include", {"radiance", "stages", "mask"}),
     )
 
@@ -125,9 +133,13 @@ class _Options:
         found = self.numbers(name, 1)
         return None if found is None else found[0]
 
-    def numbers(self, name: str, count: int) -> tuple[float, ...] | None:
+    def text(self, name: str) -> str | None:
         texts = self.texts(name)
-        return _numbers(name, texts[-1], count) if texts else None
+        return texts[-1] if texts else None
+
+    def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
+        text = self.text(name)
+        return None if text is None else _numbers(name, text, *counts)
 
     def points(self, name: str) -> tuple[tuple[float, float], ...]:
         return tuple(_numbers(name, text, 2) for text in self.texts(name))
@@ -139,12 +151,13 @@ class _Options:
         return frozenset(found)
 
 
-def _numbers(name: str, text: str, count: int) -> tuple[float, ...]:
+def _numbers(name: str, text: str, *counts: int) -> tuple[float, ...]:
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
-    if len(found) != count or not all(abs(number) < 1e6 for number in found):  # NaN fails too
-        shape = {1: "a number", 2: "X,Y in pixels", 4: "X0,Y0,X1,Y1 in pixels"}[count]
+    if len(found) not in counts or not all(abs(number) < 1e6 for number in found):  # NaN fails too
+        shapes = {1: "a number", 2: "X,Y in pixels", 3: "R,G,B", 4: "X0,Y0,X1,Y1 in pixels"}
+        shape = " or ".join(shapes[count] for count in counts)
         raise InvalidPhoto(f"{name}: expected {shape}, got {text[:60]!r}")
     return found

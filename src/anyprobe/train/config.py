@@ -67,13 +67,15 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=5_500,
-        learning_rate=1.2e-3,
+        steps=3_000,
         warmup=100,
-        cooldown=0.75,
-        pairs=PairConfig(seed=37, cut_out=0.2),
-        surfaces=SurfaceConfig(views=9, own_views=1, procedural=600, stretch=0.2, tilt_deg=20.0, seed=2),
-        light=LightConfig(procedural=200, variants=600, seed=6),
+        cooldown=0.8,
+        lift=LiftConfig(normals=3.0),
+        pairs=PairConfig(seed=53, cut_out=0.2, told=0.3),
+        surfaces=SurfaceConfig(
+            views=9, own_views=1, procedural=600, figures=400, stretch=0.2, tilt_deg=20.0, seed=4
+        ),
+        light=LightConfig(procedural=200, variants=600, seed=8),
     )
 
 

@@ -12,12 +12,13 @@ from torch import nn
 
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.runtime import CONTRACT, PHOTO_SIZE
+from anyprobe.infer.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.light_net import LightNet
 from anyprobe.train.loop import load_nets, pairs_seen
 
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
+NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
@@ -36,27 +37,26 @@ class Graph:
 
 
 class LightGraph(nn.Module):
-    """What the runtime reads of LightNet: irradiance, ln radiance, confidence [N, 1, 64, 128] in [0, 1]."""
+    """What the runtime reads of LightNet: irradiance, ln radiance, confidence [N, 1, 64, 128] in [0, 1], normals."""
 
     def __init__(self, net: LightNet) -> None:
         super().__init__()
         self.net = net
 
     def forward(
-        self, photo: torch.Tensor, tan_half: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        guess = self.net(photo, tan_half)
-        return guess.told.irradiance, guess.ln_radiance, torch.sigmoid(guess.confidence_logit)
+        self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor
+    ) -> tuple[torch.Tensor, ...]:
+        guess = self.net(photo, tan_half, normals)
+        told = guess.told
+        return told.irradiance, guess.ln_radiance, torch.sigmoid(guess.confidence_logit), told.normals
 
 
 def graphs_of(nets: nn.ModuleDict) -> dict[str, Graph]:
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(nets["light"]).eval()
-        outputs = ("irradiance", "ln_radiance", "confidence")
-        return {
-            "light": Graph(net=net, inputs={"photo": PHOTO, "tan_half": (1, 1)}, outputs=outputs, median=True)
-        }
+        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS), strict=True))
+        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
 

@@ -71,6 +71,13 @@ def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     return 1 - (likeness / ((mean_a**2 + mean_b**2 + c1) * (spread + c2))).mean()
 
 
+def told_normals(batch: Batch) -> torch.Tensor:
+    """The normals that come with the photos [N, 3, 64, 64], with their errors; zero where none do."""
+    turned = torch.einsum("nij,njhw->nihw", batch.told, F.avg_pool2d(batch.normals, 2))
+    length = turned.square().sum(dim=1, keepdim=True).sqrt()
+    return torch.where(length > 0.5, turned / length.clamp(min=0.5), 0.0)
+
+
 class Lift:
     """Losses of LightNet; float32 weights, bfloat16 arithmetic."""
 
@@ -96,11 +103,16 @@ class Lift:
         """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
         with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
-            guess = self.nets["light"](photo, batch.tan_half[:, None])
-        terms = {**self._told(guess, batch), **self._map(guess, batch), **self._above_white(guess, batch)}
+            normals = told_normals(batch)
+            guess = self.nets["light"](photo, batch.tan_half[:, None], normals)
+        terms = {
+            **self._told(guess, batch, normals),
+            **self._map(guess, batch),
+            **self._above_white(guess, batch),
+        }
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
-    def _told(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
+    def _told(self, guess: Guess, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
         told, mask = guess.told, batch.photo[:, 3:]
         share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
         wrong = (told.irradiance.float() - batch.irradiance * mask) ** 2
@@ -108,6 +120,7 @@ class Lift:
         there = (F.avg_pool2d(mask, 2) > 0.99).float()
         along = (F.normalize(normals, dim=1) * told.normals).sum(dim=1, keepdim=True)
         there = there * (normals.square().sum(dim=1, keepdim=True) > 0.25)
+        there = there * (given.square().sum(dim=1, keepdim=True) == 0)  # what was told need not be guessed
         return {
             "irradiance": (wrong.mean(dim=(1, 2, 3)) / share).mean(),
             "normals": ((1 - along) * there).sum() / there.sum().clip(min=1.0),

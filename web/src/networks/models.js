@@ -16,6 +16,9 @@ export const MASK_SIZE = 160;
 const LIFT = ["light"];
 const CHAIN = ["irradiance", "illumination", "hdr"];
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
+const NORMALS_SHAPE = [1, 3, CROP_SIZE / 2, CROP_SIZE / 2];
+/** Zero: no normals are known beforehand. */
+const NO_NORMALS = new Float32Array((3 * CROP_SIZE * CROP_SIZE) / 4);
 
 export class Models {
   /**
@@ -68,7 +71,12 @@ export class Models {
   }
 
   async #lift(image, tanHalf, withStages) {
-    const [irradiance, ln] = await this.#run("light", [image, PHOTO_SHAPE], [Float32Array.of(tanHalf), [1, 1]]);
+    const inputs = [
+      [image, PHOTO_SHAPE],
+      [Float32Array.of(tanHalf), [1, 1]],
+      [NO_NORMALS, NORMALS_SHAPE],
+    ];
+    const [irradiance, ln] = await this.#run("light", ...inputs);
     const lnRadiance = channelLast(ln);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));

@@ -1,0 +1,48 @@
+"""What the commands let you say about the object itself: its normals and its material."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from anyprobe.errors import InputError
+
+if TYPE_CHECKING:
+    from anyprobe.scatter.brdf import Material
+
+NormalsOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="The object's normals, where known: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, "
+        "+Y up, +Z to the camera; or a folder of them named like the photos."
+    ),
+]
+MaterialOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="The object's material, where known: chrome, gold, plastic or matte (albedo 0.6).",
+    ),
+]
+AlbedoOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="R,G,B",
+        help="Its linear diffuse albedo, or one number: 0.18 for a grey card; else as --material.",
+    ),
+]
+
+
+def read_material(name: str | None, albedo: str | None) -> Material | None:
+    """The material that the options tell; None where they tell nothing."""
+    from anyprobe.scatter.presets import told_material
+
+    if albedo is None:
+        return told_material(name)
+    try:
+        numbers = [float(part) for part in albedo.split(",")]
+    except ValueError:
+        raise InputError(f"--albedo: expected numbers, got {albedo!r}; for instance --albedo 0.18") from None
+    return told_material(name, numbers)

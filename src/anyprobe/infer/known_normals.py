@@ -1,0 +1,82 @@
+"""Normals that somebody knows: of a tracked model, a depth camera, a scan, another network."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, read_image
+from anyprobe.files.radiance import read_exr
+
+NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
+
+SHORTEST = 0.5
+"""A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
+FACING = 0.6
+"""Share of the normals that must look towards the camera; else their axes are another frame's."""
+
+
+def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
+    """A normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
+
+    Args:
+        source: float [H, W, 3] (array, .npy, .exr), or a picture (file, its bytes, uint8 or uint16 array) of
+            (n + 1) / 2. Zero (in pictures black or middle grey) where they are not known.
+        shape: (height, width) of the upright photo.
+    Returns:
+        [H, W, 3] float32, unit or zero.
+    Raises:
+        InputError: no normals, another size, or another frame: most of them look away from the camera.
+    """
+    values, name = _read(source)
+    if values.shape != (*shape, 3):
+        raise InputError(
+            f"{name}: expected normals of the photo's size {shape[1]} x {shape[0]}, three a pixel, got "
+            f"shape {values.shape}; render them through the photo's camera"
+        )
+    values = np.where(np.isfinite(values), values, 0.0).astype(np.float32)
+    length = np.linalg.norm(values, axis=-1, keepdims=True)
+    known = length > SHORTEST
+    if not known.any():
+        raise InputError(
+            f"{name}: expected unit normals where the object is, found none; a picture holds (n + 1) / 2"
+        )
+    if (values[known[..., 0], 2] > 0).mean() < FACING:
+        raise InputError(
+            f"{name}: expected normals towards the camera (+X right, +Y up, +Z to it), most look away; "
+            "flip Y and Z if they come from OpenCV or DirectX, turn them if they are the world's"
+        )
+    return np.where(known, values / np.maximum(length, SHORTEST), 0.0)
+
+
+def _read(source: NormalsSource) -> tuple[np.ndarray, str]:
+    """Vectors as they are stored, and what messages call them."""
+    if isinstance(source, np.ndarray):
+        return (source if source.dtype.kind == "f" else _from_picture(source)), "normals"
+    if isinstance(source, bytes):
+        if source.startswith(EXR_MAGIC):
+            raise InputError(
+                "normals: expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG"
+            )
+        return _from_picture(source), "normals"
+    path = Path(source)
+    if not path.is_file():
+        raise InputError(f"{path}: expected a normal map, got no such file; check the path")
+    if path.suffix.lower() == ".npy":
+        try:
+            return np.load(path, allow_pickle=False), path.name
+        except (ValueError, OSError, EOFError) as error:
+            raise InputError(f"{path.name}: expected an array in a .npy file, got a damaged one") from error
+    with path.open("rb") as stream:
+        is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
+    if is_exr:
+        return read_exr(path, path.name, InputError, MAX_PIXELS)[..., :3], path.name
+    return _from_picture(path), path.name
+
+
+def _from_picture(source: Path | bytes | np.ndarray) -> np.ndarray:
+    rgb = read_image(source).rgb
+    return np.where(rgb.max(axis=-1, keepdims=True) > 0, rgb * 2.0 - 1.0, 0.0)

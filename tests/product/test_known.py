@@ -1,0 +1,218 @@
+"""What somebody knows of the object: its normals, its material; told by the API and the command line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import CENTER, DIAMETER, HEIGHT, WIDTH, ball_photo, made_map
+
+import anyprobe
+from anyprobe.core.color import to_bytes
+from anyprobe.core.frames import turn_towards
+from anyprobe.core.response import response
+from anyprobe.core.sampling import hammersley
+from anyprobe.errors import InputError
+from anyprobe.infer.known_material import MAX_STOPS, fit_gain
+from anyprobe.infer.known_normals import read_normals
+from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.render.balls import ball_normals
+from anyprobe.render.integrate import shade, shading_pyramid
+from anyprobe.render.surface import pixel_rays
+from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.presets import MATERIALS
+
+MATTE = MATERIALS["matte"]
+
+
+def ball_map() -> np.ndarray:
+    """The normals [H, W, 3] of the ball that ball_photo draws, zero beside it."""
+    normals, on = ball_normals(DIAMETER)
+    window = np.zeros((DIAMETER, DIAMETER, 3), np.float32)
+    window[on] = normals
+    result = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    left, top = CENTER[0] - DIAMETER // 2, CENTER[1] - DIAMETER // 2
+    result[top : top + DIAMETER, left : left + DIAMETER] = window
+    return result
+
+
+# Normals
+
+
+def test_a_normal_map_is_read_from_arrays_pictures_and_files(tmp_path):
+    normals = ball_map()
+    on = np.abs(normals).sum(axis=-1) > 0
+    shape = (HEIGHT, WIDTH)
+    picture = to_bytes(normals / 2 + 0.5) * on[..., None]
+    Image.fromarray(picture).save(tmp_path / "n.png")
+    np.save(tmp_path / "n.npy", normals)
+    exact = [normals, 3.0 * normals, tmp_path / "n.npy"]
+    for source, error in [(one, 1e-6) for one in exact] + [(picture, 0.02), (tmp_path / "n.png", 0.02)]:
+        read = read_normals(source, shape)
+        np.testing.assert_allclose(read, normals, atol=error)
+        assert (read[~on] == 0).all()
+
+
+def test_middle_grey_is_no_normal():
+    """What is left unpainted in a normal map, in eight bits as in sixteen."""
+    for grey in (np.full((HEIGHT, WIDTH, 3), 128, np.uint8), np.full((HEIGHT, WIDTH, 3), 32768, np.uint16)):
+        picture = grey.copy()
+        picture[40:50, 60:70] = np.iinfo(grey.dtype).max * np.array([0.5, 0.5, 1.0])
+        read = read_normals(picture, (HEIGHT, WIDTH))
+        assert np.abs(read).sum(axis=-1).astype(bool).sum() == 100
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        (np.zeros((HEIGHT, WIDTH, 3)), "found none"),
+        (np.zeros((HEIGHT, WIDTH)), "three a pixel"),
+        (np.ones((HEIGHT, WIDTH - 1, 3)), "photo's size"),
+        (ball_map() * (1.0, -1.0, -1.0), "flip Y and Z"),
+        (np.full((HEIGHT, WIDTH, 3), np.nan), "found none"),
+        ("nowhere.png", "no such file"),
+    ],
+)
+def test_what_are_no_normals_is_refused_in_one_line(source, says):
+    with pytest.raises(InputError, match=says) as error:
+        read_normals(source, (HEIGHT, WIDTH))
+    assert "\n" not in str(error.value)
+
+
+def test_a_damaged_array_is_refused(tmp_path):
+    (tmp_path / "n.npy").write_bytes(b"\x93NUMPY\x01\x00")
+    with pytest.raises(InputError, match=r"n\.npy: expected an array"):
+        read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
+
+
+def test_normals_come_to_the_networks_in_the_crops_frame():
+    """A flat thing that faces the camera is seen turned where it is not in the middle of the photo."""
+    photo = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
+    photo[10:50, 80:120] = 200
+    facing = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    facing[..., 2] = 1.0
+    crop = crop_object(load_photo(photo, fov_deg=70.0, normals=facing))
+    assert crop.normals.shape == (64, 64, 3)
+    known = np.abs(crop.normals).sum(axis=-1) > 0
+    assert 0.7 < known.mean() < 0.9  # the square, without the margin around it
+    focal = WIDTH / 2 / np.tan(np.radians(35.0))
+    ray = np.array([(100 - WIDTH / 2) / focal, -(30 - HEIGHT / 2) / focal, -1.0])
+    expected = turn_towards(ray / np.linalg.norm(ray)).T @ [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(crop.normals[known], np.broadcast_to(expected, (known.sum(), 3)), atol=1e-5)
+    assert abs(expected[0]) > 0.1
+
+
+def test_known_normals_change_the_light_and_are_noted():
+    photo = ball_photo()
+    alone, told = anyprobe.estimate(photo), anyprobe.estimate(photo, normals=ball_map())
+    assert alone.sidecar()["known"] == {"normals": False}
+    assert told.sidecar()["known"] == {"normals": True}
+    assert np.abs(told.radiance - alone.radiance).mean() > 1e-3
+
+
+# Material
+
+
+def photo_of(
+    radiance: np.ndarray, material: Material, tan_half: float = 0.1
+) -> tuple[np.ndarray, np.ndarray]:
+    """A ball under a map: crop [128, 128, 4] and normals [64, 64, 3]."""
+    normals, on = ball_normals(64)
+    picture = np.zeros((64, 64, 3), np.float32)
+    picture[on] = normals
+    seen = shade(
+        shading_pyramid(radiance, material.alpha),
+        picture[on],
+        pixel_rays(tan_half, 64)[on].astype(np.float32),
+        np.float32(material.alpha),
+        hammersley(256),
+        wide=shading_pyramid(radiance),
+    ).radiance(material)
+    image = np.zeros((64, 64, 4), np.float32)
+    image[on, :3] = response(seen).clip(max=1.0)
+    image[on, 3] = 1.0
+    return image.repeat(2, axis=0).repeat(2, axis=1), picture
+
+
+@pytest.mark.parametrize("name", ["matte", "plastic", "chrome"])
+def test_the_gain_that_was_taken_away_is_found(name):
+    """A map too dark by a gain a channel: the known material tells the gain."""
+    radiance, material = 0.5 * made_map(), MATERIALS[name]
+    image, normals = photo_of(radiance, material)
+    gain = np.array([0.5, 1.3, 2.2], np.float32)
+    found = fit_gain(radiance / gain, image, normals, 0.1, material)
+    np.testing.assert_allclose(found, gain, rtol=0.03)
+
+
+def test_another_albedo_means_another_light():
+    """Half the albedo, nearly twice the light: the coat alone does not change."""
+    radiance = 0.5 * made_map()
+    image, normals = photo_of(radiance, MATTE)
+    dark = Material(albedo=MATTE.albedo / 2, f0=MATTE.f0, alpha=MATTE.alpha)
+    found = fit_gain(radiance, image, normals, 0.1, dark)
+    assert (found > 1.7).all()
+    assert (found < 2.05).all()
+
+
+def test_a_burnt_out_or_tiny_object_moves_nothing_far():
+    image, normals = photo_of(0.5 * made_map(), MATTE)
+    white = np.concatenate([np.ones_like(image[..., :3]), image[..., 3:]], axis=-1)
+    assert fit_gain(made_map(), white, normals, 0.1, MATTE).max() <= 2**MAX_STOPS
+    none = fit_gain(made_map(), np.zeros_like(image), normals, 0.1, MATTE)
+    np.testing.assert_array_equal(none, np.ones(3))
+
+
+def test_the_object_rendered_with_its_light_is_as_bright_as_its_photo():
+    """A grey ball photographed through a red filter: told that it is grey, the light is red."""
+    photo = ball_photo()
+    photo[..., 2] = (photo[..., 2] * 0.6).astype(np.uint8)
+    light = anyprobe.estimate(photo, normals=ball_map(), material="matte", fov_deg=20.0)
+    known = light.sidecar()["known"]
+    assert known["material"] == {"albedo": [0.6] * 3, "f0": [0.04] * 3, "alpha": 0.9}
+    plain = anyprobe.estimate(photo, normals=ball_map(), fov_deg=20.0)
+    np.testing.assert_allclose(light.radiance, plain.radiance * known["gain"], rtol=1e-3, atol=1e-5)
+    image, _ = photo_of(light.radiance, MATTE)
+    on = photo[..., 3] == 255
+    rendered = image[image[..., 3] == 1][:, :3].mean(axis=0)
+    np.testing.assert_allclose(rendered, photo[on][:, :3].mean(axis=0) / 255, atol=0.03)
+
+
+def test_the_papers_chain_cannot_use_what_is_known():
+    for told in ({"material": "matte"}, {"normals": ball_map()}):
+        with pytest.raises(InputError, match="use lift"):
+            anyprobe.estimate(ball_photo(), model="paper", **told)
+
+
+def test_the_command_line_tells_normals_and_material(tmp_path, command):
+    Image.fromarray(ball_photo()).save(tmp_path / "ball.png")
+    (tmp_path / "maps").mkdir()
+    np.save(tmp_path / "maps" / "ball_normals.npy", ball_map())
+    call = ("estimate", tmp_path / "ball.png", "-o", tmp_path / "out", "--json")
+    done = command(*call, "--normals", tmp_path / "maps", "--albedo", "0.18")
+    assert done.status == 0, done.err
+    known = json.loads(done.out)["known"]
+    assert known["normals"] is True
+    assert known["material"]["albedo"] == [0.18] * 3
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        (("--albedo", "2"), "above 0 and up to 1"),
+        (("--albedo", "0.2,x,0.1"), "--albedo: expected numbers"),
+        (("--albedo", "0.2,0.1"), "one number or three"),
+        (("--material", "wood"), "material: expected one of"),
+        (("--material", "chrome", "--albedo", "0.2"), "got the metal chrome"),
+        (("--normals", "nowhere.exr"), "no such file"),
+        (("--model", "paper", "--material", "matte"), "use lift"),
+    ],
+)
+def test_what_cannot_be_told_is_refused_in_one_line(tmp_path, command, told, says):
+    Image.fromarray(ball_photo()).save(tmp_path / "ball.png")
+    done = command("estimate", tmp_path / "ball.png", "-o", tmp_path / "out", "-q", *told)
+    assert done.status == 2
+    assert says in done.err
+    assert len(done.err.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
