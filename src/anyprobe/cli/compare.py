@@ -62,7 +62,7 @@ def compare(
     from anyprobe.evaluate.tolerance import Tolerance
 
     designs = None if run is None else open_designs(run)
-    methods, trained = open_methods(model or [], designs)
+    methods, trained = open_methods(model or [], designs, told=True)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
 
     def warn(line: str) -> None:
@@ -123,9 +123,9 @@ def open_designs(run: Path) -> DesignMethods:
 
 
 def open_methods(
-    models: list[str], designs: DesignMethods | None = None
+    models: list[str], designs: DesignMethods | None = None, told: bool = False
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Methods by name, baselines first, and what the result files say of their training."""
+    """Methods by name, baselines first, and what the result files say of their training; told: see shipped."""
     from anyprobe.evaluate.methods import baselines, shipped
 
     methods, trained = baselines(), {}
@@ -133,7 +133,7 @@ def open_methods(
         trained = {"designs": designs.run}
         methods |= designs.methods()
     for name in models:
-        made, trained[Path(name).name] = shipped(name)
+        made, trained[Path(name).name] = shipped(name, told)
         methods |= made
     return methods, trained
 

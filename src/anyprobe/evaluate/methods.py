@@ -56,9 +56,11 @@ def true_normals(pair: Pair) -> np.ndarray:
     return np.where(length > SHORTEST, mean / np.maximum(length, SHORTEST), 0.0)
 
 
-def shipped(model: str) -> tuple[dict[str, Method], dict[str, str]]:
-    """A bundled model or a folder of graphs by its name, if it can be told normals also with the true ones;
-    and what identifies it."""
+def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str, str]]:
+    """A bundled model or a folder of graphs by its name, and what identifies it.
+
+    told: also the model told a pair's true normals, where it can be, as <name>_normals.
+    """
     models, name = Models(model), Path(model).name
 
     def method(pair: Pair, told: set[str]) -> Estimate:
@@ -68,6 +70,6 @@ def shipped(model: str) -> tuple[dict[str, Method], dict[str, str]]:
         )
 
     methods = {name: partial(method, told=set())}
-    if models.stages == LIFT_STAGES:
+    if told and models.stages == LIFT_STAGES:
         methods[f"{name}_normals"] = partial(method, told={"normals"})
     return methods, {"model": model_id(model)}
