@@ -1,4 +1,4 @@
-"""Real photos with measured maps: the folder's rules, and the map turned to what the networks see."""
+"""Real photos with measured maps or known lamps: the folder's rules, and both turned to what the networks see."""
 
 import csv
 import json
@@ -6,11 +6,13 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
+from support.scenes import ball_photo
 from typer.testing import CliRunner
 
 from anyprobe.cli.app import app
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.evaluate.lamps import lamp_angles, lamp_group, load_lamps
 from anyprobe.evaluate.panel import Estimate
 from anyprobe.evaluate.real import COLUMNS, load_real, read_real, score_real
 from anyprobe.evaluate.report import _real
@@ -18,6 +20,7 @@ from anyprobe.files.radiance import write_hdr
 from anyprobe.light.main_light import find_main_light
 
 GOOD = {"photo": "a.png", "mask": "m.png", "map": "a.hdr", "fov_deg": "60", "gain": "2", "kind": "specular"}
+LAMP = {"photo": "ball.png", "mask": "ball_mask.png", "lamp": "0 0 1", "kind": "diffuse"}
 
 
 @pytest.fixture
@@ -30,7 +33,24 @@ def folder(tmp_path):
     radiance = np.full((64, 128, 3), 0.125, np.float32)
     radiance[31:33, 63:65] = 8.0
     write_hdr(tmp_path / "a.hdr", radiance)
+    ball = ball_photo(center=(96, 30), diameter=32)  # of 128 x 96: right of the middle and above it
+    Image.fromarray(ball[..., :3]).save(tmp_path / "ball.png")
+    Image.fromarray(ball[..., 3]).save(tmp_path / "ball_mask.png")
     return tmp_path
+
+
+def behind_the_camera(photo):
+    """A method whose map has one lamp, straight behind the crop's camera: at (0, 0, 1), on its seam."""
+    radiance = np.full((64, 128, 3), 0.125, np.float32)
+    radiance[31:33, [0, -1]] = 8.0
+    return Estimate(ldr=response(radiance), radiance=radiance)
+
+
+def away_from_the_ball(fov_deg):
+    """Unit direction from ball.png's ball to its camera: (0, 0, 1) of the crop, in the camera's frame."""
+    focal = 64 / np.tan(np.radians(fov_deg / 2))
+    towards = np.array([-(96 - 64) / focal, (30 - 48) / focal, 1.0])
+    return towards / np.linalg.norm(towards)
 
 
 def write(folder, *rows):
@@ -73,6 +93,60 @@ def test_groups_are_scored_apart(folder):
         assert rows["black"]["ldr_rmse"] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize("fov_deg", ["", "90"])  # 65 where neither the row nor the photo says
+def test_a_lamp_s_angle_is_that_to_an_object_beside_the_middle(folder, fov_deg):
+    x, y, z = away_from_the_ball(float(fov_deg or 65))
+    off = np.degrees(np.arccos(z))
+    assert off > 15
+    for lamp, expected in (
+        ("0 0 1", off),
+        (f"{x} {y} {z}", 0.0),
+        (f"{-30 * x} {-30 * y} {30 * z}", 2 * off),  # of any length
+        (f"{-x} {-y} {-z}", 180.0),
+    ):
+        write(folder, LAMP | {"lamp": lamp, "fov_deg": fov_deg})
+        angles = lamp_angles(load_lamps(folder, read_real(folder)), {"behind": behind_the_camera})
+        assert angles == {"ball.png": {"behind": pytest.approx(expected, abs=0.02)}}
+
+
+def test_a_lamp_group_has_means_and_medians_and_leaves_out_methods_without_radiance(folder):
+    def dim(photo):
+        return Estimate(ldr=np.zeros((64, 128, 3), np.float32))
+
+    write(folder, LAMP)
+    photos = load_lamps(folder, read_real(folder))
+    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["ball.png"]) == {"behind"}
+    group = lamp_group({"a": {"one": 1.0}, "b": {"one": 2.0}, "c": {"one": 9.0}})
+    assert group == {
+        "pairs": 3,
+        "rows": [{"design": "one", "main_light_deg": 4.0, "main_light_median_deg": 2.0}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"map": "a.hdr"}, "a map or a lamp, got both"),
+        ({"lamp": ""}, "a map or a lamp, got neither"),
+        ({"lamp": "0 0 0"}, "three numbers such as 0 0 1, not all zero, got '0 0 0'"),
+        ({"lamp": "0,0,1"}, "three numbers .* got '0,0,1'"),
+        ({"lamp": "0 1"}, "three numbers .* got '0 1'"),
+        ({"lamp": "0 nan 1"}, "three numbers .* got '0 nan 1'"),
+        ({"mask": ""}, "a value for mask"),
+        ({"photo": "b.png"}, "the file b.png, found none"),
+        ({"kind": ""}, "a value for kind"),
+        ({"fov_deg": "0"}, "fov_deg > 0, got '0'"),
+        ({}, "one lamp a photo, got another for ball.png"),
+    ],
+)
+def test_a_wrong_lamp_row_is_named(folder, change, words):
+    write(folder, LAMP, LAMP | change)
+    with pytest.raises(InputError, match=words) as error:
+        read_real(folder)
+    assert "line 3" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -106,6 +180,41 @@ def test_the_command_writes_what_the_report_reads(folder):
     text = "\n".join(_real({"real": content}))
     assert "Specular, 1 photos" in text
     assert "| chrome ball (no network) |" in text
+    assert "photos" not in content  # no lamps
+    assert "lamp" not in text
+
+
+def test_a_mixed_folder_gives_both_groups_and_the_report_shows_them(folder):
+    write(folder, GOOD, LAMP)
+    out = folder / "out"
+    result = CliRunner().invoke(app, ["evaluate", "--real", str(folder), "--model", "paper", "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "lamp, 1 photos, chrome ball: main_light_deg" in result.output
+    content = json.loads((out / "real.json").read_text())
+    assert set(content["groups"]) == {"specular", "lamp"}
+    assert content["groups"]["specular"]["pairs"] == content["groups"]["lamp"]["pairs"] == 1
+    assert set(content["photos"]) == {"ball.png"}
+    angles = content["photos"]["ball.png"]
+    assert list(angles) == ["mean map", "chrome ball", "paper"]
+    for row in content["groups"]["lamp"]["rows"]:
+        assert row["main_light_deg"] == row["main_light_median_deg"] == angles[row["design"]]
+    lines = list(_real({"real": content}))
+    assert "Specular, 1 photos:" in lines
+    below = lines[lines.index("Lamp, 1 photos:") :]
+    assert "| method | main light | main light median |" in below
+    assert "| photo | mean map (no network) | chrome ball (no network) | paper |" in below
+    assert [line for line in below if line.startswith("| ball.png |")] == [
+        "| ball.png | " + " | ".join(f"{angle:.2f}" for angle in angles.values()) + " |"
+    ]
+
+
+def test_lamps_alone_need_no_other_columns(folder):
+    (folder / "manifest.csv").write_text(
+        "photo,mask,lamp,kind\nball.png,ball_mask.png,0 0 1,diffuse\n", encoding="utf-8"
+    )
+    rows = read_real(folder)
+    assert list(load_real(folder, rows)) == []
+    assert [photo.name for photo in load_lamps(folder, rows)] == ["ball.png"]
 
 
 def test_neither_assets_nor_real_photos_is_one_clear_line():

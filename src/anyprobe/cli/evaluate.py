@@ -83,7 +83,7 @@ def evaluate(
     ] = DEFAULT_ENGINE,
     real: Annotated[
         Path | None,
-        typer.Option(help="Folder of real photos with measured maps (docs/evaluation.md) instead."),
+        typer.Option(help="Folder of real photos with measured maps or known lamps instead."),
     ] = None,
 ) -> None:
     """Render a fixed test set, score the model and two baselines, print the table."""

@@ -1,9 +1,9 @@
-"""Real photos with measured maps: the paper's real groups, from a folder that a user supplies."""
+"""Real photos from a folder that a user supplies: its rules, and the paper's groups of those with measured maps."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 from anyprobe.core.latlong import bilinear
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.evaluate.lamps import read_direction
 from anyprobe.evaluate.metrics import direction_error_deg
 from anyprobe.evaluate.panel import Method, ball_scores, ldr_scores
 from anyprobe.files.radiance import read_radiance
@@ -19,7 +20,9 @@ from anyprobe.infer.photo import crop_object, load_photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.main_light import find_main_light
 
-COLUMNS = ("photo", "mask", "map", "fov_deg", "gain", "kind")
+COLUMNS = ("photo", "mask", "map", "lamp", "fov_deg", "gain", "kind")
+MAP_NEEDS = ("photo", "mask", "map", "fov_deg", "gain", "kind")
+LAMP_NEEDS = ("photo", "mask", "lamp", "kind")
 KINDS = ("specular", "diffuse")
 
 
@@ -35,7 +38,7 @@ class RealPair:
 
 
 def read_real(folder: Path) -> list[dict[str, str]]:
-    """Rows of manifest.csv, checked: every file there, numbers positive, kinds known.
+    """Rows of manifest.csv, checked: a map or a lamp, every file there, numbers positive, kinds known.
 
     Raises:
         InputError: with the row's number and what was expected.
@@ -50,25 +53,22 @@ def read_real(folder: Path) -> list[dict[str, str]]:
         ) from error
     if not rows:
         raise InputError(f"{path}: expected a row for each photo, got an empty table")
+    lamps: set[str] = set()
     for number, row in enumerate(rows, 2):
         place = f"{path} line {number}"
-        missing = [name for name in COLUMNS if not row.get(name)]
-        if missing:
-            raise InputError(f"{place}: expected a value for {', '.join(missing)}, got none")
-        for name in ("photo", "mask", "map"):
-            if not (folder / row[name]).is_file():
-                raise InputError(f"{place}: expected the file {row[name]}, found none")
-        if row["kind"] not in KINDS:
-            raise InputError(f"{place}: expected kind {' or '.join(KINDS)}, got {row['kind']!r}")
-        for name in ("fov_deg", "gain"):
-            if not _positive(row[name]):
-                raise InputError(f"{place}: expected {name} > 0, got {row[name]!r}")
+        _check(row, folder, place)
+        if row.get("lamp"):
+            if row["photo"] in lamps:
+                raise InputError(f"{place}: expected one lamp a photo, got another for {row['photo']}")
+            lamps.add(row["photo"])
     return rows
 
 
-def load_real(folder: Path, rows: list[dict[str, str]]) -> Iterator[RealPair]:
-    """Each row's photo, cropped, and its map, turned to the crop and scaled to the photo's exposure."""
+def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealPair]:
+    """The photos of the rows that have a map, cropped; the maps turned to the crop and in the photo's exposure."""
     for row in rows:
+        if not row.get("map"):
+            continue
         photo = load_photo(folder / row["photo"], fov_deg=float(row["fov_deg"]), mask=folder / row["mask"])
         crop = crop_object(photo)
         measured = read_radiance(folder / row["map"]) * float(row["gain"])
@@ -106,6 +106,28 @@ def score_real(pairs: Iterator[RealPair], methods: Mapping[str, Method]) -> dict
         }
         for kind, by_method in scores.items()
     }
+
+
+def _check(row: Mapping[str, str], folder: Path, place: str) -> None:
+    """One row of the manifest: a map with its field of view and gain, or a lamp."""
+    has_map, has_lamp = bool(row.get("map")), bool(row.get("lamp"))
+    if has_map == has_lamp:
+        raise InputError(f"{place}: expected a map or a lamp, got {'both' if has_map else 'neither'}")
+    missing = [name for name in (MAP_NEEDS if has_map else LAMP_NEEDS) if not row.get(name)]
+    if missing:
+        raise InputError(f"{place}: expected a value for {', '.join(missing)}, got none")
+    for name in ("photo", "mask", "map") if has_map else ("photo", "mask"):
+        if not (folder / row[name]).is_file():
+            raise InputError(f"{place}: expected the file {row[name]}, found none")
+    if row["kind"] not in KINDS:
+        raise InputError(f"{place}: expected kind {' or '.join(KINDS)}, got {row['kind']!r}")
+    for name in ("fov_deg", "gain") if has_map else ("fov_deg",):
+        if row.get(name) and not _positive(row[name]):
+            raise InputError(f"{place}: expected {name} > 0, got {row[name]!r}")
+    if has_lamp and read_direction(row["lamp"]) is None:
+        raise InputError(
+            f"{place}: expected lamp as three numbers such as 0 0 1, not all zero, got {row['lamp']!r}"
+        )
 
 
 def _fit(radiance: np.ndarray) -> np.ndarray:

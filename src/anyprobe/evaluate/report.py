@@ -231,6 +231,19 @@ def _real(found) -> Iterable[str]:
     for group, one in content["groups"].items():
         yield from ("", f"{group.capitalize()}, {one['pairs']} photos:", "")
         yield from _figures_table(one["rows"], "ball_")
+    if content.get("photos"):
+        yield from ("", "Each photo's angle to its lamp, degrees:", "")
+        yield from _photos_table(content["photos"])
+
+
+def _photos_table(photos: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """A row for each photo, a column for each method."""
+    methods = list(dict.fromkeys(name for angles in photos.values() for name in angles))
+    rows = [
+        [photo.replace("|", "\\|"), *(number(angles, name) for name in methods)]
+        for photo, angles in photos.items()
+    ]
+    return table(["photo", *map(named, methods)], rows)
 
 
 def _timing(found) -> Iterable[str]:

@@ -1,0 +1,77 @@
+"""Draw docs/known.png: what telling the normals and the material does to the light of four photos.
+
+    python examples/draw_known.py
+
+Our own figures under our own maps, with seeds that no training used. Each row: photo, true light, then the
+estimate from the photo alone, with the true normals told, with the true material told, and with both; each light
+as map and as a white and a silver ball.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.response import response
+from anyprobe.dataset.catalog import ShapeAsset
+from anyprobe.dataset.pair import render_pair
+from anyprobe.dataset.plan import balanced_recipes
+from anyprobe.dataset.stock import Stock, own_map
+from anyprobe.evaluate.methods import TOLD, run_told
+from anyprobe.infer.runtime import Models
+from anyprobe.render.balls import diffuse, silver
+from anyprobe.render.shapes import figure
+
+TITLES = ("photo", "true light", "from the photo alone", *(f"told {what}" for what in TOLD))
+ROWS, CELL, GAP, TOP = 5, 64, 10, 16
+SEED = 2_000_011
+
+
+def main(path: Path) -> None:
+    """Render the pairs, ask the model four times each, write the sheet."""
+    maps = [own_map(SEED, index) for index in range(ROWS)]
+    shapes = [
+        ShapeAsset(
+            id=f"{index:08x}",
+            name=f"figure {index}",
+            licence="own",
+            mesh=figure(np.random.default_rng((SEED, index))),
+        )
+        for index in range(ROWS)
+    ]
+    stock = Stock(maps, shapes)
+    models = Models()
+    rows = []
+    for recipe in balanced_recipes(stock, ROWS, SEED):
+        pair = render_pair(recipe, stock)
+        lights = [pair.radiance, *(run_told(models, pair, told).radiance for told in (set(), *TOLD.values()))]
+        photo = pair.photo[..., :3].reshape(CELL, 2, CELL, 2, 3).mean(axis=(1, 3)) / 255
+        rows.append([photo, *(look(radiance) for radiance in lights)])
+    widths = [cell.shape[1] for cell in rows[0]]
+    sheet = np.ones((TOP + ROWS * (CELL + 2), sum(widths) + GAP * (len(widths) - 1), 3), np.float32)
+    for r, row in enumerate(rows):
+        x = 0
+        for cell in row:
+            y = TOP + r * (CELL + 2)
+            sheet[y : y + CELL, x : x + cell.shape[1]] = cell
+            x += cell.shape[1] + GAP
+    image = Image.fromarray(to_bytes(sheet))
+    draw, font, x = ImageDraw.Draw(image), ImageFont.load_default(11), 0
+    for title, width in zip(TITLES, widths, strict=True):
+        draw.text((x, 1), title, fill=(0, 0, 0), font=font)
+        x += width + GAP
+    image.save(path, optimize=True)
+
+
+def look(radiance: np.ndarray) -> np.ndarray:
+    """A light as one picture [64, 256, 3]: the map, a white ball and a silver ball."""
+    return np.concatenate(
+        [response(v).clip(0, 1) for v in (radiance, diffuse(radiance, CELL), silver(radiance, CELL))], axis=1
+    )
+
+
+if __name__ == "__main__":
+    main(Path(__file__).parent.parent / "docs" / "known.png")

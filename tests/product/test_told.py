@@ -1,0 +1,55 @@
+"""Models scored with what is known of the object told to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.some_pair import ball_pair
+
+from anyprobe.core.response import response
+from anyprobe.evaluate.methods import TOLD, run_told, shipped, true_normals
+from anyprobe.infer.known_material import fit_gain
+from anyprobe.infer.runtime import Models
+
+
+@pytest.fixture(scope="module")
+def models():
+    return Models()
+
+
+def test_true_normals_are_means_of_four_made_unit():
+    pair = ball_pair(1)
+    told = true_normals(pair)
+    assert told.shape == (64, 64, 3)
+    length = np.linalg.norm(told, axis=-1)
+    np.testing.assert_allclose(length[length > 0], 1.0, atol=1e-5)
+    mean = pair.normals[30:32, 90:92].reshape(4, 3).mean(axis=0)
+    np.testing.assert_allclose(told[15, 45], mean / np.linalg.norm(mean), atol=1e-6)
+    assert (told[0, 0] == 0).all()
+
+
+def test_what_is_told_is_all_that_differs(models):
+    pair = ball_pair(2)
+    plain = models(pair.crop, pair.tan_half)
+    answers = {name: run_told(models, pair, told) for name, told in TOLD.items()}
+    np.testing.assert_array_equal(run_told(models, pair, set()).radiance, plain.radiance)
+    normals = models(pair.crop, pair.tan_half, true_normals(pair))
+    np.testing.assert_array_equal(answers["normals"].radiance, normals.radiance)
+    np.testing.assert_allclose(
+        answers["normals"].normals[20:40, 20:40], true_normals(pair)[20:40, 20:40], atol=1e-4
+    )
+    for name, before in (("material", plain), ("normals and material", normals)):
+        gain = fit_gain(before.radiance, pair.crop, before.normals, pair.tan_half, pair.material)
+        assert np.abs(gain - 1).max() > 0.01
+        np.testing.assert_allclose(answers[name].radiance, before.radiance * gain, rtol=1e-6)
+        np.testing.assert_allclose(answers[name].ldr, response(before.radiance * gain), rtol=1e-5)
+        np.testing.assert_allclose(np.exp(answers[name].ln_radiance), before.radiance * gain, rtol=1e-2)
+
+
+def test_only_a_model_that_lifts_is_also_told_normals():
+    assert list(shipped("lift")[0]) == ["lift"]
+    assert list(shipped("lift", told=True)[0]) == ["lift", "lift_normals"]
+    assert list(shipped("paper", told=True)[0]) == ["paper"]
+    pair = ball_pair(3)
+    alone, told = (method(pair) for method in shipped("lift", told=True)[0].values())
+    assert (alone.radiance != told.radiance).any()
