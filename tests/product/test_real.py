@@ -204,7 +204,7 @@ def test_a_mixed_folder_gives_both_groups_and_the_report_shows_them(folder):
     assert "| method | main light | main light median |" in below
     assert "| photo | mean map (no network) | chrome ball (no network) | paper |" in below
     assert [line for line in below if line.startswith("| ball.png |")] == [
-        "| ball.png | " + " | ".join(f"{angle:.2f}" for angle in angles.values()) + " |"
+        "| ball.png | " + " | ".join(f"{angle:.1f}" for angle in angles.values()) + " |"
     ]
 
 

@@ -238,9 +238,9 @@ def _real(found) -> Iterable[str]:
 
 def _photos_table(photos: Mapping[str, Mapping[str, float]]) -> list[str]:
     """A row for each photo, a column for each method."""
-    methods = list(dict.fromkeys(name for angles in photos.values() for name in angles))
+    methods = list(next(iter(photos.values())))
     rows = [
-        [photo.replace("|", "\\|"), *(number(angles, name) for name in methods)]
+        [photo.replace("|", "\\|"), *(f"{angles[name]:.1f}" for name in methods)]
         for photo, angles in photos.items()
     ]
     return table(["photo", *map(named, methods)], rows)
