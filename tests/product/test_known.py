@@ -16,11 +16,12 @@ from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.infer.known_material import MAX_STOPS, fit_gain
-from anyprobe.infer.known_normals import read_normals
+from anyprobe.infer.known_normals import normals_from_outline, read_normals
 from anyprobe.infer.photo import crop_object, load_photo
 from anyprobe.render.balls import ball_normals
 from anyprobe.render.integrate import shade, shading_pyramid
-from anyprobe.render.surface import pixel_rays
+from anyprobe.render.shapes import sphere
+from anyprobe.render.surface import Camera, pixel_rays, see
 from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.presets import MATERIALS
 
@@ -110,6 +111,55 @@ def test_known_normals_change_the_light_and_are_noted():
     assert alone.sidecar()["known"] == {"normals": False}
     assert told.sidecar()["known"] == {"normals": True}
     assert np.abs(told.radiance - alone.radiance).mean() > 1e-3
+
+
+# Balls
+
+
+def seen_ball(position, fov_deg: float = 60.0, size: int = 200) -> tuple[np.ndarray, np.ndarray]:
+    """Mask and normals [S, S, 3] of the unit sphere at the origin as the rasteriser sees it from a position."""
+    tan_half = float(np.tan(np.radians(fov_deg / 2)))
+    surface = see(
+        sphere(128),
+        Camera(world_from_camera=np.eye(3), position=np.array(position), tan_half=tan_half, size=size),
+    )
+    normals = np.zeros((size, size, 3), np.float32)
+    normals[surface.mask] = surface.normals
+    return surface.mask.astype(np.float32), normals
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 8.0), (1.3, -0.8, 4.5), (-1.5, 1.5, 5.0)])
+def test_a_balls_outline_tells_its_normals(position):
+    """Near the edge of a wide photo the outline is an ellipse; still they are the rasteriser's."""
+    mask, expected = seen_ball(position)
+    found = normals_from_outline(mask, 60.0)
+    both = (np.abs(found).sum(axis=-1) > 0) & (mask > 0)
+    assert both.sum() > 0.97 * mask.sum()
+    np.testing.assert_allclose(np.linalg.norm(found[both], axis=-1), 1.0, atol=1e-5)
+    angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
+    assert np.median(angle) < 1.0
+    assert np.percentile(angle, 95) < 6.0  # the rim is steep: a tenth of a pixel is degrees there
+
+
+def test_what_is_no_ball_is_refused():
+    mask, _ = seen_ball((0.0, 0.0, 6.0))
+    half = mask.copy()
+    half[:, 100:] = 0
+    square = np.zeros_like(mask)
+    square[60:140, 60:140] = 1
+    for wrong in (half, square):
+        with pytest.raises(InputError, match="expected a ball"):
+            normals_from_outline(wrong, 60.0)
+
+
+def test_a_ball_may_be_called_one():
+    photo = ball_photo()
+    named = anyprobe.estimate(photo, normals="ball", fov_deg=5.0)
+    given = anyprobe.estimate(photo, normals=ball_map(), fov_deg=5.0)
+    alone = anyprobe.estimate(photo, fov_deg=5.0)
+    assert named.sidecar()["known"] == {"normals": True}
+    apart = [np.abs(np.log(one.radiance / given.radiance)).mean() for one in (named, alone)]
+    assert apart[0] < 0.3 * apart[1]
 
 
 # Material
@@ -206,6 +256,7 @@ def test_the_command_line_tells_normals_and_material(tmp_path, command):
         (("--material", "wood"), "material: expected one of"),
         (("--material", "chrome", "--albedo", "0.2"), "got the metal chrome"),
         (("--normals", "nowhere.exr"), "no such file"),
+        (("--normals", "ball", "--box", "20,20,110,60"), "expected a ball"),
         (("--model", "paper", "--material", "matte"), "use lift"),
     ],
 )

@@ -121,6 +121,11 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
     )
     np.testing.assert_allclose(told["gain"], expected.info["known"]["gain"], rtol=1e-3)
     assert client.post("/v1/estimate", content=photo).json()["known"] == {"normals": False}
+    for ball in (
+        client.post("/v1/estimate?normals=ball", content=photo),
+        client.post("/v1/estimate", files={"photo": ("ball.png", photo)}, data={"normals": "ball"}),
+    ):
+        assert ball.json()["known"] == {"normals": True}
     exr = {**parts, "normals": ("n.exr", b"\x76\x2f\x31\x01")}
     assert "16-bit PNG" in complaint(client.post("/v1/estimate", files=exr), 422)
 
@@ -136,6 +141,7 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         ("?fov=500", None, "170"),
         ("?include=everything", None, "radiance"),
         ("?material=wood", None, "chrome"),
+        ("?normals=cube", None, "or ball"),
         ("?albedo=0.5,0.5", None, "a number or R,G,B"),
         ("?albedo=2", None, "up to 1"),
     ],

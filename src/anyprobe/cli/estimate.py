@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Column, Table
 
-from anyprobe.cli.known import AlbedoOption, MaterialOption, NormalsOption, read_material
+from anyprobe.cli.known import AlbedoOption, MaterialOption, NormalsOption, read_material, read_normals_option
 from anyprobe.cli.where import (
     BoxOption,
     ClickOption,
@@ -65,7 +65,9 @@ def estimate(
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
     from anyprobe.infer.estimate import Estimator
 
-    where = read_where(mask, box, click, click_off, depth, near, far) | {"normals": normals}
+    where = read_where(mask, box, click, click_off, depth, near, far) | {
+        "normals": read_normals_option(normals)
+    }
     known = read_material(material, albedo)
     listed = list_photos(photos)
     estimator = Estimator(model)
@@ -98,7 +100,7 @@ def _one(
             )
         told = where_for(path, where)
         files = (*listed, told["mask"], told["depth"], told["normals"])
-        inputs = {given.resolve(): given for given in files if given is not None}
+        inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
         for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
             if target.resolve() in inputs:
                 lost = inputs[target.resolve()]

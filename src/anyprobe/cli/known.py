@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from anyprobe.scatter.brdf import Material
 
 NormalsOption = Annotated[
-    Path | None,
+    str | None,
     typer.Option(
+        metavar="FILE|ball",
         help="The object's normals, where known: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, "
-        "+Y up, +Z to the camera; or a folder of them named like the photos."
+        "+Y up, +Z to the camera; or a folder of them named like the photos; or ball, if the object is one.",
     ),
 ]
 MaterialOption = Annotated[
@@ -33,6 +34,13 @@ AlbedoOption = Annotated[
         help="Its linear diffuse albedo, or one number: 0.18 for a grey card; else as --material.",
     ),
 ]
+
+
+def read_normals_option(given: str | None) -> Path | str | None:
+    """A path, or the word for a ball as it is."""
+    from anyprobe.infer.known_normals import BALL
+
+    return given if given is None or given == BALL else Path(given)
 
 
 def read_material(name: str | None, albedo: str | None) -> Material | None:

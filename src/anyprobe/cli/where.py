@@ -70,16 +70,13 @@ def read_where(
 
 def where_for(photo: Path, where: dict) -> dict:
     """The keywords for one photo: folders of masks, depth images or normals become the file of its name."""
-    return {
-        **where,
-        **(
-            {"normals": _file_for(photo, where["normals"], "normals", DEPTH_SUFFIXES)}
-            if "normals" in where
-            else {}
-        ),
+    files = {
         "mask": _file_for(photo, where["mask"], "mask", PHOTO_SUFFIXES),
         "depth": _file_for(photo, where["depth"], "depth", DEPTH_SUFFIXES),
     }
+    if isinstance(where.get("normals"), Path):
+        files["normals"] = _file_for(photo, where["normals"], "normals", DEPTH_SUFFIXES)
+    return where | files
 
 
 def list_photos(photos: list[Path]) -> list[Path]:

@@ -55,7 +55,7 @@ class Estimator:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
             normals: the object's, where they are known: a normal map of the photo's size in the camera's frame,
-                see infer.known_normals.read_normals. Light comes from truer directions then.
+                see infer.known_normals.read_normals; or "ball", if it is one. Light comes from truer directions then.
             material: the object's, where it is known: of scatter.brdf, or a name of scatter.presets. Brightness and
                 colour of the light are made to fit it, see infer.known_material.
             where: mask= (a picture of the photo's size, white on the object, or a function that

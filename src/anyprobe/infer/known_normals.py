@@ -15,8 +15,52 @@ NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 
 SHORTEST = 0.5
 """A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
+BALL = "ball"
+"""In place of a normal map: the object is a ball, its outline tells its normals."""
+ROUND = 0.9
+"""Overlap with a ball's outline, intersection over union, from which on a mask is taken for one."""
 FACING = 0.6
 """Share of the normals that must look towards the camera; else their axes are another frame's."""
+
+
+def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
+    """Normals of an object that is a ball, from its outline alone.
+
+    A pinhole sees a ball of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
+    solid angle 2 pi (1 - cos phi) tells phi, its mean ray c. With c at distance 1 the ball has the radius
+    sin phi, the ray meets it at s = d.c - sqrt(sin^2 phi - (1 - (d.c)^2)), and n = (s d - c) / sin phi.
+
+    Args:
+        mask: [H, W] in [0, 1], 1 on the ball.
+        long_fov_deg: field of view of the photo's longer side.
+    Returns:
+        [H, W, 3] float32 in the camera's frame, unit, zero beside the ball.
+    Raises:
+        InputError: the outline is no ball's.
+    """
+    height, width = mask.shape
+    focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    x = (np.arange(width) + 0.5 - width / 2) / focal
+    y = (height / 2 - np.arange(height) - 0.5) / focal
+    d = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
+    length = np.linalg.norm(d, axis=-1, keepdims=True)
+    d = d / length
+    angles = mask / (focal**2 * length[..., 0] ** 3)  # steradians of what the mask covers of each pixel
+    axis = (angles[..., None] * d).sum(axis=(0, 1))
+    axis /= np.linalg.norm(axis)
+    cos_phi = 1.0 - angles.sum() / (2 * np.pi)
+    along = d @ axis
+    inside, on = along > cos_phi, mask > 0.5
+    overlap = (inside & on).sum() / (inside | on).sum()
+    if overlap < ROUND:
+        raise InputError(
+            f"normals: expected a ball, the mask's outline is none (it shares {overlap:.0%} with the nearest ball's); "
+            "mask the ball alone and whole, or give its normals"
+        )
+    radius = np.sqrt(max(1.0 - cos_phi**2, 1e-12))
+    s = along - np.sqrt(np.maximum(radius**2 - 1.0 + along**2, 0.0))
+    n = (s[..., None] * d - axis) / radius
+    return np.where(inside[..., None], n, 0.0).astype(np.float32)
 
 
 def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InvalidPhoto
 from anyprobe.files.images import ImageSource, read_image
-from anyprobe.infer.known_normals import SHORTEST, NormalsSource, read_normals
+from anyprobe.infer.known_normals import BALL, SHORTEST, NormalsSource, normals_from_outline, read_normals
 from anyprobe.infer.runtime import NORMALS_SIZE
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
@@ -86,7 +86,7 @@ def load_photo(
     Args:
         source: path, bytes, Pillow image or array, see read_image.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
-        normals: known ones, see infer.known_normals.read_normals.
+        normals: known ones, see infer.known_normals.read_normals; or "ball", where the object is one.
         where: what is told about the object: mask, depth with near and far, click, click_off,
             box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
@@ -109,8 +109,16 @@ def load_photo(
         warnings=pixels.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=None if normals is None else read_normals(normals, found.mask.shape),
+        normals=_known_normals(normals, found.mask, long_fov_deg),
     )
+
+
+def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
+    if source is None:
+        return None
+    if isinstance(source, str) and source == BALL:
+        return normals_from_outline(mask, long_fov_deg)
+    return read_normals(source, mask.shape)
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:

@@ -14,6 +14,7 @@ _OPTIONS: dict[str, str] = {
 }
 
 _KNOWN = {
+    "normals": "ball, if the object is one; normals that are known come as a file part",
     "material": "the object's, where known: chrome, gold, plastic or matte",
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
 }
@@ -38,7 +39,7 @@ _ERRORS = {
 
 _MASK = {"mask": "picture of the photo's size, white on the object"}
 _NORMALS = {
-    "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera, where known"
+    "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera; or the word ball"
 }
 
 
@@ -46,8 +47,8 @@ def _upload(
     options: dict[str, str], formats: list[str], answer: dict[str, Any], files: dict[str, str]
 ) -> dict[str, Any]:
     fields: dict[str, Any] = {"photo": _FILE}
-    fields |= {name: {**_FILE, "description": text} for name, text in files.items()}
     fields |= {name: {"type": "string", "description": text} for name, text in options.items()}
+    fields |= {name: {**_FILE, "description": text} for name, text in files.items()}
     form = {"schema": {"type": "object", "required": ["photo"], "properties": fields}}
     extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
     return {

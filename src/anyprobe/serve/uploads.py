@@ -13,6 +13,7 @@ from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.files.images import declared_pixels
+from anyprobe.infer.known_normals import BALL
 from anyprobe.serve.limits import Limits
 
 FORM = "multipart/form-data"
@@ -26,7 +27,7 @@ class Upload:
     Attributes:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
-        mask: bytes of a mask picture; normals: of a picture of the object's normals.
+        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "ball".
         box: X0, Y0, X1, Y1 in pixels of the upright photo.
         clicks: x, y on the object, in pixels of the upright photo.
         clicks_off: likewise beside it.
@@ -38,7 +39,7 @@ class Upload:
     photo: bytes
     name: str = "photo"
     mask: bytes | None = None
-    normals: bytes | None = None
+    normals: bytes | str | None = None
     box: tuple[float, ...] | None = None
     clicks: tuple[tuple[float, float], ...] = ()
     clicks_off: tuple[tuple[float, float], ...] = ()
@@ -66,16 +67,17 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         HTTPException: 408 too slow, 413 too many pixels.
         InvalidPhoto, InvalidMask: no photo came, or an option cannot be read.
     """
-    form = FormData()
+    form, name, mask, normals = FormData(), "photo", b"", b""
     try:
         async with asyncio.timeout(limits.upload_s):
             if request.headers.get("content-type", "").startswith(FORM):
                 form = await request.form(max_files=3, max_fields=32)
                 photo, name = await _file(form, "photo")
                 mask, _ = await _file(form, "mask")
-                normals, _ = await _file(form, "normals")
+                if not isinstance(form.get("normals"), str):
+                    normals, _ = await _file(form, "normals")
             else:
-                photo, name, mask, normals = await request.body(), "photo", None, None
+                photo = await request.body()
     except TimeoutError as error:
         raise HTTPException(
             408, f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
@@ -97,7 +99,7 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         photo=photo,
         name=name,
         mask=mask or None,
-        normals=normals or None,
+        normals=normals or option.word("normals", BALL),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
@@ -136,6 +138,12 @@ class _Options:
     def text(self, name: str) -> str | None:
         texts = self.texts(name)
         return texts[-1] if texts else None
+
+    def word(self, name: str, known: str) -> str | None:
+        text = self.text(name)
+        if text not in (None, known):
+            raise InvalidPhoto(f"{name}: expected a file part or {known}, got {text[:60]!r}")
+        return text
 
     def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
         text = self.text(name)
