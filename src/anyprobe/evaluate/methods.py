@@ -12,7 +12,7 @@ from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.baselines import chrome_ball, mean_map
 from anyprobe.evaluate.panel import Estimate, Method
-from anyprobe.infer.known_material import fit_gain
+from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import SHORTEST
 from anyprobe.infer.runtime import LIFT_STAGES, NORMALS_SIZE, Models, Outputs, model_id
 
@@ -37,11 +37,9 @@ def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
     outputs = models(pair.crop, pair.tan_half, true_normals(pair) if "normals" in told else None)
     if "material" not in told:
         return outputs
-    gain = fit_gain(outputs.radiance, pair.crop, outputs.normals, pair.tan_half, pair.material)
-    radiance = outputs.radiance * gain
-    return replace(
-        outputs, radiance=radiance, ldr=response(radiance), ln_radiance=outputs.ln_radiance + np.log(gain)
-    )
+    outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, "normals" in told)
+    ln_radiance = np.log(np.maximum(outputs.radiance, 1e-6))
+    return replace(outputs, ldr=response(outputs.radiance), ln_radiance=ln_radiance)
 
 
 def true_normals(pair: Pair) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from functools import lru_cache
 from typing import Unpack
 
@@ -12,7 +11,7 @@ import numpy as np
 from anyprobe.errors import InputError
 from anyprobe.files.images import ImageSource
 from anyprobe.infer.engines import DEFAULT_ENGINE
-from anyprobe.infer.known_material import fit_gain
+from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import NormalsSource
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
@@ -81,14 +80,8 @@ class Estimator:
         outputs = self.models(crop.image, crop.tan_half, crop.normals)
         known = {"normals": crop.normals is not None}
         if material is not None:
-            gain = fit_gain(outputs.radiance, crop.image, outputs.normals, crop.tan_half, material)
-            outputs = replace(outputs, radiance=outputs.radiance * gain)
-            known["material"] = {
-                "albedo": _list(material.albedo),
-                "f0": _list(material.f0),
-                "alpha": material.alpha,
-            }
-            known["gain"] = _list(gain)
+            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, known["normals"])
+            known |= done
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         told = told_share(crop.image)
@@ -135,10 +128,6 @@ class Estimator:
                 f"{' and '.join(told)}: expected a model that tells normals, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
-
-
-def _list(values: np.ndarray) -> list[float]:
-    return np.round(np.asarray(values, np.float64), 5).tolist()
 
 
 def _rounded(confidence: float | None) -> float | None:

@@ -6,10 +6,14 @@ that of a dark one in strong light. The networks decide by what is likely; a kno
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
+from anyprobe.infer.mirror import is_mirror, measure
+from anyprobe.infer.runtime import Outputs
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.brdf import Material
@@ -20,6 +24,30 @@ MAX_POINTS = 400
 NUM_SAMPLES = 64
 INSIDE = 0.99
 """Coverage from which on a pixel is the object's alone."""
+
+
+def use_material(
+    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, known_normals: bool
+) -> tuple[Outputs, dict]:
+    """A model's answer, made to fit a material that is known.
+
+    A mirror whose normals are known too is measured (infer.mirror); all else gets fit_gain's gain.
+
+    Returns:
+        the answer, and what was done, for the sidecar.
+    """
+    done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {
+        "alpha": float(material.alpha)
+    }
+    if known_normals and is_mirror(material):
+        radiance = measure(outputs.radiance, image, outputs.normals, tan_half, material)
+        return replace(outputs, radiance=radiance), {"material": done, "measured": True}
+    gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
+    return replace(outputs, radiance=outputs.radiance * gain), {"material": done, "gain": _list(gain)}
+
+
+def _list(values: np.ndarray) -> list[float]:
+    return np.round(np.asarray(values, np.float64), 5).tolist()
 
 
 def fit_gain(

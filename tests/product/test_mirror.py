@@ -1,0 +1,94 @@
+"""A mirror of known shape is measured: what it shows is the map, and where it is burnt out the light is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.scenes import ball_photo
+
+import anyprobe
+from anyprobe.core.frames import dot, reflect
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.response import response
+from anyprobe.infer.mirror import is_mirror, measure
+from anyprobe.light.main_light import find_main_light
+from anyprobe.render.balls import ball_normals
+from anyprobe.render.surface import pixel_rays
+from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.presets import MATERIALS
+
+CHROME = MATERIALS["chrome"]
+TAN_HALF = 0.1
+TOWARDS = np.array([0.6, 0.5, -0.4]) / np.linalg.norm([0.6, 0.5, -0.4])
+
+
+def smooth_map() -> np.ndarray:
+    """[64, 128, 3]: soft waves between 0.1 and 0.7, each channel another way."""
+    d = pixel_directions(64)
+    return (0.4 + 0.3 * np.sin(3 * d + 1)).astype(np.float32)
+
+
+def lamp() -> np.ndarray:
+    """[64, 128, 1]: 30 where a lamp is that lies before the camera, to the upper right."""
+    return 30.0 * (pixel_directions(64) @ TOWARDS > np.cos(0.1))[..., None]
+
+
+def photo_of(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A chrome ball under a map: crop [128, 128, 4] and normals [64, 64, 3]; Schlick's Fresnel."""
+    normals, on = ball_normals(128)
+    n, wo = normals, pixel_rays(TAN_HALF, 128)[on]
+    fresnel = CHROME.f0 + (1 - CHROME.f0) * (1 - dot(n, wo)) ** 5
+    image = np.zeros((128, 128, 4), np.float32)
+    image[on, :3] = response(fresnel * bilinear(radiance, direction_to_uv(reflect(wo, n)))).clip(max=1.0)
+    image[on, 3] = 1.0
+    small, on_small = ball_normals(64)
+    told = np.zeros((64, 64, 3), np.float32)
+    told[on_small] = small
+    return image, told
+
+
+def test_what_a_mirror_shows_is_the_map():
+    """From a map that knows nothing; all but what lies behind the ball, from where nothing comes to the eye."""
+    truth = smooth_map()
+    found = measure(np.full_like(truth, 0.2), *photo_of(truth), TAN_HALF, CHROME)
+    seen = pixel_directions(64)[..., 2] > -0.7
+    error = np.abs(found - truth)[seen]
+    assert np.median(error) < 0.01
+    assert np.percentile(error, 99) < 0.08
+    behind = pixel_directions(64)[..., 2] < -0.98
+    np.testing.assert_allclose(found[behind], 0.2, atol=0.1)  # coarse pixels reach a little over
+
+
+def test_a_burnt_out_spot_gets_the_light_that_the_map_has():
+    """The map has the lamp elsewhere: it is moved to where the mirror is burnt out, with all its flux."""
+    truth = smooth_map() + lamp()
+    wrong = smooth_map() + lamp()[:, ::-1]
+    found = measure(wrong.astype(np.float32), *photo_of(truth), TAN_HALF, CHROME)
+    assert np.degrees(np.arccos(find_main_light(found).direction @ TOWARDS)) < 4.0
+    areas = pixel_solid_angles(64)[..., None]
+    flux = [(np.maximum(one - 1, 0) * areas).sum() for one in (found, truth)]
+    assert flux[0] == pytest.approx(flux[1], rel=0.15)
+
+
+def test_a_lamp_that_no_mirror_shows_stays_only_where_none_could():
+    """Nothing is burnt out: a lamp that the map has in plain view is not there; behind the ball it may be."""
+    truth = smooth_map()
+    behind = 30.0 * (pixel_directions(64)[..., 2:] < -0.985)
+    image, normals = photo_of(truth)
+    assert measure((truth + lamp()).astype(np.float32), image, normals, TAN_HALF, CHROME).max() < 1.5
+    found = measure((truth + behind).astype(np.float32), image, normals, TAN_HALF, CHROME)
+    assert find_main_light(found).direction[2] < -0.95
+
+
+def test_mirrors_are_smooth_metals():
+    assert is_mirror(CHROME)
+    assert not is_mirror(MATERIALS["plastic"])
+    assert not is_mirror(Material(albedo=CHROME.albedo, f0=CHROME.f0, alpha=0.3))
+
+
+def test_a_chrome_ball_is_measured_only_if_its_shape_is_known():
+    photo = ball_photo()
+    told = anyprobe.estimate(photo, normals="ball", material="chrome", fov_deg=30.0)
+    assert told.sidecar()["known"]["measured"] is True
+    assert "gain" not in told.sidecar()["known"]
+    assert "measured" not in anyprobe.estimate(photo, material="chrome").sidecar()["known"]
