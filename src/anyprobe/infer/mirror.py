@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from PIL import Image
 
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
@@ -75,17 +76,10 @@ def measure(
 
 def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Normals at twice the size by bilinear interpolation, and where all that they are made of are known."""
-    padded = np.pad(normals, ((1, 1), (1, 1), (0, 0)))
-    for axis in (0, 1):
-        near = padded.repeat(2, axis=axis)
-        padded = 0.75 * near + 0.25 * np.where(
-            (np.arange(near.shape[axis]) % 2 == 0).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1)),
-            np.roll(near, 1, axis=axis),
-            np.roll(near, -1, axis=axis),
-        )
-    mixed = padded[2:-2, 2:-2]
-    known = np.linalg.norm(mixed, axis=-1) > 0.9
-    return normalize(mixed).astype(np.float32), known
+    side = 2 * len(normals)
+    planes = [Image.fromarray(np.ascontiguousarray(normals[..., k], np.float32)) for k in range(3)]
+    mixed = np.stack([plane.resize((side, side), Image.Resampling.BILINEAR) for plane in planes], axis=-1)
+    return normalize(mixed), np.linalg.norm(mixed, axis=-1) > 0.9
 
 
 def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray, np.ndarray]:
