@@ -45,7 +45,7 @@ class Light:
         stages: what the networks saw and said, in the crop's frame: photo [128, 128, 4],
             irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
-        info: name of the photo, model, field of view, seconds a step.
+        info: name of the photo, model, field of view, what was known of the object, seconds a step.
     """
 
     radiance: np.ndarray
