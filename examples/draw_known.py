@@ -1,4 +1,4 @@
-"""Draw docs/known.png: what telling the normals and the material does to the light of four photos.
+"""Draw docs/known.png: what telling the normals and the material does to the light of five photos.
 
     python examples/draw_known.py
 

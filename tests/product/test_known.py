@@ -153,13 +153,14 @@ def test_what_is_no_ball_is_refused():
 
 
 def test_a_ball_may_be_called_one():
-    photo = ball_photo()
+    photo, expected = ball_photo(), ball_map()
+    found = load_photo(photo, normals="ball", fov_deg=5.0).normals
+    both = (np.abs(found).sum(axis=-1) > 0) & (np.abs(expected).sum(axis=-1) > 0)
+    angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
+    assert np.median(angle) < 1.5
     named = anyprobe.estimate(photo, normals="ball", fov_deg=5.0)
-    given = anyprobe.estimate(photo, normals=ball_map(), fov_deg=5.0)
-    alone = anyprobe.estimate(photo, fov_deg=5.0)
     assert named.sidecar()["known"] == {"normals": True}
-    apart = [np.abs(np.log(one.radiance / given.radiance)).mean() for one in (named, alone)]
-    assert apart[0] < 0.3 * apart[1]
+    assert np.abs(named.radiance - anyprobe.estimate(photo, fov_deg=5.0).radiance).mean() > 1e-3
 
 
 # Material
