@@ -10,7 +10,9 @@ import anyprobe
 from anyprobe.core.frames import dot, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
+from anyprobe.infer.known_material import use_material
 from anyprobe.infer.mirror import is_mirror, measure
+from anyprobe.infer.runtime import Outputs
 from anyprobe.light.main_light import find_main_light
 from anyprobe.render.balls import ball_normals
 from anyprobe.render.surface import pixel_rays
@@ -78,6 +80,20 @@ def test_a_lamp_that_no_mirror_shows_stays_only_where_none_could():
     assert measure((truth + lamp()).astype(np.float32), image, normals, TAN_HALF, CHROME).max() < 1.5
     found = measure((truth + behind).astype(np.float32), image, normals, TAN_HALF, CHROME)
     assert find_main_light(found).direction[2] < -0.95
+
+
+def test_only_where_normals_are_known_is_anything_measured():
+    """The left half is told, the right half is the network's guess, however good: the map stays there as it was."""
+    truth, flat = smooth_map(), np.full((64, 128, 3), 0.2, np.float32)
+    image, normals = photo_of(truth)
+    left = normals.copy()
+    left[:, 32:] = 0
+    outputs = Outputs(radiance=flat, irradiance=image, ldr=flat, ln_radiance=np.log(flat), normals=normals)
+    found = use_material(outputs, image, TAN_HALF, CHROME, left)[0].radiance
+    d = pixel_directions(64)
+    here, there = d[..., 0] < -0.5, d[..., 0] > 0.5
+    assert np.median(np.abs(found - truth)[here & (d[..., 2] > -0.5)]) < 0.02
+    np.testing.assert_allclose(found[there], 0.2, atol=0.02)
 
 
 def test_mirrors_are_smooth_metals():

@@ -34,10 +34,11 @@ def baselines() -> dict[str, Method]:
 
 def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
     """A model's answer where the pair's true normals, its true material or both are told."""
-    outputs = models(pair.crop, pair.tan_half, true_normals(pair) if "normals" in told else None)
+    normals = true_normals(pair) if "normals" in told else None
+    outputs = models(pair.crop, pair.tan_half, normals)
     if "material" not in told:
         return outputs
-    outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, "normals" in told)
+    outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
     ln_radiance = np.log(np.maximum(outputs.radiance, 1e-6))
     return replace(outputs, ldr=response(outputs.radiance), ln_radiance=ln_radiance)
 

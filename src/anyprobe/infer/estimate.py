@@ -80,7 +80,7 @@ class Estimator:
         outputs = self.models(crop.image, crop.tan_half, crop.normals)
         known = {"normals": crop.normals is not None}
         if material is not None:
-            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, known["normals"])
+            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)

@@ -27,20 +27,23 @@ INSIDE = 0.99
 
 
 def use_material(
-    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, known_normals: bool
+    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, known_normals: np.ndarray | None
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
-    A mirror whose normals are known too is measured (infer.mirror); all else gets fit_gain's gain.
+    A mirror whose normals are known too is measured where they are (infer.mirror); all else gets fit_gain's gain.
 
+    Args:
+        outputs, image, tan_half: of a crop, see infer.runtime.Models.
+        known_normals: [64, 64, 3] as they were told, zero where they were not; None where nothing was.
     Returns:
         the answer, and what was done, for the sidecar.
     """
     done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {
         "alpha": float(material.alpha)
     }
-    if known_normals and is_mirror(material):
-        radiance = measure(outputs.radiance, image, outputs.normals, tan_half, material)
+    if known_normals is not None and is_mirror(material):
+        radiance = measure(outputs.radiance, image, known_normals, tan_half, material)
         return replace(outputs, radiance=radiance), {"material": done, "measured": True}
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
     return replace(outputs, radiance=outputs.radiance * gain), {"material": done, "gain": _list(gain)}
