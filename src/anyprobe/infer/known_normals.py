@@ -91,7 +91,7 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
     if (values[known[..., 0], 2] > 0).mean() < FACING:
         raise InputError(
             f"{name}: expected normals towards the camera (+X right, +Y up, +Z to it), most look away; "
-            "flip Y and Z if they come from OpenCV or DirectX, turn them if they are the world's"
+            "flip Y and Z if they come from OpenCV, turn them if they are the world's"
         )
     return np.where(known, values / np.maximum(length, SHORTEST), 0.0)
 
