@@ -72,6 +72,17 @@ def test_a_burnt_out_spot_gets_the_light_that_the_map_has():
     assert flux[0] == pytest.approx(flux[1], rel=0.15)
 
 
+def test_of_two_burnt_out_spots_the_one_that_the_map_lights_is_the_lamp():
+    """A lamp and its mirror image left and right burn out alike; the map's guess decides, on either side."""
+    image, normals = photo_of(smooth_map() + lamp() + lamp()[:, ::-1])
+    for guess, towards in ((lamp(), TOWARDS), (lamp()[:, ::-1], TOWARDS * [-1, 1, 1])):
+        found = measure((smooth_map() + guess).astype(np.float32), image, normals, TAN_HALF, CHROME)
+        light = find_main_light(found)
+        assert np.degrees(np.arccos(light.direction @ towards)) < 4.0
+        other = bilinear(found, direction_to_uv(towards * [-1, 1, 1])).mean()
+        assert 1.0 < other < 0.5 * bilinear(found, direction_to_uv(towards)).mean()
+
+
 def test_a_lamp_that_no_mirror_shows_stays_only_where_none_could():
     """Nothing is burnt out: a lamp that the map has in plain view is not there; behind the ball it may be."""
     truth = smooth_map()

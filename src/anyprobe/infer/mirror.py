@@ -22,6 +22,8 @@ LEVELS = 3
 """Maps of 64, 32 and 16 rows that pixels fall into: where they lie far apart, a coarse one joins them."""
 ENOUGH = 0.5
 """Pixels that a place of a map must have seen for the measured light to count half."""
+ODDS = 10.0
+"""How much likelier light above white is in a place that is burnt out than in one that is not seen."""
 
 
 def is_mirror(material: Material) -> bool:
@@ -36,7 +38,7 @@ def measure(
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
     has seen enough of a place tells it, the given map what none has seen. A burnt-out pixel tells where light above
-    white comes from but not how much there is: that is the given map's, shared among all burnt-out places.
+    white may come from but not how much there is: that is the given map's.
 
     Args:
         radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
@@ -64,14 +66,24 @@ def measure(
         told = told if level == 0 else bilinear(told, at)
         result = result * (1.0 - told[..., 3:]) + told[..., :3]
         unseen = unseen * (1.0 - told[..., 3:])
-    above = np.maximum(radiance - 1.0, 0.0)
-    areas = pixel_solid_angles(height)[..., None]
     place, count = _gather(burnt.repeat(3, axis=1), uv, height)
     place = place[..., :1] / (count + ENOUGH)
-    if place.any():
-        flux = (above * areas).sum(axis=(0, 1))
-        return (result + place * flux / (place * areas).sum()).astype(np.float32)
-    return (result + unseen * above).astype(np.float32)
+    return (result + _above_white(np.maximum(radiance - 1.0, 0.0), place, unseen)).astype(np.float32)
+
+
+def _above_white(above: np.ndarray, burnt: np.ndarray, unseen: np.ndarray) -> np.ndarray:
+    """Light `above` white [H, 2H, 3] moved to where it can be: shares [H, 2H, 1] of places burnt out, and not seen.
+
+    One half of its flux is shared among all burnt-out places: a lamp and a white wall burn out alike. The other goes to
+    those where `above` has its own. Where nothing is burnt out, what nobody has seen of it stays.
+    """
+    if not burnt.any():
+        return above * unseen
+    areas = pixel_solid_angles(len(above))[..., None]
+    one, flux = above.mean(axis=-1, keepdims=True), (above * areas).sum(axis=(0, 1))
+    alike = flux.mean() / (burnt * areas).sum()
+    share = ODDS * burnt * (one + alike) + unseen * one
+    return share * flux / max((share * areas).sum(), 1e-12)
 
 
 def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
