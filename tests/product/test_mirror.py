@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.scenes import ball_photo
@@ -11,7 +13,7 @@ from anyprobe.core.frames import dot, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.infer.known_material import use_material
-from anyprobe.infer.mirror import is_mirror, measure
+from anyprobe.infer.mirror import MEASURED, is_mirror, measure
 from anyprobe.infer.runtime import Outputs
 from anyprobe.light.main_light import find_main_light
 from anyprobe.render.balls import ball_normals
@@ -52,7 +54,7 @@ def photo_of(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_what_a_mirror_shows_is_the_map():
     """From a map that knows nothing; all but what lies behind the ball, from where nothing comes to the eye."""
     truth = smooth_map()
-    found = measure(np.full_like(truth, 0.2), *photo_of(truth), TAN_HALF, CHROME)
+    found, _ = measure(np.full_like(truth, 0.2), *photo_of(truth), TAN_HALF, CHROME)
     seen = pixel_directions(64)[..., 2] > -0.7
     error = np.abs(found - truth)[seen]
     assert np.median(error) < 0.01
@@ -65,7 +67,7 @@ def test_a_burnt_out_spot_gets_the_light_that_the_map_has():
     """The map has the lamp elsewhere: it is moved to where the mirror is burnt out, with all its flux."""
     truth = smooth_map() + lamp()
     wrong = smooth_map() + lamp()[:, ::-1]
-    found = measure(wrong.astype(np.float32), *photo_of(truth), TAN_HALF, CHROME)
+    found, _ = measure(wrong.astype(np.float32), *photo_of(truth), TAN_HALF, CHROME)
     assert np.degrees(np.arccos(find_main_light(found).direction @ TOWARDS)) < 4.0
     areas = pixel_solid_angles(64)[..., None]
     flux = [(np.maximum(one - 1, 0) * areas).sum() for one in (found, truth)]
@@ -76,7 +78,7 @@ def test_of_two_burnt_out_spots_the_one_that_the_map_lights_is_the_lamp():
     """A lamp and its mirror image left and right burn out alike; the map's guess decides, on either side."""
     image, normals = photo_of(smooth_map() + lamp() + lamp()[:, ::-1])
     for guess, towards in ((lamp(), TOWARDS), (lamp()[:, ::-1], TOWARDS * [-1, 1, 1])):
-        found = measure((smooth_map() + guess).astype(np.float32), image, normals, TAN_HALF, CHROME)
+        found, _ = measure((smooth_map() + guess).astype(np.float32), image, normals, TAN_HALF, CHROME)
         light = find_main_light(found)
         assert np.degrees(np.arccos(light.direction @ towards)) < 4.0
         other = bilinear(found, direction_to_uv(towards * [-1, 1, 1])).mean()
@@ -88,8 +90,8 @@ def test_a_lamp_that_no_mirror_shows_stays_only_where_none_could():
     truth = smooth_map()
     behind = 30.0 * (pixel_directions(64)[..., 2:] < -0.985)
     image, normals = photo_of(truth)
-    assert measure((truth + lamp()).astype(np.float32), image, normals, TAN_HALF, CHROME).max() < 1.5
-    found = measure((truth + behind).astype(np.float32), image, normals, TAN_HALF, CHROME)
+    assert measure((truth + lamp()).astype(np.float32), image, normals, TAN_HALF, CHROME)[0].max() < 1.5
+    found, _ = measure((truth + behind).astype(np.float32), image, normals, TAN_HALF, CHROME)
     assert find_main_light(found).direction[2] < -0.95
 
 
@@ -100,11 +102,15 @@ def test_only_where_normals_are_known_is_anything_measured():
     left = normals.copy()
     left[:, 32:] = 0
     outputs = Outputs(radiance=flat, irradiance=image, ldr=flat, ln_radiance=np.log(flat), normals=normals)
-    found = use_material(outputs, image, TAN_HALF, CHROME, left)[0].radiance
+    outputs = replace(outputs, confidence=np.full((64, 128), 0.3, np.float32))
+    answer = use_material(outputs, image, TAN_HALF, CHROME, left)[0]
+    found = answer.radiance
     d = pixel_directions(64)
     here, there = d[..., 0] < -0.5, d[..., 0] > 0.5
     assert np.median(np.abs(found - truth)[here & (d[..., 2] > -0.5)]) < 0.02
     np.testing.assert_allclose(found[there], 0.2, atol=0.02)
+    np.testing.assert_allclose(np.median(answer.confidence[here & (d[..., 2] > -0.5)]), MEASURED, atol=0.05)
+    np.testing.assert_allclose(np.median(answer.confidence[there]), 0.3, atol=0.02)
 
 
 def test_mirrors_are_smooth_metals():

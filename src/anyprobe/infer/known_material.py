@@ -12,7 +12,7 @@ import numpy as np
 
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
-from anyprobe.infer.mirror import is_mirror, measure
+from anyprobe.infer.mirror import MEASURED, is_mirror, measure
 from anyprobe.infer.runtime import Outputs
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
@@ -43,8 +43,14 @@ def use_material(
         "alpha": float(material.alpha)
     }
     if known_normals is not None and is_mirror(material):
-        radiance = measure(outputs.radiance, image, known_normals, tan_half, material)
-        return replace(outputs, radiance=radiance), {"material": done, "measured": True}
+        radiance, seen = measure(outputs.radiance, image, known_normals, tan_half, material)
+        confidence = outputs.confidence
+        if confidence is not None:
+            confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
+        return replace(outputs, radiance=radiance, confidence=confidence), {
+            "material": done,
+            "measured": True,
+        }
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
     return replace(outputs, radiance=outputs.radiance * gain), {"material": done, "gain": _list(gain)}
 
