@@ -103,9 +103,9 @@ def test_the_field_of_view_moves_what_is_lifted():
     photo = torch.rand(1, 4, 128, 128)
     with torch.no_grad():
         narrow, wide = (net(photo, torch.tensor([[tan_half]])) for tan_half in (0.01, 0.6))
-    assert narrow.told.wo[0, 2].min() > 0.999
-    assert wide.told.wo[0, 2].min() < 0.8
-    assert wide.told.wo[0, 0, 30, 0] > 0.4  # a point on the left sees the eye to its right
+    assert narrow.wo[0, 2].min() > 0.999
+    assert wide.wo[0, 2].min() < 0.8
+    assert wide.wo[0, 0, 30, 0] > 0.4  # a point on the left sees the eye to its right
     for guess in (narrow, wide):
         assert guess.ln_radiance.shape == guess.ln_expected.shape == (1, 3, 64, 128)
         assert guess.confidence_logit.shape == (1, 1, 64, 128)
@@ -127,10 +127,26 @@ def test_known_normals_take_the_place_of_estimated_ones():
             net(photo, angle, known),
         )
     assert torch.equal(alone.ln_radiance, none.ln_radiance)
-    torch.testing.assert_close(told.told.normals[..., :32], known[..., :32] / 0.8)
-    torch.testing.assert_close(told.told.normals.norm(dim=1), torch.ones(1, 64, 64))
-    assert (told.told.normals[..., 32:] != known[..., 32:]).any()
+    torch.testing.assert_close(told.normals[..., :32], known[..., :32] / 0.8)
+    torch.testing.assert_close(told.normals.norm(dim=1), torch.ones(1, 64, 64))
+    assert (told.normals[..., 32:] != known[..., 32:]).any()
     assert (told.ln_shown - alone.ln_shown).abs().mean() > 1e-4
+
+
+def test_what_is_known_of_the_map_reaches_all_of_it():
+    """The light changes where nothing was told too, and so does the irradiance; told nothing, nothing changes."""
+    torch.manual_seed(0)
+    net = LightNet().eval()
+    photo, angle = torch.rand(1, 4, 128, 128), torch.tensor([[0.1]])
+    around = torch.zeros(1, 4, 64, 128)
+    with torch.no_grad():
+        alone, none = net(photo, angle), net(photo, angle, None, around)
+        around[..., 28:36, 56:72] = 0.7
+        told = net(photo, angle, None, around)
+    assert torch.equal(alone.ln_radiance, none.ln_radiance)
+    assert torch.equal(alone.normals, told.normals)
+    assert (told.ln_shown != alone.ln_shown)[..., :16].float().mean() > 0.8
+    assert (told.told.irradiance != alone.told.irradiance).float().mean() > 0.8
 
 
 def test_what_is_told_need_not_be_guessed():

@@ -22,9 +22,9 @@ from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.config import lift, paper, smoke  # noqa: E402
+from anyprobe.train.config import lift, normals, paper, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
-from anyprobe.train.loop import learning_rate, train  # noqa: E402
+from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
 from anyprobe.train.start import load_start, save_start  # noqa: E402
 
 
@@ -141,6 +141,17 @@ def test_a_run_begins_from_kept_weights(run, tmp_path):
     ).abs().max()
     with pytest.raises(ModelError, match="expected weights of this run"):
         run(tmp_path / "d", steps=2, named=paper, start=kept)
+
+
+def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):
+    kept, weight = tmp_path / "start.pt", "light.normals.head.weight"
+    checkpoint = run(tmp_path / "a", steps=4, named=normals)
+    save_start(checkpoint, kept)
+    learned = torch.load(checkpoint, weights_only=True)["nets"][weight]
+    learner = Lift(lift().lift, "cpu")
+    load_start(learner.nets, kept)
+    torch.testing.assert_close(learner.nets.state_dict()[weight], learned, rtol=1e-3, atol=1e-6)
+    assert set(export_onnx.graphs_of(load_nets(checkpoint))) == {"light"}
 
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):

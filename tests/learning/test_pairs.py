@@ -325,3 +325,24 @@ def test_told_normals_err_by_a_small_turn(maps, surfaces):
     cosine = (turns.diagonal(dim1=1, dim2=2).sum(dim=1) - 1) / 2
     angles = torch.rad2deg(torch.acos(cosine.clip(-1, 1)))
     assert 0.7 * TOLD_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * TOLD_ERROR_DEG
+
+
+def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
+    """They change nothing else, are what the photo's camera makes of its map, and come with no cut-out."""
+    config = PairConfig(batch=4, seed=0, group=2, pool=2, reuse=4)
+    plain = make_source(maps, surfaces).batch(0)
+    assert not plain.around.any()
+    illuminator = Illuminator(maps, compiled=False)
+    source = PairSource(illuminator, surfaces, replace(config, around=0.5))
+    batches = [source.batch(step) for step in range(8)]
+    assert torch.equal(batches[0].photo, plain.photo)
+    around = torch.cat([batch.around for batch in batches])
+    ldr = torch.cat([batch.ldr for batch in batches])
+    shown = around[:, 3].flatten(1).sum(dim=1) > 0
+    assert 8 <= shown.sum() <= 24
+    assert (around[:, 3].mean(dim=(1, 2)) < 0.12).all()
+    sure = around[:, 3:] > 0.99
+    wrong = ((around[:, :3] - ldr.clip(0, 1)) * sure).abs().sum() / (3 * sure.sum())
+    assert wrong < 0.12  # another curve than the mean one, a little turned
+    cut = PairSource(illuminator, surfaces, replace(config, around=1.0, cut_out=1.0)).batch(0)
+    assert not cut.around.any()

@@ -212,7 +212,7 @@ def with_lamp_in_crop(estimator, direction):
         ln_radiance=np.log(radiance),
     )
     fake = copy.copy(estimator)
-    fake.models = lambda image, tan_half, normals: outputs
+    fake.models = lambda image, tan_half, *known: outputs
     return fake
 
 

@@ -126,6 +126,16 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         client.post("/v1/estimate", files={"photo": ("ball.png", photo)}, data={"normals": "ball"}),
     ):
         assert ball.json()["known"] == {"normals": True}
+    opaque, mask = as_png(photo_rgba[..., :3]), as_png(photo_rgba[..., 3])
+    seen = client.post(
+        "/v1/estimate",
+        files={"photo": ("b.png", opaque), "mask": ("m.png", mask)},
+        data={"surroundings": "photo"},
+    )
+    assert 0 < seen.json()["known"]["surroundings"] < 0.2
+    panorama = np.random.default_rng(0).integers(0, 255, (64, 128, 3), np.uint8)
+    files = {"photo": ("ball.png", photo), "surroundings": ("p.png", as_png(panorama))}
+    assert client.post("/v1/estimate", files=files).json()["known"]["surroundings"] == 1.0
     exr = {**parts, "normals": ("n.exr", b"\x76\x2f\x31\x01")}
     assert "16-bit PNG" in complaint(client.post("/v1/estimate", files=exr), 422)
 
@@ -142,6 +152,7 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         ("?include=everything", None, "radiance"),
         ("?material=wood", None, "chrome"),
         ("?normals=cube", None, "or ball"),
+        ("?surroundings=room", None, "or photo"),
         ("?albedo=0.5,0.5", None, "a number or R,G,B"),
         ("?albedo=2", None, "up to 1"),
     ],

@@ -8,7 +8,7 @@ from anyprobe.dataset.pairs import Batch
 
 
 def some_batch(count: int = 4) -> Batch:
-    """Unit normals that face the camera everywhere; no normals are told."""
+    """Unit normals that face the camera everywhere; no normals are told, nothing around is known."""
     generator = torch.Generator().manual_seed(0)
 
     def values(*shape):
@@ -26,4 +26,5 @@ def some_batch(count: int = 4) -> Batch:
         normals=normals,
         tan_half=0.2 * values(count),
         told=torch.zeros(count, 3, 3),
+        around=torch.zeros(count, 4, 64, 128),
     )

@@ -14,7 +14,15 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Column, Table
 
-from anyprobe.cli.known import AlbedoOption, MaterialOption, NormalsOption, read_material, read_normals_option
+from anyprobe.cli.known import (
+    AlbedoOption,
+    MaterialOption,
+    NormalsOption,
+    SurroundingsOption,
+    read_material,
+    read_normals_option,
+    read_surroundings_option,
+)
 from anyprobe.cli.where import (
     BoxOption,
     ClickOption,
@@ -58,6 +66,7 @@ def estimate(
     normals: NormalsOption = None,
     material: MaterialOption = None,
     albedo: AlbedoOption = None,
+    surroundings: SurroundingsOption = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per photo on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -66,7 +75,8 @@ def estimate(
     from anyprobe.infer.estimate import Estimator
 
     where = read_where(mask, box, click, click_off, depth, near, far) | {
-        "normals": read_normals_option(normals)
+        "normals": read_normals_option(normals),
+        "surroundings": read_surroundings_option(surroundings),
     }
     known = read_material(material, albedo)
     listed = list_photos(photos)
@@ -99,7 +109,7 @@ def _one(
                 f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
             )
         told = where_for(path, where)
-        files = (*listed, told["mask"], told["depth"], told["normals"])
+        files = (*listed, told["mask"], told["depth"], told["normals"], told["surroundings"])
         inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
         for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
             if target.resolve() in inputs:

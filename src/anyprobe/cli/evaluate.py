@@ -72,7 +72,7 @@ def evaluate(
     ] = False,
     told: Annotated[
         bool,
-        typer.Option("--told", help="Also with the objects' true normals, true materials and both told."),
+        typer.Option("--told", help="Also with true normals, true materials and what is around told."),
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"

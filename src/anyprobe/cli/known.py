@@ -1,4 +1,4 @@
-"""What the commands let you say about the object itself: its normals and its material."""
+"""What the commands let you say beside the photo: the object's normals and material, and what is around it."""
 
 from __future__ import annotations
 
@@ -34,6 +34,21 @@ AlbedoOption = Annotated[
         help="Its linear diffuse albedo, or one number: 0.18 for a grey card; else as --material.",
     ),
 ]
+SurroundingsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="photo|FILE",
+        help="What is known of the light itself: photo, if what it shows beside the object is far enough to light it; "
+        "or a panorama in the camera's frame, transparent where nothing is known.",
+    ),
+]
+
+
+def read_surroundings_option(given: str | None) -> Path | str | None:
+    """A path, or the word for the photo itself as it is."""
+    from anyprobe.infer.surroundings import PHOTO
+
+    return given if given is None or given == PHOTO else Path(given)
 
 
 def read_normals_option(given: str | None) -> Path | str | None:

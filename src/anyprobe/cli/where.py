@@ -69,13 +69,15 @@ def read_where(
 
 
 def where_for(photo: Path, where: dict) -> dict:
-    """The keywords for one photo: folders of masks, depth images or normals become the file of its name."""
+    """The keywords for one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
     files = {
         "mask": _file_for(photo, where["mask"], "mask", PHOTO_SUFFIXES),
         "depth": _file_for(photo, where["depth"], "depth", DEPTH_SUFFIXES),
     }
     if isinstance(where.get("normals"), Path):
         files["normals"] = _file_for(photo, where["normals"], "normals", DEPTH_SUFFIXES)
+    if isinstance(where.get("surroundings"), Path):
+        files["surroundings"] = _file_for(photo, where["surroundings"], "surroundings", PHOTO_SUFFIXES)
     return where | files
 
 

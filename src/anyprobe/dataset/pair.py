@@ -17,7 +17,7 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
-from anyprobe.dataset.camera import draw_shot, exposure, exposure_for_clipping, take_photo
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, take_photo
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
@@ -97,13 +97,12 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None) -> Pai
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
     """
     asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
-    yaw, elevation = fibonacci_viewpoint(recipe.view)
-    turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
-    camera = frame_object(shape.mesh, turned, fov_deg=rng.uniform(10.0, 45.0))
+    drawn = _draw(recipe, rng)
+    material, shot = drawn.material, drawn.shot
+    camera = frame_object(shape.mesh, drawn.world_from_camera, fov_deg=drawn.fov_deg)
     surface = see(shape.mesh, camera)
-    material = draw_material(rng, draw_alpha(rng, recipe.material % 2 == 0), bool(recipe.material // 2 % 2))
     # the map turns about the shape, so that shape and light are not tied together
-    map_from_camera = rotation_y(rng.uniform(0, 2 * np.pi)) @ camera.world_from_camera
+    map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
     shading = shade_surface(stock.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
     reflected = shading.radiance(material)
     if trace is not None:
@@ -111,7 +110,6 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None) -> Pai
         around = rotate(asset.radiance, map_from_world.T)
         reflected = trace(shape.mesh, camera, around, material)[surface.mask][:, :3]
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
-    shot = draw_shot(rng, recipe.conditions)
     gain = exposure(shot, float(luminance(reflected).mean()), _log_mean(light))
     picture = np.zeros((*surface.mask.shape, 3), np.float32)
     picture[surface.mask] = reflected * gain
@@ -140,6 +138,33 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None) -> Pai
         shape_name=shape.name,
         indoor=asset.indoor,
     )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Drawn:
+    """What a recipe leaves to chance but for noise and mask errors."""
+
+    world_from_camera: np.ndarray
+    fov_deg: float
+    material: Material
+    map_yaw: float
+    shot: Shot
+
+
+def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
+    """In the order that makes a recipe's bytes."""
+    yaw, elevation = fibonacci_viewpoint(recipe.view)
+    turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
+    fov_deg = rng.uniform(10.0, 45.0)
+    material = draw_material(rng, draw_alpha(rng, recipe.material % 2 == 0), bool(recipe.material // 2 % 2))
+    map_yaw = rng.uniform(0, 2 * np.pi)
+    shot = draw_shot(rng, recipe.conditions)
+    return _Drawn(world_from_camera=turned, fov_deg=fov_deg, material=material, map_yaw=map_yaw, shot=shot)
+
+
+def shot_of(recipe: Recipe) -> Shot:
+    """How the photo of an "object" recipe is taken, without taking it."""
+    return _draw(recipe, recipe.rng()).shot
 
 
 def render_map_pair(recipe: Recipe, stock: Stock) -> MapPair:

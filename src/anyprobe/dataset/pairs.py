@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -23,6 +24,7 @@ from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
+from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady
 from anyprobe.render.reflectance import stand_ins
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.albedo import albedo_table
@@ -38,6 +40,8 @@ class PairConfig:
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
+    around: share of photos of which more is known than the object: the map, as far as the picture shows it
+        (dataset.surroundings).
     """
 
     batch: int = 32
@@ -48,6 +52,7 @@ class PairConfig:
     lanes: int = 2
     cut_out: float = 0.0
     told: float = 0.0
+    around: float = 0.0
 
 
 TOLD_ERROR_DEG = 2.0
@@ -59,7 +64,8 @@ class Batch:
     """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
     zero outside the object, and tan_half [B] of half the field of view; told [B, 3, 3]: from these normals to those
-    that come with the photo, a small turn, or zero where none do."""
+    that come with the photo, a small turn, or zero where none do; around [B, 4, H, 2H]: what else the photo shows,
+    see dataset.surroundings.photo_around, or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -69,6 +75,7 @@ class Batch:
     normals: torch.Tensor
     tan_half: torch.Tensor
     told: torch.Tensor
+    around: torch.Tensor
 
 
 class PairSource:
@@ -131,8 +138,10 @@ class PairSource:
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
         behind = see_behind(light, wo)
+        framed = np.ones(count, bool)
         if self.config.cut_out > 0:
-            behind = behind * column(rng.random(count) >= self.config.cut_out)
+            framed = rng.random(count) >= self.config.cut_out
+            behind = behind * column(framed)
         photos = take_photos(shots, radiance * gain, mask, behind, rng, self._tone)
         found = np.stack([disturb_mask(one, rng) for one in mask[:, 0].cpu().numpy() > 0])
         photo_mask = torch.from_numpy(found[:, None]).to(self.device).float()
@@ -141,6 +150,17 @@ class PairSource:
         told = np.zeros((count, 3, 3), np.float32)
         if self.config.told > 0:
             told = _small_turns(count, rng) * (rng.random(count) < self.config.told)[:, None, None]
+        around = light.new_zeros(count, 4, *light.shape[2:])
+        if self.config.around > 0:
+            framed &= rng.random(count) < self.config.around
+            frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
+            around = photo_around(
+                unsteady(light, rng),
+                photo_mask,
+                torch.as_tensor(tan_half),
+                frames,
+                partial(self._tone, curve=curves(shots, self.device)),
+            )
         return Batch(
             photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
@@ -150,6 +170,7 @@ class PairSource:
             normals=normals,
             tan_half=torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device),
             told=torch.from_numpy(told.astype(np.float32)).to(self.device),
+            around=around,
         )
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
@@ -210,6 +231,14 @@ def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
     return torch.cat([slope * tan_half / length, 1.0 / length], dim=1).permute(0, 2, 3, 1)
 
 
+def curves(shots: list[Shot], device) -> CameraCurve:
+    """The camera curves of a batch, each number [B, 1, 1, 1]."""
+    return CameraCurve(
+        exponent=_column([shot.curve.exponent for shot in shots], device),
+        sigma=_column([shot.curve.sigma for shot in shots], device),
+    )
+
+
 def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
     """The maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
 
@@ -240,13 +269,9 @@ def take_photos(
     for one, shot in zip(scene, shots, strict=True):
         if shot.blur_px > 0.0:
             one.copy_(blur(one, shot.blur_px))
-    curves = CameraCurve(
-        exponent=_column([shot.curve.exponent for shot in shots], device),
-        sigma=_column([shot.curve.sigma for shot in shots], device),
-    )
     generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
     display = torch.randn(scene.shape, generator=generator, device=device)
-    display.mul_(_column([shot.noise for shot in shots], device)).add_(tone(scene, curves))
+    display.mul_(_column([shot.noise for shot in shots], device)).add_(tone(scene, curves(shots, device)))
     display.clip_(0, 1).mul_(255).round_()
     for one, shot in zip(display, shots, strict=True):
         if shot.jpeg_quality is not None:

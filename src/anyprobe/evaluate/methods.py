@@ -8,16 +8,28 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.frames import normalize
+from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
-from anyprobe.dataset.pair import Pair
+from anyprobe.dataset.pair import Pair, shot_of
 from anyprobe.evaluate.baselines import chrome_ball, mean_map
 from anyprobe.evaluate.panel import Estimate, Method
 from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import SHORTEST
 from anyprobe.infer.runtime import LIFT_STAGES, NORMALS_SIZE, Models, Outputs, model_id
+from anyprobe.infer.surroundings import see_around, use_surroundings
 
-TOLD = {"normals": {"normals"}, "material": {"material"}, "normals and material": {"normals", "material"}}
-"""What a model may be told beside the photo, by the name of the row."""
+TOLD = {
+    "normals": {"normals"},
+    "material": {"material"},
+    "normals and material": {"normals", "material"},
+    "surroundings": {"surroundings"},
+    "all three": {"normals", "material", "surroundings"},
+}
+"""What a model may be told beside the object's crop, by the name of the row."""
+PHONE_FOV_DEG = 65.0
+PHONE_PX = (256, 192)
+"""The photo that shows the surroundings of a pair: a phone's, the object in its middle; width, height."""
 
 
 def baselines() -> dict[str, Method]:
@@ -33,14 +45,15 @@ def baselines() -> dict[str, Method]:
 
 
 def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
-    """A model's answer where the pair's true normals, its true material or both are told."""
+    """A model's answer where the pair's true normals, its true material or its surroundings are told."""
     normals = true_normals(pair) if "normals" in told else None
-    outputs = models(pair.crop, pair.tan_half, normals)
-    if "material" not in told:
-        return outputs
-    outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
-    ln_radiance = np.log(np.maximum(outputs.radiance, 1e-6))
-    return replace(outputs, ldr=response(outputs.radiance), ln_radiance=ln_radiance)
+    around = surroundings(pair) if "surroundings" in told else None
+    outputs = models(pair.crop, pair.tan_half, normals, around)
+    if "material" in told:
+        outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
+        ln_radiance = np.log(np.maximum(outputs.radiance, 1e-6))
+        outputs = replace(outputs, ldr=response(outputs.radiance), ln_radiance=ln_radiance)
+    return outputs if around is None else use_surroundings(outputs, around)
 
 
 def true_normals(pair: Pair) -> np.ndarray:
@@ -53,6 +66,18 @@ def true_normals(pair: Pair) -> np.ndarray:
     )
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
     return np.where(length > SHORTEST, mean / np.maximum(length, SHORTEST), 0.0)
+
+
+def surroundings(pair: Pair) -> np.ndarray | None:
+    """What a phone's photo shows of a pair's map around its object, see infer.surroundings.see_around."""
+    width, height = PHONE_PX
+    slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
+    x = (np.arange(width) + 0.5) / width * 2 - 1
+    y = (1 - (np.arange(height) + 0.5) / height * 2) * height / width
+    rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
+    shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
+    display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
+    return see_around(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
 
 
 def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str, str]]:

@@ -16,7 +16,8 @@ from anyprobe.infer.known_normals import NormalsSource
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
 from anyprobe.infer.runtime import DEFAULT_MODEL, LIFT_STAGES, PHOTO_SIZE, Models, model_id
-from anyprobe.light.environment import rotate
+from anyprobe.infer.surroundings import SurroundingsSource, use_surroundings
+from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.find import Where
 from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.presets import material_named
@@ -46,6 +47,7 @@ class Estimator:
         fov_deg: float | None = None,
         normals: NormalsSource | None = None,
         material: Material | str | None = None,
+        surroundings: SurroundingsSource | None = None,
         **where: Unpack[Where],
     ) -> Light:
         """The light around the object of one photo.
@@ -57,6 +59,8 @@ class Estimator:
                 see infer.known_normals.read_normals; or "ball", if it is one. Light comes from truer directions then.
             material: the object's, where it is known: of scatter.brdf, or a name of scatter.presets. Brightness and
                 colour of the light are made to fit it, see infer.known_material.
+            surroundings: "photo", where what the photo shows beside the object is far enough to light it; or a panorama
+                of the camera's frame, transparent where nothing is known, see infer.surroundings.read_surroundings.
             where: mask= (a picture of the photo's size, white on the object, or a function that
                 gets the photo and returns one), click= (x, y) or several, click_off=, box= (x0, y0,
                 x1, y1), depth= with near= and far=; see masks.find.Where. Without any, the alpha
@@ -66,7 +70,7 @@ class Estimator:
         """
         start = time.perf_counter()
         material = material_named(material) if isinstance(material, str) else material
-        photo = load_photo(source, fov_deg=fov_deg, normals=normals, **where)
+        photo = load_photo(source, fov_deg=fov_deg, normals=normals, surroundings=surroundings, **where)
         return self.from_photo(photo, start, material=material)
 
     def from_photo(
@@ -77,11 +81,14 @@ class Estimator:
         self._check_use(photo, material)
         crop = crop_object(photo, PHOTO_SIZE)
         loaded = time.perf_counter()
-        outputs = self.models(crop.image, crop.tan_half, crop.normals)
+        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.around)
         known = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
+        if crop.around is not None:
+            outputs = use_surroundings(outputs, crop.around)
+            known["surroundings"] = _share(crop.around)
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         told = told_share(crop.image)
@@ -120,14 +127,18 @@ class Estimator:
 
     def _check_use(self, photo: Photo, material: Material | None) -> None:
         """Only the model that lifts pixels can use what is known."""
-        told = [
-            name for name, value in (("normals", photo.normals), ("material", material)) if value is not None
-        ]
+        known = (("normals", photo.normals), ("surroundings", photo.around), ("material", material))
+        told = [name for name, value in known if value is not None]
         if told and self.models.stages != LIFT_STAGES:
             raise InputError(
                 f"{' and '.join(told)}: expected a model that tells normals, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
+
+
+def _share(around: np.ndarray) -> float:
+    """How much of the sphere is known."""
+    return round(float(integral(around[..., 3:])[0] / (4 * np.pi)), 4)
 
 
 def _rounded(confidence: float | None) -> float | None:
@@ -145,8 +156,11 @@ def estimate(
     fov_deg: float | None = None,
     normals: NormalsSource | None = None,
     material: Material | str | None = None,
+    surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
     **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
-    return _shared(model)(source, fov_deg=fov_deg, normals=normals, material=material, **where)
+    return _shared(model)(
+        source, fov_deg=fov_deg, normals=normals, material=material, surroundings=surroundings, **where
+    )

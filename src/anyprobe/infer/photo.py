@@ -8,10 +8,11 @@ from typing import Unpack
 import numpy as np
 
 from anyprobe.core.frames import turn_towards
-from anyprobe.errors import InvalidPhoto
+from anyprobe.errors import InputError, InvalidPhoto
 from anyprobe.files.images import ImageSource, read_image
 from anyprobe.infer.known_normals import BALL, SHORTEST, NormalsSource, normals_from_outline, read_normals
 from anyprobe.infer.runtime import NORMALS_SIZE
+from anyprobe.infer.surroundings import PHOTO, SurroundingsSource, read_surroundings, see_around, turned
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
 
@@ -39,6 +40,8 @@ class Photo:
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
+        around: [64, 128, 4] what is known of the map, in the camera's frame, see infer.surroundings.read_surroundings;
+            True: what the photo itself shows beside the object; None: nothing.
     """
 
     rgb: np.ndarray
@@ -50,6 +53,7 @@ class Photo:
     mask_source: str = "mask"
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
+    around: np.ndarray | bool | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,6 +68,7 @@ class Crop:
         center_px: x, y of its centre; pixel i covers [i, i + 1).
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
+        around: [64, 128, 4] what is known of the map, in the window's frame; None: nothing.
     """
 
     image: np.ndarray
@@ -72,6 +77,7 @@ class Crop:
     center_px: tuple[float, float]
     tan_half: float
     normals: np.ndarray | None = None
+    around: np.ndarray | None = None
 
 
 def load_photo(
@@ -79,6 +85,7 @@ def load_photo(
     *,
     fov_deg: float | None = None,
     normals: NormalsSource | None = None,
+    surroundings: SurroundingsSource | None = None,
     **where: Unpack[Where],
 ) -> Photo:
     """Read a photo and find its object.
@@ -87,6 +94,8 @@ def load_photo(
         source: path, bytes, Pillow image or array, see read_image.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
         normals: known ones, see infer.known_normals.read_normals; or "ball", where the object is one.
+        surroundings: a panorama, as far as it is known, see infer.surroundings.read_surroundings; or "photo", for what
+            the photo itself shows beside the object.
         where: what is told about the object: mask, depth with near and far, click, click_off,
             box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
@@ -110,6 +119,7 @@ def load_photo(
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(normals, found.mask, long_fov_deg),
+        around=_known_surroundings(surroundings),
     )
 
 
@@ -119,6 +129,12 @@ def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg:
     if isinstance(source, str) and source == BALL:
         return normals_from_outline(mask, long_fov_deg)
     return read_normals(source, mask.shape)
+
+
+def _known_surroundings(source: SurroundingsSource | None) -> np.ndarray | bool | None:
+    if source is None:
+        return None
+    return True if isinstance(source, str) and source == PHOTO else read_surroundings(source)
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:
@@ -143,13 +159,25 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         length = np.linalg.norm(mean, axis=-1, keepdims=True)
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
+    image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
+    around = None
+    if photo.around is True:
+        around = see_around(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
+        if around is None:
+            raise InputError(
+                f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
+                f"leave the surroundings out"
+            )
+    elif photo.around is not None:
+        around = turned(photo.around, camera_from_crop)
     return Crop(
-        image=np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0),
+        image=image,
         camera_from_crop=camera_from_crop,
         side_px=side,
         center_px=center,
         tan_half=float(tan_half),
         normals=normals,
+        around=around,
     )
 
 

@@ -29,7 +29,7 @@ STAGES = ("irradiance", "illumination", "hdr")
 """The paper's chain, one graph each."""
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
-LIFT_INPUTS = ("photo", "tan_half", "known_normals")
+LIFT_INPUTS = ("photo", "tan_half", "known_normals", "around")
 LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals")
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE = 128
@@ -101,19 +101,27 @@ class Models:
             path = folder / f"{stage}.onnx"
             self._run[stage] = open_engine(_open(path, stage, options), path, engine, threads)
 
-    def __call__(self, image: np.ndarray, tan_half: float, normals: np.ndarray | None = None) -> Outputs:
+    def __call__(
+        self,
+        image: np.ndarray,
+        tan_half: float,
+        normals: np.ndarray | None = None,
+        around: np.ndarray | None = None,
+    ) -> Outputs:
         """Run on a crop.
 
         Args:
             image: [128, 128, 4], display RGB times mask, and mask.
             tan_half: tangent of half the angle that the crop's side takes in.
             normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
-                The paper's chain has no use for them.
+            around: [64, 128, 4] what is known of the map, in the crop's frame, see infer.surroundings; None: nothing.
+                The paper's chain has no use for either.
         """
         photo = _batch(image)
         if self.stages == LIFT_STAGES:
-            given = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
-            return self._lift(photo, tan_half, _batch(given))
+            normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
+            around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if around is None else around
+            return self._lift(photo, tan_half, normals, around)
         return self._chain(photo)
 
     def _chain(self, photo: np.ndarray) -> Outputs:
@@ -128,9 +136,10 @@ class Models:
             ln_radiance=ln_radiance,
         )
 
-    def _lift(self, photo: np.ndarray, tan_half: float, given: np.ndarray) -> Outputs:
+    def _lift(self, photo: np.ndarray, tan_half: float, normals: np.ndarray, around: np.ndarray) -> Outputs:
         angle = np.array([[tan_half]], dtype=np.float32)
-        irradiance, ln_radiance, confidence, normals = self._run["light"](photo, angle, given)
+        told = self._run["light"](photo, angle, _batch(normals), _batch(around))
+        irradiance, ln_radiance, confidence, normals = told
         ln_radiance = _image(ln_radiance)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(

@@ -13,8 +13,10 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.nets.eye import Eye
 from anyprobe.nets.lamps import Lamps
 from anyprobe.nets.lift import lift, map_pixel, mirror_direction, pyramid
+from anyprobe.nets.normals_net import NormalsNet, told_or_guessed
 from anyprobe.nets.object_net import ObjectNet, Told
 from anyprobe.nets.sphere_net import SphereNet
 
@@ -30,6 +32,7 @@ MEAN_LN = -1.2
 class Guess:
     """What LightNet says.
 
+    normals [N, 3, 64, 64]: unit, camera frame, those that were told, else those guessed; wo [N, 3, 64, 64] of Eye.
     ln_radiance [N, 3, 64, 128]: the whole, its lamps drawn; ln_expected: the mean over all that they may be.
     ln_shown [N, 3, 64, 128]: what is not above white.
     ln_flux [N, 3]: ln(flux above white + FLUX_FLOOR), in sr of white.
@@ -38,6 +41,8 @@ class Guess:
     """
 
     told: Told
+    normals: torch.Tensor
+    wo: torch.Tensor
     ln_radiance: torch.Tensor
     ln_expected: torch.Tensor
     ln_shown: torch.Tensor
@@ -49,37 +54,50 @@ class Guess:
 class LightNet(nn.Module):
     """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1], normals [N, 3, 64, 64] -> Guess.
 
-    normals: see ObjectNet; zero where they are not known.
+    normals: those that somebody knows (a tracked model, a depth camera), camera frame; zero where they are not
+    known, by default everywhere.
     lifting: False leaves the lifted maps empty, so that all passes through the code.
     """
 
     def __init__(self, features: int = 8, code: int = 192, lifting: bool = True) -> None:
         super().__init__()
         self.lifting = lifting
+        self.eye = Eye()
+        self.normals = NormalsNet()
         self.object = ObjectNet(features=features, code=code)
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, 5)
         self.lamps = Lamps(code + 1)
 
     def forward(
-        self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor | None = None
+        self,
+        photo: torch.Tensor,
+        tan_half: torch.Tensor,
+        normals: torch.Tensor | None = None,
+        around: torch.Tensor | None = None,
     ) -> Guess:
-        told = self.object(photo, tan_half, normals)
+        if around is None:
+            around = photo.new_zeros(len(photo), 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
+        slope, wo = self.eye(tan_half)
+        normals, known = told_or_guessed(normals, self.normals(photo, slope, wo))
+        told = self.object(photo, slope, normals, known, around)
         mask = photo[:, 3:]
         cover = F.avg_pool2d(mask, 2) + 1e-4
         seen = torch.cat(
             [F.avg_pool2d(photo[:, :3], 2) / cover, F.avg_pool2d(told.irradiance, 2) / cover], dim=1
         )
-        pixel = map_pixel(mirror_direction(told.normals, told.wo).detach(), MAP_HEIGHT)
+        pixel = map_pixel(mirror_direction(normals, wo).detach(), MAP_HEIGHT)
         values = torch.cat([seen, told.features], dim=1).float()
         weight = told.weight if self.lifting else torch.zeros_like(told.weight)
         scales = pyramid(lift(values, weight, pixel, MAP_HEIGHT), SCALES)
         scales[0] = torch.cat([scales[0][:, :COLORS], scales[0][:, -1:]], dim=1)
         code = torch.cat([told.code, told.root_alpha], dim=1)
-        out = self.sphere(scales, code).float()
+        out = self.sphere(scales, code, around).float()
         ln_shown, ln_flux, lamp_logit = out[:, :3] * 2 + MEAN_LN, self.lamps(code), out[:, 4:] * 4
         shown, fixed = torch.exp(ln_shown.clamp(max=0.0)), lamp_logit.detach()
         return Guess(
             told=told,
+            normals=normals,
+            wo=wo,
             ln_radiance=torch.log(shown + self.lamps.drawn(ln_flux, fixed)),
             ln_expected=torch.log(shown + self.lamps.expected(ln_flux, fixed)),
             ln_shown=ln_shown,

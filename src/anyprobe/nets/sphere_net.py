@@ -31,7 +31,7 @@ def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
 
 
 class SphereNet(nn.Module):
-    """Lifted means at 64, 32, 16, 8 and 4 rows and a code -> [N, outputs, 64, 128].
+    """Lifted means at 64, 32, 16, 8 and 4 rows, a code, and what is known [N, 4, 64, 128] -> [N, outputs, 64, 128].
 
     Those at 64 rows have `fine` channels, all others `lifted`. Every scale sees the lifted
     pixels of its own size, so that gaps are filled from coarser ones; the pixels'
@@ -48,18 +48,17 @@ class SphereNet(nn.Module):
         deepest = HEIGHT >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
         self.deepest = deepest
-        self.first = nn.Sequential(conv(4 * fine + lifted + 3, widths[0]), conv(widths[0], widths[0]))
+        self.first = nn.Sequential(conv(4 * fine + lifted + 3 + 4, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
         self.seen = nn.ModuleList(conv(b + lifted + (48 if b == widths[-1] else 0), b) for _, b in pairs)
         self.rise = nn.ModuleList(Rise(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 
-    def forward(self, scales: list[torch.Tensor], code: torch.Tensor) -> torch.Tensor:
+    def forward(self, scales: list[torch.Tensor], code: torch.Tensor, around: torch.Tensor) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
-        x = torch.cat(
-            [_wrap(torch.cat([F.pixel_unshuffle(fine, 2), rest[0]], dim=1), MARGIN), directions], dim=1
-        )
+        seen = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(around, 2)], dim=1)
+        x = torch.cat([_wrap(seen, MARGIN), directions], dim=1)
         levels = [self.first(x)]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):

@@ -36,6 +36,7 @@ def open_photo(upload: Upload, job: Job) -> Photo:
         box=upload.box,
         fov_deg=upload.fov_deg,
         normals=upload.normals,
+        surroundings=upload.surroundings,
     )
     renamed = tuple(note.replace("bytes:", f"{upload.name}:", 1) for note in photo.warnings)
     return replace(photo, name=upload.name, warnings=renamed)

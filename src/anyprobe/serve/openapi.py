@@ -15,6 +15,7 @@ _OPTIONS: dict[str, str] = {
 
 _KNOWN = {
     "normals": "ball, if the object is one; normals that are known come as a file part",
+    "surroundings": "photo, if what it shows beside the object lights it; a panorama comes as a file part",
     "material": "the object's, where known: chrome, gold, plastic or matte",
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
 }

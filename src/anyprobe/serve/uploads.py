@@ -14,6 +14,7 @@ from starlette.requests import ClientDisconnect, Request
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.files.images import declared_pixels
 from anyprobe.infer.known_normals import BALL
+from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.limits import Limits
 
 FORM = "multipart/form-data"
@@ -27,7 +28,8 @@ class Upload:
     Attributes:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
-        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "ball".
+        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "ball";
+        surroundings: of a panorama in the camera's frame, or "photo".
         box: X0, Y0, X1, Y1 in pixels of the upright photo.
         clicks: x, y on the object, in pixels of the upright photo.
         clicks_off: likewise beside it.
@@ -40,6 +42,7 @@ class Upload:
     name: str = "photo"
     mask: bytes | None = None
     normals: bytes | str | None = None
+    surroundings: bytes | str | None = None
     box: tuple[float, ...] | None = None
     clicks: tuple[tuple[float, float], ...] = ()
     clicks_off: tuple[tuple[float, float], ...] = ()
@@ -67,15 +70,17 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         HTTPException: 408 too slow, 413 too many pixels.
         InvalidPhoto, InvalidMask: no photo came, or an option cannot be read.
     """
-    form, name, mask, normals = FormData(), "photo", b"", b""
+    form, name, mask, normals, around = FormData(), "photo", b"", b"", b""
     try:
         async with asyncio.timeout(limits.upload_s):
             if request.headers.get("content-type", "").startswith(FORM):
-                form = await request.form(max_files=3, max_fields=32)
+                form = await request.form(max_files=4, max_fields=32)
                 photo, name = await _file(form, "photo")
                 mask, _ = await _file(form, "mask")
                 if not isinstance(form.get("normals"), str):
                     normals, _ = await _file(form, "normals")
+                if not isinstance(form.get("surroundings"), str):
+                    around, _ = await _file(form, "surroundings")
             else:
                 photo = await request.body()
     except TimeoutError as error:
@@ -88,7 +93,8 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         raise InvalidPhoto(
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
         )
-    for picture, called in ((photo, name), (mask, "mask"), (normals, "normals")):
+    pictures = ((photo, name), (mask, "mask"), (normals, "normals"), (around, "surroundings"))
+    for picture, called in pictures:
         if picture and declared_pixels(picture) > limits.max_pixels:
             raise HTTPException(
                 413,
@@ -100,6 +106,7 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         name=name,
         mask=mask or None,
         normals=normals or option.word("normals", BALL),
+        surroundings=around or option.word("surroundings", PHOTO),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),

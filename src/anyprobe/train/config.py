@@ -29,8 +29,9 @@ class RunConfig:
     """The training of one model on pairs made as it goes.
 
     name: of the run's folder.
-    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the map, or
-        "designs", every design of the paper's Table 1 and two rivals at half size;
+    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the map, "normals",
+        the part of it that guesses normals, or "designs", every design of the paper's Table 1 and two rivals
+        at half size;
         truth_share, gradual and hdr_share concern the first, lift the second, truth_share and
         hdr_share the third.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
@@ -67,26 +68,64 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=3_000,
+        steps=2_200,
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=53, cut_out=0.2, told=0.3),
+        pairs=PairConfig(seed=59, cut_out=0.2, told=0.3, around=0.7),
         surfaces=SurfaceConfig(
-            views=9, own_views=1, procedural=600, figures=400, stretch=0.2, tilt_deg=20.0, seed=4
+            views=9, own_views=1, procedural=600, figures=1200, stretch=0.2, tilt_deg=20.0, seed=14
         ),
-        light=LightConfig(procedural=200, variants=600, seed=8),
+        light=LightConfig(procedural=200, variants=600, seed=9),
+    )
+
+
+def normals() -> RunConfig:
+    """The normals of `lift`, learned alone before it."""
+    return RunConfig(
+        name="normals",
+        model="normals",
+        steps=6_000,
+        learning_rate=1.5e-3,
+        warmup=100,
+        cooldown=0.8,
+        pairs=PairConfig(seed=61, cut_out=0.2),
+        surfaces=replace(lift().surfaces, figures=400, seed=4),
+        light=replace(lift().light, seed=8),
     )
 
 
 def lift_trial() -> RunConfig:
     """A short run of it, of as many pairs as light_real."""
-    return replace(lift(), name="lift_trial", steps=600, warmup=50, cooldown=0.5)
+    return replace(
+        lift(),
+        name="lift_trial",
+        steps=600,
+        warmup=50,
+        cooldown=0.5,
+        pairs=replace(lift().pairs, around=0.0),
+        surfaces=normals().surfaces,
+        light=normals().light,
+    )
 
 
 def code_trial() -> RunConfig:
     """The same without lifting: everything passes through one vector."""
-    return replace(lift_trial(), name="code_trial", lift=LiftConfig(lifting=False))
+    return _lift_trial("code_trial", lifting=False)
+
+
+def anchors_trial() -> RunConfig:
+    """The same with a loss of how far light must be carried to where it is."""
+    return _lift_trial("anchors_trial", anchors=0.2)
+
+
+def still_trial() -> RunConfig:
+    """The same with a loss of what changes from a frame to the next."""
+    return _lift_trial("still_trial", stillness=0.3)
+
+
+def _lift_trial(name: str, **losses) -> RunConfig:
+    return replace(lift_trial(), name=name, lift=replace(lift_trial().lift, **losses))
 
 
 def designs() -> RunConfig:
@@ -132,8 +171,11 @@ RUNS = {
     for run in (
         paper,
         lift,
+        normals,
         lift_trial,
         code_trial,
+        anchors_trial,
+        still_trial,
         designs,
         light_real,
         light_own,
@@ -151,6 +193,6 @@ def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
         steps=steps,
         warmup=2,
         pairs=replace(config.pairs, batch=4, group=2, pool=2),
-        surfaces=replace(config.surfaces, views=1, procedural=3),
-        light=replace(config.light, procedural=3),
+        surfaces=replace(config.surfaces, views=1, procedural=3, figures=min(config.surfaces.figures, 3)),
+        light=replace(config.light, procedural=3, variants=min(config.light.variants, 3)),
     )

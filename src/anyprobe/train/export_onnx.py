@@ -19,6 +19,7 @@ from anyprobe.train.loop import load_nets, pairs_seen
 
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
+AROUND = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
@@ -44,18 +45,17 @@ class LightGraph(nn.Module):
         self.net = net
 
     def forward(
-        self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor
+        self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor, around: torch.Tensor
     ) -> tuple[torch.Tensor, ...]:
-        guess = self.net(photo, tan_half, normals)
-        told = guess.told
-        return told.irradiance, guess.ln_radiance, torch.sigmoid(guess.confidence_logit), told.normals
+        guess = self.net(photo, tan_half, normals, around)
+        return guess.told.irradiance, guess.ln_radiance, torch.sigmoid(guess.confidence_logit), guess.normals
 
 
 def graphs_of(nets: nn.ModuleDict) -> dict[str, Graph]:
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(nets["light"]).eval()
-        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS), strict=True))
+        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, AROUND), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}

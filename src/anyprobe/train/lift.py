@@ -17,6 +17,15 @@ from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.lamps import FLUX_FLOOR
 from anyprobe.nets.light_net import Guess, LightNet
+from anyprobe.train.lift_ideas import (
+    ANCHOR_ROWS,
+    anchors_loss,
+    angles_between,
+    next_frame,
+    part,
+    stillness_loss,
+)
+from anyprobe.train.normals import normals_loss
 
 LOBES = (1.0, 16.0, 128.0)
 """Powers of the cosine: what a diffuse, a glossy and a nearly mirroring ball see of the map."""
@@ -26,7 +35,10 @@ FAINT = 0.02
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LiftConfig:
-    """What each loss counts; 0 leaves it out. lifting: False for the network that has only its code."""
+    """What each loss counts; 0 leaves it out. lifting: False for the network that has only its code.
+
+    anchors, stillness: ideas that were tried (train.lift_ideas, docs/ablation.md).
+    """
 
     irradiance: float = 3.0
     normals: float = 0.3
@@ -39,6 +51,8 @@ class LiftConfig:
     confidence: float = 0.05
     lamps: float = 0.04
     flux: float = 0.1
+    anchors: float = 0.0
+    stillness: float = 0.0
     lifting: bool = True
 
 
@@ -81,10 +95,10 @@ def told_normals(batch: Batch) -> torch.Tensor:
 class Lift:
     """Losses of LightNet; float32 weights, bfloat16 arithmetic."""
 
-    columns = tuple(field.name for field in fields(LiftConfig) if field.type == "float")
-
     def __init__(self, config: LiftConfig, device: str) -> None:
         self.config, self.device = config, device
+        weighed = (field.name for field in fields(config) if field.type == "float")
+        self.columns = tuple(name for name in weighed if getattr(config, name) > 0)
         self.nets = self.networks(config)
         self.nets.to(device, memory_format=torch.channels_last)
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
@@ -93,6 +107,7 @@ class Lift:
             0.5 + 0.5 * self._angles / angles.mean()
         )  # between pixels that count alike and true areas
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
+        self._between = angles_between(ANCHOR_ROWS).to(device)
 
     @staticmethod
     def networks(config: LiftConfig) -> nn.ModuleDict:
@@ -101,29 +116,34 @@ class Lift:
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
+        photo, count = batch.photo, len(batch.photo)
+        again = count // 4 if self.config.stillness > 0 else 0  # photos that are taken twice
+        photo = torch.cat([photo, next_frame(photo[:again], progress)])
         with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
-            photo = batch.photo.contiguous(memory_format=torch.channels_last)
+            photo = photo.contiguous(memory_format=torch.channels_last)
             normals = told_normals(batch)
-            guess = self.nets["light"](photo, batch.tan_half[:, None], normals)
+            tan_half = batch.tan_half[:, None]
+            guess = self.nets["light"](
+                photo, *(torch.cat([one, one[:again]]) for one in (tan_half, normals, batch.around))
+            )
+        guess, second = part(guess, slice(count)), part(guess, slice(count, None))
         terms = {
             **self._told(guess, batch, normals),
             **self._map(guess, batch),
             **self._above_white(guess, batch),
         }
+        if again:
+            terms["stillness"] = stillness_loss(part(guess, slice(again)), second)
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
     def _told(self, guess: Guess, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
         told, mask = guess.told, batch.photo[:, 3:]
         share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
         wrong = (told.irradiance.float() - batch.irradiance * mask) ** 2
-        normals = F.avg_pool2d(batch.normals, 2)
-        there = (F.avg_pool2d(mask, 2) > 0.99).float()
-        along = (F.normalize(normals, dim=1) * told.normals).sum(dim=1, keepdim=True)
-        there = there * (normals.square().sum(dim=1, keepdim=True) > 0.25)
-        there = there * (given.square().sum(dim=1, keepdim=True) == 0)  # what was told need not be guessed
+        guessed = (given.square().sum(dim=1, keepdim=True) == 0).float()  # what was told need not be
         return {
             "irradiance": (wrong.mean(dim=(1, 2, 3)) / share).mean(),
-            "normals": ((1 - along) * there).sum() / there.sum().clip(min=1.0),
+            "normals": normals_loss(guess.normals, batch, guessed),
             "alpha": (told.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
         }
 
@@ -158,10 +178,13 @@ class Lift:
         guessed = torch.log_softmax((guess.lamp_logit + torch.log(self._angles)).flatten(1), dim=1)
         mean = flux.mean(dim=1)
         counts = mean / (mean + 1.0)
-        return {
+        terms = {
             "lamps": -(counts * (share * guessed).sum(dim=1)).mean(),
             "flux": (guess.ln_flux - torch.log(flux + FLUX_FLOOR)).abs().mean(),
         }
+        if self.config.anchors > 0:
+            terms["anchors"] = (counts * anchors_loss(guessed.exp(), share, self._between)).mean()
+        return terms
 
     def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
         """What balls of three kinds would see, compared in stops and colours: energy counts, not pixels."""

@@ -25,6 +25,7 @@ from anyprobe.train.config import RunConfig
 from anyprobe.train.designs import Designs
 from anyprobe.train.journal import Journal
 from anyprobe.train.lift import Lift, LiftConfig
+from anyprobe.train.normals import Normals
 from anyprobe.train.start import load_start
 from anyprobe.train.team import Team
 
@@ -60,10 +61,10 @@ def learning_rate(config: RunConfig, step: int) -> float:
     )
 
 
-LEARNERS = {"paper": Chain, "lift": Lift, "designs": Designs}
+LEARNERS = {"paper": Chain, "lift": Lift, "normals": Normals, "designs": Designs}
 
 
-def make_learner(config: RunConfig, device: str) -> Chain | Lift | Designs:
+def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Designs:
     """What trains: networks, and their losses by name."""
     return LEARNERS[config.model](config.lift if config.model == "lift" else config, device)
 

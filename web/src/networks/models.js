@@ -19,6 +19,9 @@ const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
 const NORMALS_SHAPE = [1, 3, CROP_SIZE / 2, CROP_SIZE / 2];
 /** Zero: no normals are known beforehand. */
 const NO_NORMALS = new Float32Array((3 * CROP_SIZE * CROP_SIZE) / 4);
+const AROUND_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
+/** Zero: nothing of the map is known beforehand. */
+const NOTHING_AROUND = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
 
 export class Models {
   /**
@@ -75,6 +78,7 @@ export class Models {
       [image, PHOTO_SHAPE],
       [Float32Array.of(tanHalf), [1, 1]],
       [NO_NORMALS, NORMALS_SHAPE],
+      [NOTHING_AROUND, AROUND_SHAPE],
     ];
     const [irradiance, ln] = await this.#run("light", ...inputs);
     const lnRadiance = channelLast(ln);

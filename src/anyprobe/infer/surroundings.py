@@ -1,0 +1,146 @@
+"""Surroundings (noun): what is known of the map itself, by the rest of the photo or by an unfinished panorama.
+
+An object tells what comes from everywhere, but neither its own colour nor how bright all is; what the camera sees of
+the surroundings tells a small part of the map, but that exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from PIL import Image, ImageFilter
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import inverse_response, response
+from anyprobe.errors import InputError, InvalidPhoto
+from anyprobe.files.images import ImageSource, read_image
+from anyprobe.infer.runtime import Outputs
+from anyprobe.light.environment import MAP_HEIGHT, rotate
+
+PHOTO = "photo"
+"""In place of a panorama: take the photo's own surroundings."""
+SurroundingsSource = ImageSource
+GROW_PX = 4
+"""Pixels of the crop around the object that are left out: its edge is not where the mask says."""
+FINE = 2.0
+"""Pixels of the shrunk photo on one of the map's."""
+BURNT = 0.97
+"""Display value from which on a place is at least as bright as it looks."""
+SEEN = 0.9
+"""How sure a place is that the photo shows."""
+PLAIN = 2.0 / 255.0
+"""Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
+
+
+def read_surroundings(source: SurroundingsSource) -> np.ndarray:
+    """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
+
+    Args:
+        source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
+    Raises:
+        InputError: not a panorama, or nothing known in it.
+    """
+    try:
+        pixels = read_image(source)
+    except InvalidPhoto as error:
+        raise InputError(f"surroundings: {error}") from error
+    height, width = pixels.rgb.shape[:2]
+    if width != 2 * height:
+        raise InputError(
+            f"surroundings: expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels"
+        )
+    cover = np.ones((height, width), np.float32) if pixels.alpha is None else pixels.alpha
+    if not cover.any():
+        raise InputError("surroundings: expected pixels that are not transparent, found none")
+    return _resize(np.dstack([pixels.rgb * cover[..., None], cover]), (2 * MAP_HEIGHT, MAP_HEIGHT))
+
+
+def turned(around: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
+    """Surroundings [64, 128, 4] of the camera's frame in the crop's."""
+    return rotate(around, camera_from_crop.T).clip(0.0, 1.0).astype(np.float32)
+
+
+def see_around(
+    rgb: np.ndarray, long_fov_deg: float, camera_from_crop: np.ndarray, image: np.ndarray, tan_half: float
+) -> np.ndarray | None:
+    """The map in the crop's frame as far as the photo shows it beside the object.
+
+    Args:
+        rgb: [H, W, 3], the photo's display values.
+        long_fov_deg: of its longer side.
+        image, tan_half: of the crop, see infer.photo.Crop.
+    Returns:
+        [64, 128, 4] float32, display RGB times cover, and cover in [0, 1]; None where the photo shows one colour.
+    """
+    height, width = rgb.shape[:2]
+    focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    scale = min(1.0, FINE * MAP_HEIGHT / np.pi / focal)
+    small = _resize(rgb, (max(1, round(width * scale)), max(1, round(height * scale))))
+    d = pixel_directions(MAP_HEIGHT)
+    x, y, front = _on_plane(d @ camera_from_crop.T.astype(np.float32))
+    column, row = (0.5 * width + focal * x) / width, (0.5 * height - focal * y) / height
+    inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
+    cover = inside * (1.0 - _hidden(d, image, tan_half))
+    shown = _sample(small, column.clip(0, 1), row.clip(0, 1))
+    if not cover.any() or np.std(shown[cover > 0], axis=0).max() <= PLAIN:
+        return None
+    return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
+
+
+def use_surroundings(outputs: Outputs, around: np.ndarray) -> Outputs:
+    """A model's answer with what is known of the map [H, 2H, 4] in the place of its guess.
+
+    Display values mean radiance by the mean camera's curve; a burnt-out place may be brighter than it looks.
+    """
+    cover = around[..., 3:]
+    display = around[..., :3] / np.maximum(cover, 1e-3)
+    seen = inverse_response(np.minimum(display, BURNT))
+    seen = np.where(display >= BURNT, np.maximum(seen, outputs.radiance), seen)
+    radiance = (outputs.radiance + cover * (seen - outputs.radiance)).astype(np.float32)
+    confidence = outputs.confidence
+    if confidence is not None:
+        confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
+    return replace(
+        outputs,
+        radiance=radiance,
+        ldr=response(radiance),
+        ln_radiance=np.log(np.maximum(radiance, 1e-6)),
+        confidence=confidence,
+    )
+
+
+def _on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x and y on the plane z = -1 before the eye, and where directions [..., 3] meet it."""
+    depth = np.maximum(-d[..., 2], 0.05)
+    return d[..., 0] / depth, d[..., 1] / depth, d[..., 2] < -0.05
+
+
+def _hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
+    """How much of each direction the object hides, in [0, 1], its edge counted to it."""
+    mask = Image.fromarray((image[..., 3] * 255).round().astype(np.uint8))
+    grown = np.asarray(mask.filter(ImageFilter.MaxFilter(2 * GROW_PX + 1)), np.float32)[..., None] / 255.0
+    x, y, front = _on_plane(d)
+    column, row = 0.5 + 0.5 * x / tan_half, 0.5 - 0.5 * y / tan_half
+    inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
+    return _sample(grown, column.clip(0, 1), row.clip(0, 1))[..., 0] * inside
+
+
+def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Between the pixels of a picture [H, W, C] at shares of its width and height."""
+    height, width = picture.shape[:2]
+    x, y = (column * width - 0.5).clip(0, width - 1), (row * height - 0.5).clip(0, height - 1)
+    x0, y0 = x.astype(int), y.astype(int)
+    x1, y1 = np.minimum(x0 + 1, width - 1), np.minimum(y0 + 1, height - 1)
+    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
+    upper = picture[y0, x0] * (1 - fx) + picture[y0, x1] * fx
+    return upper * (1 - fy) + (picture[y1, x0] * (1 - fx) + picture[y1, x1] * fx) * fy
+
+
+def _resize(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Means over areas, [H, W, C] to size (width, height)."""
+    planes = [
+        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
+        for k in range(picture.shape[-1])
+    ]
+    return np.stack([np.asarray(plane) for plane in planes], axis=-1)

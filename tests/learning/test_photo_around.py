@@ -1,0 +1,77 @@
+"""What training photos show of the map: inside the frame, beside the object, as a camera sees it."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+
+from anyprobe.core.latlong import pixel_directions  # noqa: E402
+from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
+from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady  # noqa: E402
+from anyprobe.infer.surroundings import see_around  # noqa: E402
+
+
+def tone(light: torch.Tensor) -> torch.Tensor:
+    return response(light, MEAN_CURVE)
+
+
+def waves() -> torch.Tensor:
+    """A map [1, 3, 64, 128] between 0.1 and 0.7."""
+    return torch.from_numpy(0.4 + 0.3 * np.sin(2 * pixel_directions(64) + 1)).float().permute(2, 0, 1)[None]
+
+
+def disc() -> torch.Tensor:
+    """A mask [1, 1, 128, 128] that fills most of its crop."""
+    y, x = torch.meshgrid(torch.arange(128) - 63.5, torch.arange(128) - 63.5, indexing="ij")
+    return (x**2 + y**2 < 50**2).float()[None, None]
+
+
+def test_frames_hold_the_crop_and_are_45_to_80_degrees_wide():
+    rng = np.random.default_rng(0)
+    for tan_half in (0.05, 0.2, 0.45):
+        frames = np.array([draw_frame(rng, tan_half) for _ in range(200)])
+        x0, x1, y0, y1 = frames.T
+        assert (x0 <= -tan_half + 1e-9).all()
+        assert (x1 >= tan_half - 1e-9).all()
+        assert (y0 <= -tan_half + 1e-9).all()
+        assert (y1 >= tan_half - 1e-9).all()
+        longer = np.degrees(2 * np.arctan(np.maximum(x1 - x0, y1 - y0) / 2))
+        assert longer.min() >= 45.0 - 1e-6
+        assert longer.max() <= 80.0 + 1e-6
+        assert 0.3 < (x1 - x0 > y1 - y0).mean() < 0.7
+
+
+def test_training_sees_what_the_estimator_sees():
+    """The same photo told both ways: by the frame on the plane before the eye, and by its pixels."""
+    light, mask, tan_half = waves(), disc(), 0.2
+    width, height, slope = 320, 240, np.tan(np.radians(60) / 2)
+    half = slope * np.array([1.0, height / width])
+    frame = np.array([[-half[0], half[0], -half[1], half[1]]])
+    shown = photo_around(light, mask, torch.tensor([tan_half]), frame, tone)[0].permute(1, 2, 0).numpy()
+    x = (np.arange(width) + 0.5) / width * 2 - 1
+    y = 1 - (np.arange(height) + 0.5) / height * 2
+    rays = np.stack([*np.meshgrid(half[0] * x, half[1] * y), np.full((height, width), -1.0)], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    photo = response(0.4 + 0.3 * np.sin(2 * rays + 1)).astype(np.float32)
+    image = np.concatenate([np.zeros((128, 128, 3)), mask[0].permute(1, 2, 0).numpy()], axis=-1)
+    expected = see_around(photo, 60.0, np.eye(3), image.astype(np.float32), tan_half)
+    assert np.abs(shown[..., 3] - expected[..., 3]).mean() < 0.001
+    both = np.minimum(shown[..., 3], expected[..., 3]) > 0.99
+    assert both.sum() > 100
+    np.testing.assert_allclose(shown[both], expected[both], atol=0.02)
+
+
+def test_an_empty_frame_shows_nothing():
+    assert not photo_around(waves(), disc(), torch.tensor([0.1]), np.zeros((1, 4)), tone).any()
+
+
+def test_surroundings_are_a_little_off():
+    light = waves().expand(64, 3, 64, 128)
+    off = unsteady(light, np.random.default_rng(0))
+    gains = off.mean(dim=(1, 2, 3)) / light.mean(dim=(1, 2, 3))
+    assert 0.05 < torch.log2(gains).std() < 0.2
+    turns = [
+        min(range(-3, 4), key=lambda k: float((one / gain - torch.roll(light[0], k, dims=2)).abs().mean()))
+        for one, gain in zip(off, gains, strict=True)
+    ]
+    assert set(turns) == {-2, -1, 0, 1, 2}
