@@ -150,6 +150,7 @@ class PairSource:
         told = np.zeros((count, 3, 3), np.float32)
         if self.config.told > 0:
             told = _small_turns(count, rng) * (rng.random(count) < self.config.told)[:, None, None]
+        angles = torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device)
         around = light.new_zeros(count, 4, *light.shape[2:])
         if self.config.around > 0:
             framed &= rng.random(count) < self.config.around
@@ -157,7 +158,7 @@ class PairSource:
             around = photo_around(
                 unsteady(light, rng),
                 photo_mask,
-                torch.as_tensor(tan_half),
+                angles,
                 frames,
                 partial(self._tone, curve=curves(shots, self.device)),
             )
@@ -168,7 +169,7 @@ class PairSource:
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
             normals=normals,
-            tan_half=torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device),
+            tan_half=angles,
             told=torch.from_numpy(told.astype(np.float32)).to(self.device),
             around=around,
         )
