@@ -29,7 +29,8 @@ export default async ({ page, context, url, arguments: given }) => {
       const look = async (_, { presentedFrames: presented }) => {
         const time = performance.now() / 1000;
         seen.pictures.push({ time, presented });
-        if (!video.srcObject) return; // the camera was stopped meanwhile: there is no picture to take
+        // the camera may have stopped meanwhile: then there is no picture to take
+        if (!video.srcObject || video.readyState < HTMLMediaElement.HAVE_CURRENT_DATA) return;
         const frame = new VideoFrame(video);
         const bytes = new Uint8Array(frame.allocationSize());
         const [{ offset, stride }] = await frame.copyTo(bytes); // luma; a canvas would wait for the GPU
