@@ -13,7 +13,7 @@ import pytest
 
 from anyprobe.core.response import MEAN_CURVE, inverse_response
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair, render_pair
+from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair, render_pair, shot_of
 from anyprobe.dataset.plan import balanced_recipes, full_plan
 from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
 from anyprobe.dataset.stock import Stock, load_stock
@@ -174,6 +174,15 @@ def test_the_stored_rotation_and_gain_give_the_map(stock) -> None:
     pair = render_pair(full_plan(stock).recipe(0), stock)
     again = rotate(stock.maps[pair.recipe.map_id].radiance, pair.map_from_camera.T)
     np.testing.assert_allclose(pair.radiance, again * pair.gain, rtol=1e-6)
+
+
+def test_the_shot_is_told_without_taking_the_photo(stock) -> None:
+    """By its white balance: a pair's gain is one exposure times that."""
+    for index in range(4):
+        recipe = full_plan(stock).recipe(index)
+        gain, balance = render_pair(recipe, stock).gain, shot_of(recipe).white_balance
+        np.testing.assert_allclose(gain / gain.mean(), balance / balance.mean(), rtol=1e-6)
+    assert np.ptp(balance) > 1e-3
 
 
 def test_photo_and_map_have_one_exposure() -> None:

@@ -52,7 +52,7 @@ def next_frame(photo: torch.Tensor, progress: float) -> torch.Tensor:
     """
     if len(photo) == 0:
         return photo
-    draw = torch.Generator().manual_seed(int(progress * 2**40))
+    draw = torch.Generator().manual_seed(int(progress * 2**31))
     noise = NOISE * torch.randn(photo[:, :3].shape, generator=draw).to(photo)
     down, right = (int(torch.randint(-1, 2, (), generator=draw)) for _ in range(2))
     mask = torch.minimum(photo[:, 3:], torch.roll(photo[:, 3:], (down, right), dims=(2, 3)))
