@@ -16,7 +16,7 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.infer.photo import crop_object, load_photo
 from anyprobe.infer.runtime import Outputs
-from anyprobe.infer.surroundings import SEEN, read_surroundings, see_around, turned, use_surroundings
+from anyprobe.infer.surroundings import SEEN, TINT, TINT_FLOOR, read_surroundings, see_around, turned, use_surroundings
 from anyprobe.light.environment import rotate
 
 FOV_DEG = 60.0
@@ -144,6 +144,26 @@ def test_what_is_known_takes_the_place_of_the_guess():
     np.testing.assert_allclose(found.radiance[24:], 3.0)
     np.testing.assert_allclose(found.ldr, response(found.radiance), atol=1e-6)
     np.testing.assert_allclose(found.confidence[[0, 20, 30], 0], [SEEN, (SEEN + 0.2) / 2, 0.2], atol=1e-6)
+
+
+def test_a_guess_takes_on_half_of_the_colour_that_it_misses():
+    blue = np.broadcast_to(np.float32([0.2, 0.2, 0.6]), (64, 128, 3))
+    grey = np.full_like(blue, 0.3)
+    outputs = Outputs(
+        radiance=grey,
+        irradiance=np.zeros((128, 128, 3), np.float32),
+        ldr=response(grey),
+        ln_radiance=np.log(grey),
+        confidence=None,
+    )
+    around = np.zeros((64, 128, 4), np.float32)
+    around[:16] = np.append(response(blue[0, 0]), 1.0)
+    found = use_surroundings(outputs, around).radiance[40, 64]
+    asked = (blue[0, 0] + TINT_FLOOR) / (0.3 + TINT_FLOOR)
+    np.testing.assert_allclose(found[2] / found[0], (asked[2] / asked[0]) ** TINT, rtol=1e-3)
+    np.testing.assert_allclose(np.log(found).mean(), np.log(0.3), atol=1e-5)  # its brightness stays
+    known = use_surroundings(outputs, around, tint=False)
+    np.testing.assert_array_equal(known.radiance[40, 64], 0.3 * np.ones(3, np.float32))
 
 
 def test_surroundings_change_the_light_and_are_noted():

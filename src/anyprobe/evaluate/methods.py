@@ -53,7 +53,7 @@ def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
         ln_radiance = np.log(np.maximum(outputs.radiance, 1e-6))
         outputs = replace(outputs, ldr=response(outputs.radiance), ln_radiance=ln_radiance)
-    return outputs if around is None else use_surroundings(outputs, around)
+    return outputs if around is None else use_surroundings(outputs, around, tint="material" not in told)
 
 
 def true_normals(pair: Pair) -> np.ndarray:

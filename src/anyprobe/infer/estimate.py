@@ -87,7 +87,7 @@ class Estimator:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
         if crop.around is not None:
-            outputs = use_surroundings(outputs, crop.around)
+            outputs = use_surroundings(outputs, crop.around, tint=material is None)
             known["surroundings"] = _share(crop.around)
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)

@@ -29,6 +29,11 @@ BURNT = 0.97
 """Display value from which on a place is at least as bright as it looks."""
 SEEN = 0.9
 """How sure a place is that the photo shows."""
+TINT = 0.5
+"""How much of the colour by which what is seen differs from what was guessed there is taken for the light's own:
+an object hides its colour in that of the light, and of both no photo tells more than half (docs/ablation.md)."""
+TINT_FLOOR = 0.05
+"""Added to radiance before its logarithm is compared."""
 PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
@@ -88,16 +93,18 @@ def see_around(
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 
-def use_surroundings(outputs: Outputs, around: np.ndarray) -> Outputs:
+def use_surroundings(outputs: Outputs, around: np.ndarray, *, tint: bool = True) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4] in the place of its guess.
 
     Display values mean radiance by the mean camera's curve; a burnt-out place may be brighter than it looks.
+    tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
     """
     cover = around[..., 3:]
     display = around[..., :3] / np.maximum(cover, 1e-3)
     seen = inverse_response(np.minimum(display, BURNT))
-    seen = np.where(display >= BURNT, np.maximum(seen, outputs.radiance), seen)
-    radiance = (outputs.radiance + cover * (seen - outputs.radiance)).astype(np.float32)
+    guessed = outputs.radiance * _tint(outputs.radiance, seen, cover) if tint else outputs.radiance
+    seen = np.where(display >= BURNT, np.maximum(seen, guessed), seen)
+    radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     confidence = outputs.confidence
     if confidence is not None:
         confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
@@ -108,6 +115,16 @@ def use_surroundings(outputs: Outputs, around: np.ndarray) -> Outputs:
         ln_radiance=np.log(np.maximum(radiance, 1e-6)),
         confidence=confidence,
     )
+
+
+def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """Shares [3] of geometric mean 1 that bring the colour of what was guessed nearer to that of what is seen."""
+    weight = cover * (cover > 0.5)
+    if not weight.any():
+        return np.ones(3, np.float32)
+    missed = np.log(seen + TINT_FLOOR) - np.log(np.minimum(guessed, 1.0) + TINT_FLOOR)
+    mean = (weight * missed).sum(axis=(0, 1)) / weight.sum()
+    return np.exp(TINT * (mean - mean.mean())).astype(np.float32)
 
 
 def _on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
