@@ -18,6 +18,7 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import SIZE, ball_frame, ball_mask, turned, write_clip, write_masks
 
+from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
@@ -83,6 +84,24 @@ def test_command_writes_a_track_and_maps(command, work, made):
     np.testing.assert_allclose(last["sh9"], project(steady), rtol=0.01, atol=0.01)
     assert np.linalg.norm(last["main_light"]["direction"]) == pytest.approx(1, abs=1e-4)
     assert np.shape(last["sh9_ambient"]) == (9, 3)
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
+    """A panorama without gaps is the light; a photo's own surroundings are what its frames show there."""
+    panorama = np.zeros((64, 128, 3), np.uint8)
+    panorama[...] = (180, 90, 45)
+    Image.fromarray(panorama).save(work / "panorama.png")
+    lights = {}
+    for name, told in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
+        options = ("--surroundings", *told) if told else ()
+        done = command("video", made / "clip.mp4", "-o", name, "--masks", made / "masks", "--exr", "-q", *options)
+        assert done.status == 0, done.err
+        lights[name] = read_radiance(work / name / "lights" / "000003.exr")
+    np.testing.assert_allclose(response(lights["panorama"]), panorama / 255, atol=0.02)
+    ahead, shown = (32, 67), ball_frame(made_map())[50, 74] / 255  # a little right of the middle, beside the ball
+    np.testing.assert_allclose(response(lights["photo"][ahead]), shown, atol=0.03)
+    assert np.abs(response(lights["alone"][ahead]) - shown).max() > 0.05
 
 
 def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
@@ -216,6 +235,7 @@ def test_other_settings_are_refused(begin, tmp_path):
         (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32,70,90", "--masks", "."), "expected one of them"),
+        (("--surroundings", "absent.png", "--masks", "."), "surroundings: absent.png"),
         (("--masks", "."), "no frame gave a light"),
         (("--masks", "absent"), "a folder with one mask"),
         (("--object", "bunni"), "ball, vase"),

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
+from anyprobe.cli.known import SurroundingsOption, read_surroundings_option
 from anyprobe.cli.relight import Renderer, point
 from anyprobe.cli.where import read_where
 from anyprobe.errors import InputError
@@ -58,6 +59,7 @@ def video(
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the video's longer side, degrees.")
     ] = None,
+    surroundings: SurroundingsOption = None,
     restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -65,6 +67,7 @@ def video(
 ) -> None:
     """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
     from anyprobe.infer.estimate import Estimator
+    from anyprobe.infer.surroundings import read_surroundings
     from anyprobe.relight.objects import open_object
     from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, uses_mitsuba
     from anyprobe.scatter.presets import material_named
@@ -84,7 +87,10 @@ def video(
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
-    follower = MaskFollower(masks, told, fov)
+    around = read_surroundings_option(surroundings)
+    if isinstance(around, Path):
+        read_surroundings(around)  # refused now rather than at every frame
+    follower = MaskFollower(masks, told, fov, around)
     estimator = Estimator(model)
     settings = {
         "clip": clip.name,
@@ -95,6 +101,7 @@ def video(
         "masks": None if masks is None else str(masks),
         "first_frame": told,
         "fov_deg": fov,
+        "surroundings": surroundings,
         "object": name,
         "material": material if name else None,
         "at": foot,

@@ -11,6 +11,7 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.infer.photo import Photo, load_photo, object_box
+from anyprobe.infer.surroundings import SurroundingsSource
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -32,14 +33,24 @@ class MaskFollower:
     inside the last mask, that mask's pixels, and its box; None before the first.
     """
 
-    def __init__(self, masks: Path | None, where: dict, fov_deg: float | None) -> None:
-        """masks: a folder of one mask a frame, sorted by name. where: of load_photo, for the first frame."""
+    def __init__(
+        self,
+        masks: Path | None,
+        where: dict,
+        fov_deg: float | None,
+        surroundings: SurroundingsSource | None = None,
+    ) -> None:
+        """masks: a folder of one mask a frame, sorted by name. where: of load_photo, for the first frame.
+
+        surroundings: of load_photo, for every frame.
+        """
         self._files: list[Path] | None = None
         if masks is not None:
             if not masks.is_dir():
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
             self._files = sorted(path for path in masks.iterdir() if path.suffix.lower() in MASK_SUFFIXES)
-        self.told, self._fov_deg = where, fov_deg
+        self.told = where
+        self._every = {"fov_deg": fov_deg, "surroundings": surroundings}
         self.last: list[float] | None = None
 
     def photo(self, frame: Frame) -> Photo:
@@ -50,9 +61,9 @@ class MaskFollower:
                 raise InvalidMask(
                     f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
                 )
-            return load_photo(frame.rgb, mask=self._files[frame.index], fov_deg=self._fov_deg)
+            return load_photo(frame.rgb, mask=self._files[frame.index], **self._every)
         where = self.told if self.last is None else self._around_last(frame.rgb.shape)
-        photo = load_photo(frame.rgb, fov_deg=self._fov_deg, **where)
+        photo = load_photo(frame.rgb, **self._every, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
             raise InvalidMask(
