@@ -12,24 +12,38 @@ export default async ({ page, url, arguments: given }) => {
   seen.direction = await page.textContent("#direction");
 
   const files = {};
-  const save = async (name, click) => {
+  const save = async (click, folder = given.folder) => {
     const [download] = await Promise.all([page.waitForEvent("download"), click()]);
-    files[name] = join(given.folder, download.suggestedFilename());
-    await download.saveAs(files[name]);
+    const path = join(folder, download.suggestedFilename());
+    await download.saveAs(path);
+    return path;
   };
-  for (const kind of ["exr", "hdr", "json", "png"]) await save(kind, () => page.click(`#downloads button >> text=.${kind}`));
+  const kindOf = (kind) => () => page.click(`#downloads button >> text=.${kind}`);
+  for (const kind of ["exr", "hdr", "json", "png"]) files[kind] = await save(kindOf(kind));
   for (const target of given.targets) {
     await page.selectOption("#targets", target);
-    await save(target, () => page.click("#export"));
+    files[target] = await save(() => page.click("#export"));
   }
+
+  // what a photo's alpha channel hides no canvas tells: there is nothing around it
+  const ask = async (change) => {
+    await page.evaluate(() => (document.getElementById("status").textContent = ""));
+    await change();
+    return waitForStatus(page, /^Estimated|^Click|^Around/);
+  };
+  seen.hidden = await ask(() => page.check("#surroundings"));
+  await page.uncheck("#surroundings");
 
   // one without an alpha channel: the mask is the network's, or the click's
   await page.setInputFiles("#file", given.opaque);
   await waitForStatus(page, /^Estimated|^Click/);
   const box = await page.locator("#mask").boundingBox();
-  await page.evaluate(() => (document.getElementById("status").textContent = ""));
-  await page.locator("#mask").click({ position: { x: given.click[0] * box.width, y: given.click[1] * box.height } });
-  seen.clicked = await waitForStatus(page, /^Estimated|^Click/);
+  const position = { x: given.click[0] * box.width, y: given.click[1] * box.height };
+  seen.clicked = await ask(() => page.locator("#mask").click({ position }));
+
+  await ask(() => page.check("#surroundings"));
+  seen.told = {};
+  for (const kind of ["exr", "json"]) seen.told[kind] = await save(kindOf(kind), join(given.folder, "told"));
 
   await page.setInputFiles("#model-file", given.glb);
   await page.waitForFunction(() => document.getElementById("shape").value === "own", null, { polling: 200 });

@@ -62,6 +62,16 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
         np.testing.assert_allclose(found, expected.radiance, rtol=tolerance, atol=0.02)
     told = json.loads(files["json"].read_text())
     assert told["photo"] == "vase"
+    assert told["known"] == {"surroundings": 0}
+    assert seen["hidden"].startswith("Around the object this photo shows no place")
+    with Image.open(vase_photo) as picture:
+        click = (MIDDLE[0] * picture.width, MIDDLE[1] * picture.height)
+    opaque = estimator(vase_photo, click=[click], surroundings="photo")
+    known = json.loads(Path(seen["told"]["json"]).read_text())["known"]["surroundings"]
+    assert known == pytest.approx(opaque.sidecar()["known"]["surroundings"], abs=3e-3)
+    found = read_radiance(Path(seen["told"]["exr"]))
+    beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
+    np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
     np.testing.assert_allclose(told["sh9"], expected.sh9(), atol=0.02)
     with Image.open(files["png"]) as picture:
         assert picture.size == (128, 64)

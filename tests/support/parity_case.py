@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import weights_folder
+from anyprobe.infer.runtime import LIFT_STAGES, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
@@ -58,6 +59,10 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
+    if estimator.models.stages == LIFT_STAGES:
+        told = replace(loaded, around=True)
+        answers["around"] = crop_object(told).around.transpose(2, 0, 1)
+        answers["radiance_told"] = estimator.from_photo(told).radiance
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, hints in HINTS.items():
         answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover

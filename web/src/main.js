@@ -38,7 +38,11 @@ const editor = new MaskEditor(
 );
 const live = new LiveSession({ networks, config, stage, light, stages, editor });
 
+const surroundings = element("surroundings");
+element("surroundings-row").hidden = !config.weights.light; // the paper's chain has no use for them
+
 let opened = null;
+let marked = null; // the mask that the light on show was told from
 let turn = 0; // of what was asked for last: older answers are dropped
 
 /** Show a photo; find its object; estimate. */
@@ -78,13 +82,18 @@ async function estimate(mask) {
   if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
   await networks.open(config);
   setStatus("Estimating the light …");
-  const result = await networks.ask("estimate", { picture, mask, longFovDeg });
+  const asked = surroundings.checked && maskFromAlpha(picture) === null; // what it hides no canvas tells
+  const result = await networks.ask("estimate", { picture, mask, longFovDeg, surroundings: asked });
   if (mine !== turn) return;
   show(result, mask, box);
+  if (surroundings.checked && !result.known.surroundings) {
+    return setStatus("Around the object this photo shows no place but one colour or nothing: the object alone told this light.");
+  }
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 
 function show(result, mask, box) {
+  marked = mask;
   stage.place(opened.picture.width, opened.picture.height, opened.longFovDeg, mask, box);
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
@@ -121,6 +130,7 @@ element("reset").addEventListener("click", () => {
   editor.open(opened.picture);
   attempt(async () => estimate(maskFromAlpha(opened.picture) ?? (await proposal())));
 });
+surroundings.addEventListener("change", () => attempt(() => (live.running ? live.lookAround(surroundings.checked) : estimate(marked))));
 element("camera").addEventListener("click", () => attempt(() => (live.running ? openExample() : (++turn, live.start()))));
 tools.onFault = (error) => setStatus(error.message, true);
 await attempt(openExample);

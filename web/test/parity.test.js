@@ -16,6 +16,8 @@ import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { shown, step } from "../src/light/temporal.js";
 import { cropObject } from "../src/photo/crop.js";
 import { propose } from "../src/photo/propose.js";
+import { seeAround, useSurroundings } from "../src/photo/surroundings.js";
+import { response } from "../src/core/response.js";
 import { Models } from "../src/networks/models.js";
 
 const folder = process.env.PARITY;
@@ -49,7 +51,7 @@ before(async () => {
   const told = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = told;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, hints: told.hints, frameSeconds: told.frame_seconds });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: told.hints, frameSeconds: told.frame_seconds });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -74,6 +76,22 @@ test("the stages", { skip }, () => {
 
 test("the map in the camera's frame", { skip }, () => {
   assertMostlyClose(found.light.radiance, floats("radiance"), 3e-3, "radiance");
+});
+
+test("what the photo shows around the object, and the map with it", { skip }, async (t) => {
+  if (!found.models.usesSurroundings) return t.diagnostic("the paper's chain has no use for it");
+  const { crop, picture } = found;
+  const around = seeAround(picture, found.longFovDeg, crop);
+  assertClose(around, floats("around"), 2e-3, "around");
+  const stages = useSurroundings(await found.models.light(crop.image, crop.tanHalf, { around }), around);
+  assertMostlyClose(cameraRadiance(stages, crop.cameraFromCrop), floats("radiance_told"), 3e-3, "radiance told");
+  assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr told");
+});
+
+test("one colour behind the object is no place", { skip }, () => {
+  const { crop, picture } = found;
+  const plain = { ...picture, rgba: new Uint8ClampedArray(picture.rgba.length).fill(200) };
+  assert.equal(seeAround(plain, found.longFovDeg, crop), null);
 });
 
 test("harmonics and main light of Python's own map", { skip }, () => {

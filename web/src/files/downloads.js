@@ -19,6 +19,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     photo,
     model,
     long_fov_deg: longFovDeg,
+    known: { surroundings: Number((result.known?.surroundings ?? 0).toFixed(4)) },
     frame: FRAME,
     scale: SCALE,
     exposure_ev: 0,

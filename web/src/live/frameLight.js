@@ -5,6 +5,7 @@ import { cameraRadiance, describe } from "../light/light.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+import { seeAround, shareOf, useSurroundings } from "../photo/surroundings.js";
 import { readFrame } from "./frames.js";
 import { blockMeans, hasMoved } from "./motion.js";
 
@@ -23,8 +24,10 @@ export class FrameLight {
    * @param {(picture: object, hints: object) => Promise<Float32Array>} findMask
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
+   * @param {boolean} surroundings whether what is seen beside the object is part of the light
    */
-  constructor(models, findMask, hints, longFovDeg) {
+  constructor(models, findMask, hints, longFovDeg, surroundings = false) {
+    this.surroundings = surroundings;
     this.models = models;
     this.findMask = findMask;
     this.hints = hints;
@@ -65,10 +68,13 @@ export class FrameLight {
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg, box);
     lap("crop");
+    const around = this.surroundings ? seeAround(picture, this.longFovDeg, crop) : null;
+    lap("around");
     const phase = this.count++ % REST_EVERY;
     const withStages = phase === REST_EVERY / 2;
-    const stages = await this.models.light(crop.image, crop.tanHalf, { withStages });
+    const guess = await this.models.light(crop.image, crop.tanHalf, { withStages, around });
     lap("network");
+    const stages = around ? useSurroundings(guess, around) : guess;
     const radiance = cameraRadiance(stages, crop.cameraFromCrop);
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
@@ -80,7 +86,8 @@ export class FrameLight {
     const balls = phase === 0 ? drawBalls(light.radiance) : null;
     lap("balls");
     ms.all = performance.now() - start;
-    return { light, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
+    const known = { surroundings: around ? shareOf(around) : 0 };
+    return { light, known, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
   }
 
   /** Mask and box of the object, found anew where they may have changed; whether they were. */

@@ -18,8 +18,8 @@ export class LiveLight {
     this.frames = [];
   }
 
-  async start(hints, longFovDeg) {
-    await this.networks.ask("startLive", { hints, longFovDeg });
+  async start(hints, longFovDeg, surroundings) {
+    await this.networks.ask("startLive", { hints, longFovDeg, surroundings });
     this.running = true;
     this.networks.onLive = (answer) => this.#hear(answer);
     this.#watch();
@@ -32,6 +32,11 @@ export class LiveLight {
   /** @param {import("../photo/picture.js").Hints} hints as shares of width and height */
   mark(hints) {
     return this.networks.ask("markLive", { hints });
+  }
+
+  /** Whether what is seen beside the object is part of the light, from the next frame on. */
+  lookAround(surroundings) {
+    return this.networks.ask("lookAroundLive", { surroundings });
   }
 
   /** Lights and pictures a second. */

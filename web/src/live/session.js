@@ -46,7 +46,7 @@ export class LiveSession {
     const { hasMask, provider, threads } = await opening;
     if (this.live !== live) return; // stopped meanwhile
     this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
-    await live.start({ on: [], off: [], box: null }, DEFAULT_LONG_FOV_DEG);
+    await live.start({ on: [], off: [], box: null }, DEFAULT_LONG_FOV_DEG, element("surroundings").checked);
     setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
     element("rates").hidden = false;
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
@@ -70,6 +70,10 @@ export class LiveSession {
     return this.live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
   }
 
+  lookAround(surroundings) {
+    return this.live.lookAround(surroundings);
+  }
+
   #show(answer) {
     if (answer.lost) return setStatus("No object is seen. Click on it in the picture “Object” below.");
     if (answer.mask) this.#setMask(answer);
@@ -79,7 +83,7 @@ export class LiveSession {
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.balls) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
-      this.light.show({ light: answer.light, balls: answer.balls }, about);
+      this.light.show({ light: answer.light, balls: answer.balls, known: answer.known }, about);
     } else if (answer.stages) {
       this.stages.show(answer.stages, answer.light.radiance);
       this.isMaskDue = true;

@@ -13,6 +13,7 @@ import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { propose } from "../photo/propose.js";
 import { resize } from "../photo/resize.js";
+import { seeAround, shareOf, useSurroundings } from "../photo/surroundings.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { Models } from "./models.js";
@@ -48,19 +49,22 @@ const tasks = {
     return findMask(picture, hints);
   },
 
-  async estimate({ picture, mask, longFovDeg }) {
+  async estimate({ picture, mask, longFovDeg, surroundings }) {
     const start = performance.now();
     checkObject(mask, picture.width);
     const crop = cropObject(picture, mask, longFovDeg);
-    const stages = await models.light(crop.image, crop.tanHalf);
+    const around = surroundings && models.usesSurroundings ? seeAround(picture, longFovDeg, crop) : null;
+    const guess = await models.light(crop.image, crop.tanHalf, { around });
+    const stages = around ? useSurroundings(guess, around) : guess;
     const light = describe(cameraRadiance(stages, crop.cameraFromCrop));
     const { cameraFromCrop, centerPx, sidePx } = crop;
     const seconds = (performance.now() - start) / 1000;
-    return { light, stages, balls: drawBalls(light.radiance), cameraFromCrop, centerPx, sidePx, seconds };
+    const known = { surroundings: around ? shareOf(around) : 0 };
+    return { light, stages, known, balls: drawBalls(light.radiance), cameraFromCrop, centerPx, sidePx, seconds };
   },
 
-  startLive({ hints, longFovDeg }) {
-    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg);
+  startLive({ hints, longFovDeg, surroundings }) {
+    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, surroundings && models.usesSurroundings);
     const frames = new Newest(
       (given) => tellLight(lights, given),
       ({ frame }) => letGo(frame),
@@ -74,6 +78,10 @@ const tasks = {
 
   markLive({ hints }) {
     live.lights.mark(hints);
+  },
+
+  lookAroundLive({ surroundings }) {
+    live.lights.surroundings = surroundings && models.usesSurroundings;
   },
 };
 

@@ -14,7 +14,8 @@ export async function readExample() {
   const light = describe(unpack(told.radiance));
   const { irradiance, ldr, ln_radiance: lnRadiance } = told.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
-  return { picture, mask, longFovDeg: told.long_fov_deg, result: { light, stages, balls: drawBalls(light.radiance) } };
+  const result = { light, stages, known: { surroundings: 0 }, balls: drawBalls(light.radiance) };
+  return { picture, mask, longFovDeg: told.long_fov_deg, result };
 }
 
 async function readPicture(path) {

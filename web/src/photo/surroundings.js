@@ -1,0 +1,200 @@
+/** What a picture shows beside its object, as a part of the map, as anyprobe.infer.surroundings. */
+
+import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
+import { inverseResponse, response } from "../core/response.js";
+import { CROP_SIZE, focalPx } from "./crop.js";
+
+const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
+
+/** Samples of the crop around the object that are left out: its edge is not where the mask says. */
+const GROW = 4;
+
+/** Pixels of the shrunk picture on one of the map's. */
+const FINE = 2;
+
+/** Display value from which on a place is at least as bright as it looks. */
+const BURNT = 0.97;
+
+/** Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place. */
+const PLAIN = 2 / 255;
+
+/** How much of the colour by which what is seen differs from the guess there is taken for the light's own. */
+const TINT = 0.5;
+
+/** Added to radiance before its logarithm is compared. */
+const TINT_FLOOR = 0.05;
+
+/** Shallowest -z of a direction that still meets the picture's plane. */
+const AHEAD = 0.05;
+
+/**
+ * The map in the crop's frame as far as the picture shows it beside the object.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {number} longFovDeg
+ * @param {ReturnType<typeof import("./crop.js").cropObject>} crop
+ * @returns {Float32Array | null} [4, 64, 128] display RGB times cover, and cover; null where it shows one colour
+ */
+export function seeAround(picture, longFovDeg, { cameraFromCrop, image, tanHalf }) {
+  const { width, height } = picture;
+  const focal = focalPx(width, height, longFovDeg);
+  const small = shrink(picture, Math.min(1, (FINE * MAP_HEIGHT) / Math.PI / focal));
+  const object = grown(image.subarray(3 * CROP_SIZE * CROP_SIZE));
+  const around = new Float32Array(4 * PIXELS);
+  const [a, b, c, d, e, f, g, h, i] = cameraFromCrop;
+  const directions = pixelDirections(MAP_HEIGHT);
+  const colors = new Float64Array(3);
+  const sums = new Float64Array(6);
+  let count = 0;
+  for (let pixel = 0, at = 0; pixel < PIXELS; pixel++, at += 3) {
+    const [x, y, z] = [directions[at], directions[at + 1], directions[at + 2]];
+    const depth = -(g * x + h * y + i * z);
+    if (depth <= AHEAD) continue;
+    const column = 0.5 + (focal * (a * x + b * y + c * z)) / depth / width;
+    const row = 0.5 - (focal * (d * x + e * y + f * z)) / depth / height;
+    if (column <= 0 || column >= 1 || row <= 0 || row >= 1) continue;
+    const cover = 1 - hidden(object, tanHalf, x, y, z);
+    if (cover <= 0) continue;
+    sample(small.values, 3, small.width, small.height, column, row, colors);
+    for (let channel = 0; channel < 3; channel++) {
+      around[channel * PIXELS + pixel] = colors[channel] * cover;
+      sums[channel] += colors[channel];
+      sums[3 + channel] += colors[channel] ** 2;
+    }
+    around[3 * PIXELS + pixel] = cover;
+    count++;
+  }
+  const variance = (channel) => sums[3 + channel] / count - (sums[channel] / count) ** 2;
+  return count > 0 && Math.max(variance(0), variance(1), variance(2)) > PLAIN ** 2 ? around : null;
+}
+
+/**
+ * A model's answer with what is known of the map in the place of its guess, which takes on some of the colour that it
+ * misses there.
+ *
+ * @param {object} stages of Models.light
+ * @param {Float32Array} around of seeAround
+ */
+export function useSurroundings(stages, around) {
+  const tint = tintOf(stages.radiance, around);
+  const radiance = new Float32Array(stages.radiance.length);
+  for (let pixel = 0, to = 0; pixel < PIXELS; pixel++) {
+    const cover = around[3 * PIXELS + pixel];
+    for (let channel = 0; channel < 3; channel++, to++) {
+      const guessed = stages.radiance[to] * tint[channel];
+      const display = around[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
+      let seen = inverseResponse(Math.min(display, BURNT));
+      if (display >= BURNT) seen = Math.max(seen, guessed);
+      radiance[to] = guessed + cover * (seen - guessed);
+    }
+  }
+  if (!stages.lnRadiance) return { ...stages, radiance };
+  const lnRadiance = radiance.map((value) => Math.log(Math.max(value, 1e-6)));
+  return { ...stages, radiance, ldr: radiance.map((value) => response(value)), lnRadiance };
+}
+
+/** How much of the sphere is known. */
+export function shareOf(around) {
+  const angles = pixelSolidAngles(MAP_HEIGHT);
+  let sum = 0;
+  for (let pixel = 0; pixel < PIXELS; pixel++) {
+    sum += around[3 * PIXELS + pixel] * angles[Math.floor(pixel / (2 * MAP_HEIGHT))];
+  }
+  return sum / (4 * Math.PI);
+}
+
+/** Shares of geometric mean 1 that bring the guess's colour nearer to that of what is seen. */
+function tintOf(radiance, around) {
+  const missed = [0, 0, 0];
+  let weights = 0;
+  for (let pixel = 0; pixel < PIXELS; pixel++) {
+    const cover = around[3 * PIXELS + pixel];
+    if (cover <= 0.5) continue;
+    weights += cover;
+    for (let channel = 0; channel < 3; channel++) {
+      const seen = inverseResponse(Math.min(around[channel * PIXELS + pixel] / cover, BURNT));
+      const guessed = Math.min(radiance[3 * pixel + channel], 1);
+      missed[channel] += cover * Math.log((seen + TINT_FLOOR) / (guessed + TINT_FLOOR));
+    }
+  }
+  if (weights === 0) return [1, 1, 1];
+  const mean = (missed[0] + missed[1] + missed[2]) / 3;
+  return missed.map((sum) => Math.exp((TINT * (sum - mean)) / weights));
+}
+
+/** How much of a direction of the crop's frame the object hides. */
+function hidden(object, tanHalf, x, y, z) {
+  if (-z <= AHEAD) return 0;
+  const column = 0.5 - (0.5 * x) / z / tanHalf;
+  const row = 0.5 + (0.5 * y) / z / tanHalf;
+  if (column <= 0 || column >= 1 || row <= 0 || row >= 1) return 0;
+  return sample(object, 1, CROP_SIZE, CROP_SIZE, column, row, [0])[0];
+}
+
+/** Between the pixels of a picture at shares of its width and height. */
+function sample(values, channels, width, height, column, row, out) {
+  const x = Math.min(Math.max(column * width - 0.5, 0), width - 1);
+  const y = Math.min(Math.max(row * height - 0.5, 0), height - 1);
+  const [x0, y0] = [Math.floor(x), Math.floor(y)];
+  const right = x0 + 1 < width ? channels : 0;
+  const down = y0 + 1 < height ? width * channels : 0;
+  const [fx, fy] = [x - x0, y - y0];
+  let at = (y0 * width + x0) * channels;
+  for (let channel = 0; channel < channels; channel++, at++) {
+    const upper = values[at] * (1 - fx) + values[at + right] * fx;
+    const lower = values[at + down] * (1 - fx) + values[at + down + right] * fx;
+    out[channel] = upper * (1 - fy) + lower * fy;
+  }
+  return out;
+}
+
+/** A picture's display values in [0, 1] at a smaller scale, each the mean of the pixels that lie on it. */
+function shrink({ width, height, rgba }, scale) {
+  const small = { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
+  const [columns, rows] = [bordersOf(width, small.width), bordersOf(height, small.height)];
+  const values = new Float32Array(3 * small.width * small.height);
+  for (let row = 0; row < small.height; row++) {
+    for (let y = rows[row]; y < rows[row + 1]; y++) {
+      let from = 4 * y * width;
+      for (let column = 0, to = 3 * row * small.width; column < small.width; column++, to += 3) {
+        let [r, g, b] = [0, 0, 0];
+        for (const end = 4 * (y * width + columns[column + 1]); from < end; from += 4) {
+          r += rgba[from];
+          g += rgba[from + 1];
+          b += rgba[from + 2];
+        }
+        const share = 1 / (255 * (columns[column + 1] - columns[column]) * (rows[row + 1] - rows[row]));
+        values[to] += r * share;
+        values[to + 1] += g * share;
+        values[to + 2] += b * share;
+      }
+    }
+  }
+  return { ...small, values };
+}
+
+/** The first of `length` pixels on each of `count` larger ones, and the end; a middle on a border is the lower's. */
+function bordersOf(length, count) {
+  return Int32Array.from({ length: count + 1 }, (_, i) => Math.floor((i * length) / count + 0.5));
+}
+
+/** The object's mask, larger by GROW samples on every side. */
+function grown(mask) {
+  const wide = largestBeside(mask, 1, CROP_SIZE);
+  return largestBeside(wide, CROP_SIZE, 1);
+}
+
+/** The largest of the samples up to GROW steps away along one axis. */
+function largestBeside(values, step, across) {
+  const out = new Float32Array(values.length);
+  for (let line = 0; line < CROP_SIZE; line++) {
+    const begin = line * across;
+    for (let sample = 0; sample < CROP_SIZE; sample++) {
+      const last = Math.min(sample + GROW, CROP_SIZE - 1);
+      let most = 0;
+      for (let i = Math.max(sample - GROW, 0); i <= last; i++) most = Math.max(most, values[begin + i * step]);
+      out[begin + sample * step] = most;
+    }
+  }
+  return out;
+}
