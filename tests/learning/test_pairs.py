@@ -294,9 +294,10 @@ def test_shapes_are_seen_in_a_mirror_half_the_time(maps):
     assert np.array_equal(one.normals[:1], normals)  # the stock itself stays as it was
 
 
-def test_stretch_and_tilt_make_other_shapes_of_the_same():
+@pytest.mark.parametrize("how", [{"stretch": 0.2, "tilt_deg": 20.0}, {"bend": 0.4}, {"relief": 0.55}])
+def test_one_shape_varied_makes_others(how):
     plain = build_surfaces([], SurfaceConfig(views=1, procedural=1))
-    varied = build_surfaces([], SurfaceConfig(views=1, own_views=2, procedural=1, stretch=0.2, tilt_deg=20.0))
+    varied = build_surfaces([], SurfaceConfig(views=1, own_views=2, procedural=1, **how))
     assert len(varied.normals) == 2 * len(plain.normals) == 2 * NUM_ELEVATIONS
     length = np.linalg.norm(varied.normals.astype(np.float32), axis=1)
     assert ((length == 0) | (abs(length - 1) < 5e-3)).all()

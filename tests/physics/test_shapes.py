@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anyprobe.render.mesh import Mesh, transformed
+from anyprobe.render.mesh import Mesh, transformed, waved
 from anyprobe.render.shapes import blob, draw_shape, figure, lathe, rounded_polyhedron, sphere, superquadric
 
 FAMILIES = [superquadric, blob, lathe, rounded_polyhedron]
@@ -138,6 +138,31 @@ def test_a_ball_drawn_out_is_an_ellipsoid():
     normals, areas = geometry(mesh)
     corners = mesh.normals.astype(np.float64).mean(axis=1)
     assert ((corners * normals).sum(axis=1) > 0.9)[areas > 1e-6].all()  # what faces show agrees with normals
+
+
+def test_waves_turn_normals_as_they_turn_the_surface():
+    """x -> x + 0.2 sin(3 y) shears a ball: its normal s becomes (s_x, s_y - 0.6 cos(3 y) s_x, s_z)."""
+    ball = sphere(64)
+    mesh = waved(ball, np.array([[0.2, 0.0, 0.0]]), np.array([[0.0, 3.0, 0.0]]), np.zeros(1))
+    s = ball.positions[ball.faces].astype(np.float64)
+    expected = s - 0.6 * np.cos(3 * s[..., 1:2]) * s[..., :1] * [0.0, 1.0, 0.0]
+    expected /= np.linalg.norm(expected, axis=2, keepdims=True)
+    assert (mesh.normals * expected).sum(axis=2).min() > 0.999
+    moved = ball.positions + 0.2 * np.sin(3 * ball.positions[:, 1:2]) * [1.0, 0.0, 0.0]
+    moved -= (moved.max(axis=0) + moved.min(axis=0)) / 2
+    np.testing.assert_allclose(mesh.positions, moved / np.linalg.norm(moved, axis=1).max(), atol=1e-5)
+
+
+def test_slopes_below_one_turn_nothing_inside_out():
+    """Every face of a wavy figure still looks the way its normals do."""
+    rng = np.random.default_rng(5)
+    for _ in range(6):
+        waves = rng.normal(size=(5, 3)) * 4
+        pushes = rng.normal(size=(5, 3))
+        slopes = np.linalg.norm(pushes, axis=1) * np.linalg.norm(waves, axis=1)
+        mesh = waved(sphere(96), pushes * (0.95 / 5 / slopes)[:, None], waves, rng.uniform(0, 6.28, 5))
+        normals, areas = geometry(mesh)
+        assert ((mesh.normals.mean(axis=1) * normals).sum(axis=1) > 0.9)[areas > 1e-7].all()
 
 
 def piece_of(mesh: Mesh) -> np.ndarray:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
+from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
 from anyprobe.files.atomic import atomic_path
-from anyprobe.render.mesh import Mesh, transformed
+from anyprobe.render.mesh import Mesh, transformed, waved
 from anyprobe.render.shapes import draw_shape, figure
 from anyprobe.render.surface import frame_object, see
 
@@ -27,7 +27,8 @@ class SurfaceConfig:
     made of several, each seen own_views times (None: views).
 
     stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
-    directions of its own; tilt_deg: of the angle by which it leans. New shapes from old: there are few.
+    directions of its own; tilt_deg: of the angle by which it leans; bend, relief: by how much at most slow waves
+    bend it and fast ones press a relief into it, as slopes below one in all. New shapes from old: there are few.
     """
 
     views: int = 3
@@ -36,6 +37,8 @@ class SurfaceConfig:
     figures: int = 0
     stretch: float = 0.0
     tilt_deg: float = 0.0
+    bend: float = 0.0
+    relief: float = 0.0
     size: int = 128
     seed: int = 1
 
@@ -56,13 +59,26 @@ def draw_elevation(rng: np.random.Generator, which: int) -> float:
 
 
 def _varied(mesh: Mesh, config: SurfaceConfig, rng: np.random.Generator) -> Mesh:
-    """The mesh drawn out along three random directions, then leaning some way."""
+    """The mesh bent and given a relief, drawn out along three random directions, then leaning some way."""
+    if config.bend > 0 or config.relief > 0:
+        slow, fast = _waves(rng, 3, (0.8, 3.0), config.bend), _waves(rng, 3, (5.0, 18.0), config.relief)
+        mesh = waved(mesh, *(np.concatenate(pair) for pair in zip(slow, fast, strict=True)))
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     stretch = (axes * np.exp(rng.normal(0.0, config.stretch, 3))) @ axes.T
     toward = rng.uniform(0, 2 * np.pi)
     tilt = rotation_x(np.radians(rng.normal(0.0, config.tilt_deg)))
     lean = rotation_y(toward) @ tilt @ rotation_y(-toward)
     return transformed(mesh, lean @ stretch)
+
+
+def _waves(
+    rng: np.random.Generator, count: int, speed: tuple[float, float], most: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pushes, waves [count, 3] and phases [count] of waved, whose slopes sum to between none and `most`."""
+    waves = normalize(rng.normal(size=(count, 3))) * np.exp(rng.uniform(*np.log(speed), size=(count, 1)))
+    slopes = rng.dirichlet(np.ones(count)) * rng.uniform(0.0, most)
+    pushes = normalize(rng.normal(size=(count, 3))) * (slopes / np.linalg.norm(waves, axis=1))[:, None]
+    return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
 def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path | None = None) -> SurfaceSet:
@@ -76,12 +92,13 @@ def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path 
     rng = np.random.default_rng(config.seed)
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     meshes += [figure(rng) for _ in range(config.figures)]
+    varied = any((config.stretch, config.tilt_deg, config.bend, config.relief))
     normals, tan_half, elevation = [], [], []
     for number, mesh in enumerate(meshes):
         own = number >= len(shapes) and config.own_views is not None
         for which in range(NUM_ELEVATIONS):
             for _ in range(config.own_views if own else config.views):
-                seen = mesh if config.stretch == config.tilt_deg == 0.0 else _varied(mesh, config, rng)
+                seen = _varied(mesh, config, rng) if varied else mesh
                 rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which))
                 fov = np.exp(rng.uniform(np.log(6.0), np.log(50.0)))
                 margin = rng.uniform(1.04, 1.2)

@@ -61,11 +61,31 @@ def make_mesh(
 
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """The mesh under a linear map [3, 3] of positive determinant, back in the unit sphere."""
-    positions = mesh.positions.astype(np.float64) @ matrix.T
-    positions -= (positions.max(axis=0) + positions.min(axis=0)) / 2
+    return _moved(
+        mesh, mesh.positions.astype(np.float64) @ matrix.T, mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)
+    )
+
+
+def waved(mesh: Mesh, pushes: np.ndarray, waves: np.ndarray, phases: np.ndarray) -> Mesh:
+    """The mesh with every point moved by x -> x + sum of pushes sin(waves . x + phases), back in the unit sphere.
+
+    Args:
+        pushes, waves: [K, 3]; phases: [K]. Where the |push| |wave| sum to less than one nothing is turned
+            inside out: the map's Jacobian I + push wave^T cos(...) can always be inverted.
+    """
+    x = mesh.positions.astype(np.float64)
+    angles = x @ waves.T + phases  # [V, K]
+    jacobians = np.eye(3) + np.einsum("vk,ki,kj->vij", np.cos(angles), pushes, waves)
+    turned = np.linalg.inv(jacobians)[mesh.faces]  # [F, 3, 3, 3]
+    return _moved(mesh, x + np.sin(angles) @ pushes, np.einsum("fci,fcij->fcj", mesh.normals, turned))
+
+
+def _moved(mesh: Mesh, positions: np.ndarray, normals: np.ndarray) -> Mesh:
+    """The mesh with its vertices there, moved into the unit sphere, and normals of any length, by the inverse's
+    transpose of what moved them."""
+    positions = positions - (positions.max(axis=0) + positions.min(axis=0)) / 2
     positions /= np.linalg.norm(positions, axis=1).max()
-    normals = mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)  # by the inverse's transpose
-    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
     return Mesh(positions=positions.astype(np.float32), faces=mesh.faces, normals=normals.astype(np.float32))
 
 
