@@ -12,6 +12,7 @@ import numpy as np
 
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
+from anyprobe.infer.fitted import fit_map
 from anyprobe.infer.mirror import MEASURED, is_mirror, measure
 from anyprobe.infer.runtime import Outputs
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
@@ -31,7 +32,8 @@ def use_material(
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
-    A mirror whose normals are known too is measured where they are (infer.mirror); all else gets fit_gain's gain.
+    A mirror whose normals are known too is measured where they are (infer.mirror); all else gets fit_gain's gain, and
+    then what fit_map finds in the object's shading.
 
     Args:
         outputs, image, tan_half: of a crop, see infer.runtime.Models.
@@ -52,7 +54,9 @@ def use_material(
             "measured": True,
         }
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
-    return replace(outputs, radiance=outputs.radiance * gain), {"material": done, "gain": _list(gain)}
+    told = known_normals is not None
+    radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, told=told)
+    return replace(outputs, radiance=radiance), {"material": done, "gain": _list(gain)}
 
 
 def _list(values: np.ndarray) -> list[float]:
