@@ -81,13 +81,23 @@ def weights(
     mean_map: Annotated[
         Path | None, typer.Option(help="Also write the mean training map to this .exr.")
     ] = None,
-    data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
+    data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map or a calibration.")] = None,
     start: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
+    calibrated: Annotated[
+        bool,
+        typer.Option(
+            "--calibrated", help="Make the confidence true on pairs of assets in --data that runs leave out."
+        ),
+    ] = False,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
+    if calibrated and data is None:
+        raise InputError("--calibrated: expected --data with assets to calibrate on, got none; add it")
     _need_torch()
+    from anyprobe.evaluate.calibrate import calibrate, left_out_pairs
+    from anyprobe.infer.runtime import Models
     from anyprobe.train.config import RUNS as NAMED
     from anyprobe.train.export_mask import export_mask
     from anyprobe.train.export_onnx import export
@@ -97,6 +107,10 @@ def weights(
 
     checkpoint = runs / run / "checkpoint.pt"
     exported = export_mask(checkpoint, to) if run == MASK_RUN else export(checkpoint, to)
+    if calibrated and data is not None:
+        sureness = calibrate(Models(str(to)), left_out_pairs(data, runs / "cache" / "left_out"))
+        typer.echo(f"confidence: logit times {sureness[0]:.3g}, plus {sureness[1]:.3g}")
+        exported = export(checkpoint, to, sureness)
     for stage, difference in exported.items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if start is not None:

@@ -103,3 +103,20 @@ def load_stock(
     maps += [own_map(own_seed, index) for index in range(procedural_maps)]
     shapes += [own_shape(own_seed, index) for index in range(procedural_shapes)]
     return Stock(maps, shapes)
+
+
+def load_left_out(data: Path) -> Stock:
+    """The training assets whose licence keeps shipped weights from learning of them: to choose by, not to learn from.
+
+    Raises:
+        InputError: there are none.
+    """
+    everything, learned = (load_stock(data, "train", commercial_only=only) for only in (False, True))
+    maps = [asset for key, asset in everything.maps.items() if key not in learned.maps]
+    shapes = [asset for key, asset in everything.shapes.items() if key not in learned.shapes]
+    if not maps or not shapes:
+        raise InputError(
+            f"{data}: expected maps and shapes that shipped weights do not learn from, "
+            f"got {len(maps)} maps and {len(shapes)} shapes; leave the calibration out"
+        )
+    return Stock(maps, shapes)

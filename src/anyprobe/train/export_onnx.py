@@ -20,6 +20,7 @@ from anyprobe.train.loop import load_nets, pairs_seen
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
 AROUND = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
+AS_LEARNED = (1.0, 0.0)
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
@@ -38,30 +39,38 @@ class Graph:
 
 
 class LightGraph(nn.Module):
-    """What the runtime reads of LightNet: irradiance, ln radiance, confidence [N, 1, 64, 128] in [0, 1], normals."""
+    """What the runtime reads of LightNet: irradiance, ln radiance, confidence [N, 1, 64, 128] in [0, 1], normals.
 
-    def __init__(self, net: LightNet) -> None:
+    sureness: slope and offset of the confidence's logit, see evaluate.calibrate.
+    """
+
+    def __init__(self, net: LightNet, sureness: tuple[float, float] = AS_LEARNED) -> None:
         super().__init__()
         self.net = net
+        self.sureness = sureness
 
     def forward(
         self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor, around: torch.Tensor
     ) -> tuple[torch.Tensor, ...]:
         guess = self.net(photo, tan_half, normals, around)
-        return guess.told.irradiance, guess.ln_radiance, torch.sigmoid(guess.confidence_logit), guess.normals
+        slope, offset = self.sureness
+        confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
+        return guess.told.irradiance, guess.ln_radiance, confidence, guess.normals
 
 
-def graphs_of(nets: nn.ModuleDict) -> dict[str, Graph]:
+def graphs_of(nets: nn.ModuleDict, sureness: tuple[float, float] = AS_LEARNED) -> dict[str, Graph]:
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
-        net = LightGraph(nets["light"]).eval()
+        net = LightGraph(nets["light"], sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, AROUND), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
 
 
-def export(checkpoint: Path, folder: Path) -> dict[str, float]:
+def export(
+    checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LEARNED
+) -> dict[str, float]:
     """Write the graphs of a run and return each one's largest difference from torch.
 
     Raises:
@@ -75,10 +84,11 @@ def export(checkpoint: Path, folder: Path) -> dict[str, float]:
         "steps": str(stored["step"]),
         "pairs": str(pairs_seen(stored)),
         "config": stored["config"],
+        "sureness": f"{sureness[0]:g} {sureness[1]:g}",
     }
     return {
         stage: _export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
-        for stage, graph in graphs_of(nets).items()
+        for stage, graph in graphs_of(nets, sureness).items()
     }
 
 
