@@ -70,6 +70,26 @@ test("a box is told in pixels, and from then on the place of what it had inside"
   assert.deepEqual(hints[3].on, [[25 + 60 / 2, 60]]);
 });
 
+test("what is seen around the object is told while it is asked for, and part of the light", async () => {
+  const told = [];
+  const light = async (image, tanHalf, { around }) => {
+    told.push(around !== null);
+    return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
+  };
+  const inside = Float32Array.from({ length: WIDTH * HEIGHT }, (_, i) => (i % WIDTH >= 50 && i % WIDTH < 110 ? 1 : 0));
+  const lights = new FrameLight({ light }, async () => inside, { on: [], off: [] }, 65);
+  const answers = [];
+  for (const asked of [false, true, false]) {
+    lights.surroundings = asked;
+    answers.push(await lights.next(frameOf(10, 0, numbers(1)), answers.length * 10));
+  }
+  assert.deepEqual(told, [false, true, false]);
+  assert.deepEqual(answers.map(({ known }) => known.surroundings > 0.01), [false, true, false]);
+  const beside = 3 * (32 * 128 + 75); // 32 degrees to the right of the middle: the dark ground
+  const [before, during] = answers.map(({ light: { radiance } }) => radiance[beside]);
+  assert.ok(during < 0.5 * before, `${during} after ${before}`);
+});
+
 test("balls, stages and mask come now and then", async () => {
   const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
