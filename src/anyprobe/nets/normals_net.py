@@ -15,7 +15,7 @@ class NormalsNet(nn.Module):
     Its coarsest scale sees the whole object at once, so that far parts of an outline or a lit side count.
     """
 
-    def __init__(self, widths: tuple[int, ...] = (16, 40, 96, 160, 256)) -> None:
+    def __init__(self, widths: tuple[int, ...] = (16, 32, 80, 160, 256)) -> None:
         super().__init__()
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.first = nn.Sequential(conv(16 + 2, widths[0]), conv(widths[0], widths[0]))

@@ -36,7 +36,7 @@ class ObjectNet(nn.Module):
     """
 
     def __init__(
-        self, widths: tuple[int, ...] = (16, 40, 80, 128, 192), features: int = 8, code: int = 192
+        self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192
     ) -> None:
         super().__init__()
         self.num_features = features

@@ -39,7 +39,7 @@ class SphereNet(nn.Module):
     """
 
     def __init__(
-        self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (40, 64, 96, 128)
+        self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]

@@ -68,15 +68,23 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=2_200,
+        steps=900,
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=59, cut_out=0.2, told=0.3, around=0.7),
+        pairs=PairConfig(seed=73, cut_out=0.2, told=0.3, around=0.7),
         surfaces=SurfaceConfig(
-            views=9, own_views=1, procedural=600, figures=1200, stretch=0.2, tilt_deg=20.0, seed=14
+            views=12,
+            own_views=1,
+            procedural=600,
+            figures=1400,
+            stretch=0.2,
+            tilt_deg=20.0,
+            bend=0.4,
+            relief=0.55,
+            seed=21,
         ),
-        light=LightConfig(procedural=200, variants=600, seed=9),
+        light=LightConfig(procedural=200, variants=600, seed=12),
     )
 
 
@@ -85,13 +93,13 @@ def normals() -> RunConfig:
     return RunConfig(
         name="normals",
         model="normals",
-        steps=6_000,
+        steps=8_000,
         learning_rate=1.5e-3,
         warmup=100,
         cooldown=0.8,
-        pairs=PairConfig(seed=61, cut_out=0.2),
-        surfaces=replace(lift().surfaces, figures=400, seed=4),
-        light=replace(lift().light, seed=8),
+        pairs=PairConfig(seed=71, cut_out=0.2),
+        surfaces=lift().surfaces,
+        light=lift().light,
     )
 
 
@@ -103,9 +111,11 @@ def lift_trial() -> RunConfig:
         steps=600,
         warmup=50,
         cooldown=0.5,
-        pairs=replace(lift().pairs, around=0.0),
-        surfaces=normals().surfaces,
-        light=normals().light,
+        pairs=replace(lift().pairs, seed=59, around=0.0),
+        surfaces=SurfaceConfig(
+            views=9, own_views=1, procedural=600, figures=400, stretch=0.2, tilt_deg=20.0, seed=4
+        ),
+        light=replace(lift().light, seed=8),
     )
 
 
