@@ -16,7 +16,15 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.infer.photo import crop_object, load_photo
 from anyprobe.infer.runtime import Outputs
-from anyprobe.infer.surroundings import SEEN, TINT, TINT_FLOOR, read_surroundings, see_around, turned, use_surroundings
+from anyprobe.infer.surroundings import (
+    SEEN,
+    TINT,
+    TINT_FLOOR,
+    read_surroundings,
+    see_around,
+    turned,
+    use_surroundings,
+)
 from anyprobe.light.environment import rotate
 
 FOV_DEG = 60.0

@@ -95,11 +95,14 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     lights = {}
     for name, told in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
         options = ("--surroundings", *told) if told else ()
-        done = command("video", made / "clip.mp4", "-o", name, "--masks", made / "masks", "--exr", "-q", *options)
+        done = command(
+            "video", made / "clip.mp4", "-o", name, "--masks", made / "masks", "--exr", "-q", *options
+        )
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
     np.testing.assert_allclose(response(lights["panorama"]), panorama / 255, atol=0.02)
-    ahead, shown = (32, 67), ball_frame(made_map())[50, 74] / 255  # a little right of the middle, beside the ball
+    ahead = (32, 67)  # a little right of the middle, beside the ball
+    shown = ball_frame(made_map())[50, 74] / 255
     np.testing.assert_allclose(response(lights["photo"][ahead]), shown, atol=0.03)
     assert np.abs(response(lights["alone"][ahead]) - shown).max() > 0.05
 

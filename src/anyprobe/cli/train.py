@@ -81,7 +81,9 @@ def weights(
     mean_map: Annotated[
         Path | None, typer.Option(help="Also write the mean training map to this .exr.")
     ] = None,
-    data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map or a calibration.")] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Data the run was trained on, for the mean map or a calibration.")
+    ] = None,
     start: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,

@@ -33,7 +33,9 @@ def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
     for pair in pairs:
         outputs = models(pair.crop, pair.tan_half)
         if outputs.confidence is None:
-            raise ModelError(f"{models.name}: expected a model that tells its confidence, got one that does not")
+            raise ModelError(
+                f"{models.name}: expected a model that tells its confidence, got one that does not"
+            )
         confidence.append(outputs.confidence)
         right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))
     claimed = np.stack(confidence)

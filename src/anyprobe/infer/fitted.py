@@ -98,7 +98,7 @@ def _points(image: np.ndarray, normals: np.ndarray, tan_half: float):
 
 
 def _transport(radiance: np.ndarray, n: np.ndarray, wo: np.ndarray, material: Material) -> np.ndarray:
-    """Eq. 1's summands f_r L (n.wi) dw of each channel, point and pixel, [3, N, P]; their sums are those of the renderer."""
+    """Eq. 1's summands f_r L (n.wi) dw of each channel, point and pixel, [3, N, P]; their sums are the renderer's."""
     d = pixel_directions(ROWS).reshape(-1, 3).astype(np.float32)
     angles = np.repeat(pixel_solid_angles(ROWS)[:, 0], 2 * ROWS).astype(np.float32)
     wide = replace(material, alpha=max(float(material.alpha), NARROWEST))
@@ -141,4 +141,6 @@ def _finer(x: np.ndarray, rows: int) -> np.ndarray:
 def _coarser(values: np.ndarray) -> np.ndarray:
     """Sums over the pixels of the finer map within each of the coarse, [N, P] to [N, Q]."""
     step = ROWS // COARSE
-    return values.reshape(len(values), COARSE, step, 2 * COARSE, step).sum(axis=(2, 4)).reshape(len(values), -1)
+    return (
+        values.reshape(len(values), COARSE, step, 2 * COARSE, step).sum(axis=(2, 4)).reshape(len(values), -1)
+    )

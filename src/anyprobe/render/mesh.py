@@ -62,7 +62,9 @@ def make_mesh(
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """The mesh under a linear map [3, 3] of positive determinant, back in the unit sphere."""
     return _moved(
-        mesh, mesh.positions.astype(np.float64) @ matrix.T, mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)
+        mesh,
+        mesh.positions.astype(np.float64) @ matrix.T,
+        mesh.normals.astype(np.float64) @ np.linalg.inv(matrix),
     )
 
 

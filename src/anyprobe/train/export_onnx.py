@@ -68,9 +68,7 @@ def graphs_of(nets: nn.ModuleDict, sureness: tuple[float, float] = AS_LEARNED) -
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
 
 
-def export(
-    checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LEARNED
-) -> dict[str, float]:
+def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LEARNED) -> dict[str, float]:
     """Write the graphs of a run and return each one's largest difference from torch.
 
     Raises:
