@@ -1,7 +1,7 @@
 """Fitted (adjective): a map that, seen in an object of known material, looks like the object's photo.
 
-The object's picture is the map seen through Eq. 1 and a camera's curve, which is the same as y = f(A e^x L) with L the
-model's guess, x the logarithm of what it is wrong by, and A the object's reflectance at each of its points. Where shape
+The object's picture is the map seen through Eq. 1 and a camera's curve: y = f(A e^x L), with L the model's guess, x the
+logarithm of what it is wrong by in each direction, and A the object's reflectance at each of its points. Where shape
 and material are known, so is A, and x can be told from y: the likeliest x under a Gaussian of given variance that is
 alike in directions that are near each other (a Gaussian process), found by Gauss and Newton's method.
 """
@@ -22,9 +22,11 @@ from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.brdf import Material, evaluate
 
 ROWS = 32
-"""Rows of the map that the object's points are lit by, and of the coarser one below that x is told on."""
+"""Rows of the map that the object's points are lit by."""
 COARSE = 16
+"""Rows of the map that x is told on."""
 NUM_POINTS = 200
+"""Of the object, at most; they are shaded with so many samples:"""
 NUM_SAMPLES = 64
 STEPS = 4
 WHOLE, FAR, NEAR = 0.3, 0.5, 1.0
@@ -41,6 +43,7 @@ STEEP = 0.15
 BURNT = 0.97
 """Display value from which on a point says only how bright it is at least."""
 FEWEST = 10
+"""Points below which nothing is fitted."""
 
 
 def fit_map(
@@ -84,7 +87,9 @@ def fit_map(
     return (radiance * np.exp(wrong).reshape(radiance.shape)).astype(np.float32)
 
 
-def _points(image: np.ndarray, normals: np.ndarray, tan_half: float):
+def _points(
+    image: np.ndarray, normals: np.ndarray, tan_half: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Unit n and wo [N, 3] and display values [N, 3] of points spread over the object; None of too few."""
     size = len(normals)
     small = image.reshape(size, len(image) // size, size, -1, 4).mean(axis=(1, 3))

@@ -112,9 +112,7 @@ def lift_trial() -> RunConfig:
         warmup=50,
         cooldown=0.5,
         pairs=replace(lift().pairs, seed=59, around=0.0),
-        surfaces=SurfaceConfig(
-            views=9, own_views=1, procedural=600, figures=400, stretch=0.2, tilt_deg=20.0, seed=4
-        ),
+        surfaces=replace(lift().surfaces, views=9, figures=400, bend=0.0, relief=0.0, seed=4),
         light=replace(lift().light, seed=8),
     )
 
