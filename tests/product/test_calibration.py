@@ -1,9 +1,17 @@
 """Confidence: claims against what came true, on maps where both are known."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from support.some_pair import ball_pair
 
 from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.response import response
+from anyprobe.dataset import stock
+from anyprobe.errors import InputError, ModelError
+from anyprobe.evaluate.calibrate import calibrate
 from anyprobe.evaluate.calibration import CLOSE, Calibration, fit_logit, to_logit
 
 
@@ -60,3 +68,44 @@ def test_weight_decides_whom_a_fit_believes(rng):
     right = np.concatenate([rng.random(10_000) < claimed[:10_000], np.zeros(10_000, bool)])
     weight = np.concatenate([np.ones(10_000), np.full(10_000, 1e-9)])
     assert fit_logit(claimed, right, weight) == (pytest.approx(1, abs=0.1), pytest.approx(0, abs=0.1))
+
+
+def test_a_model_that_boasts_is_told_by_how_much(rng):
+    """Right where its claim of 0.9, 0.5 or 0.1 comes true in 0.6, 0.3 or 0.05 of the pixels."""
+    pairs = [ball_pair(seed) for seed in range(3)]
+    truths = [response(pair.radiance) for pair in pairs]
+    answers = []
+    for truth in truths:
+        which = rng.integers(3, size=truth.shape[:2])
+        wrong = rng.random(which.shape) > np.array([0.6, 0.3, 0.05])[which]
+        ldr = np.where(wrong[..., None], truth + np.where(truth > 0.5, -0.3, 0.3), truth)
+        answers.append(SimpleNamespace(confidence=np.array([0.9, 0.5, 0.1], np.float32)[which], ldr=ldr))
+    given = iter(answers)
+    slope, offset = calibrate(lambda crop, tan_half: next(given), pairs)
+    chance = 1 / (1 + np.exp(-(slope * to_logit(np.array([0.9, 0.5, 0.1])) + offset)))
+    np.testing.assert_allclose(chance, [0.6, 0.3, 0.05], atol=0.1)
+
+
+def test_a_model_without_confidence_cannot_be_calibrated():
+    class Silent:
+        name = "paper"
+
+        def __call__(self, crop, tan_half):
+            return SimpleNamespace(confidence=None)
+
+    with pytest.raises(ModelError, match="paper: expected a model that tells its confidence"):
+        calibrate(Silent(), [ball_pair(1)])
+
+
+def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
+    made = {
+        only: [SimpleNamespace(id=name) for name in names] for only, names in ((True, "ab"), (False, "abc"))
+    }
+    monkeypatch.setattr(
+        stock, "load_stock", lambda data, split, commercial_only: stock.Stock(*2 * [made[commercial_only]])
+    )
+    left = stock.load_left_out(Path("data"))
+    assert (list(left.maps), list(left.shapes)) == (["c"], ["c"])
+    made[False] = made[True]
+    with pytest.raises(InputError, match="0 maps and 0 shapes"):
+        stock.load_left_out(Path("data"))
