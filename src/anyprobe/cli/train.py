@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -97,6 +98,8 @@ def weights(
     """Export a trained run as ONNX and check it against torch."""
     if calibrated and data is None:
         raise InputError("--calibrated: expected --data with assets to calibrate on, got none; add it")
+    if calibrated and run == MASK_RUN:
+        raise InputError("--calibrated: expected a run that estimates light, got mask; leave it out")
     _need_torch()
     from anyprobe.evaluate.calibrate import calibrate, left_out_pairs
     from anyprobe.infer.runtime import Models
@@ -108,11 +111,16 @@ def weights(
     from anyprobe.train.start import save_start
 
     checkpoint = runs / run / "checkpoint.pt"
-    exported = export_mask(checkpoint, to) if run == MASK_RUN else export(checkpoint, to)
-    if calibrated and data is not None:
-        sureness = calibrate(Models(str(to)), left_out_pairs(data, runs / "cache" / "left_out"))
+    if run == MASK_RUN:
+        exported = export_mask(checkpoint, to)
+    elif calibrated and data is not None:
+        with TemporaryDirectory() as folder:  # as it was learned, to be asked how sure it is
+            export(checkpoint, Path(folder))
+            sureness = calibrate(Models(folder), left_out_pairs(data, runs / "cache" / "left_out"))
         typer.echo(f"confidence: logit times {sureness[0]:.3g}, plus {sureness[1]:.3g}")
         exported = export(checkpoint, to, sureness)
+    else:
+        exported = export(checkpoint, to)
     for stage, difference in exported.items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if start is not None:

@@ -30,8 +30,8 @@ BURNT = 0.97
 SEEN = 0.9
 """How sure a place is that the photo shows."""
 TINT = 0.5
-"""How much of the colour by which what is seen differs from what was guessed there is taken for the light's own:
-an object hides its colour in that of the light, and of both no photo tells more than half (docs/ablation.md)."""
+"""How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
+chosen on pairs that no run learns from (docs/ablation.md)."""
 TINT_FLOOR = 0.05
 """Added to radiance before its logarithm is compared."""
 PLAIN = 2.0 / 255.0
