@@ -23,6 +23,7 @@ from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
+from anyprobe.dataset.reshaped import reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady
 from anyprobe.render.reflectance import stand_ins
@@ -40,6 +41,7 @@ class PairConfig:
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
+    reshaped: share of surfaces that are given another shape (dataset.reshaped).
     around: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.surroundings).
     """
@@ -53,6 +55,7 @@ class PairConfig:
     cut_out: float = 0.0
     told: float = 0.0
     around: float = 0.0
+    reshaped: float = 0.0
 
 
 TOLD_ERROR_DEG = 2.0
@@ -117,6 +120,9 @@ class PairSource:
             normals[one, 0] *= -1
         normals = torch.from_numpy(normals).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
+        if self.config.reshaped > 0:
+            angles = torch.from_numpy(tan_half).to(self.device)
+            normals = reshape_some(normals, angles, rng, self.config.reshaped)
         return self.compose(chosen, normals, tan_half, rng)
 
     def compose(
