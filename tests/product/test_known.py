@@ -217,6 +217,9 @@ def test_a_burnt_out_or_tiny_object_moves_nothing_far():
     np.testing.assert_array_equal(none, np.ones(3))
 
 
+ALL = np.ones((64, 64), bool)
+
+
 def fine_map() -> np.ndarray:
     """made_map with as many rows as a model's answer."""
     return made_map().repeat(4, axis=0).repeat(4, axis=1)
@@ -230,7 +233,7 @@ def test_shading_tells_what_a_guess_is_wrong_by(name):
     d = pixel_directions(64)
     wrong = np.log(2) * d @ np.array([0.8, 0.6, 0.0])
     guess = (truth * np.exp(wrong)[..., None]).astype(np.float32)
-    found = fit_map(guess, image, normals, 0.1, material, told=True)
+    found = fit_map(guess, image, normals, 0.1, material, ALL)
     seen = d[..., 2] > -0.2  # what lights the side that faces the eye
     left = np.abs(np.log(found / truth)).mean(axis=-1)
     assert left[seen].mean() < 0.5 * np.abs(wrong)[seen].mean()
@@ -238,15 +241,35 @@ def test_shading_tells_what_a_guess_is_wrong_by(name):
     before, _ = photo_of(guess, material)
     on = image[..., 3] == 1
     assert np.abs(again - image)[on].mean() < 0.25 * np.abs(before - image)[on].mean()
-    guessed = fit_map(guess, image, normals, 0.1, material, told=False)
+    guessed = fit_map(guess, image, normals, 0.1, material, ~ALL)
     assert 0.1 < np.abs(np.log(guessed / guess)).mean() / np.abs(np.log(found / guess)).mean() < 0.9
+
+
+def test_a_part_that_is_known_says_more_than_the_guessed_rest():
+    """Normals that are wrong mislead the fit where they are told, hardly where they are guessed."""
+    truth = 0.4 * fine_map()
+    image, normals = photo_of(truth, MATTE)
+    wrong = normals.copy()
+    wrong[:, 32:, 0] *= -1  # the right half, as if it were the left
+    left = np.zeros((64, 64), bool)
+    left[:, :32] = True
+    errors = [
+        np.abs(np.log(fit_map(truth, image, wrong, 0.1, MATTE, known) / truth)).mean()
+        for known in (ALL, left)
+    ]
+    assert errors[1] < 0.3 * errors[0]
+    misled = truth * np.float32(1.5)
+    found = np.log(fit_map(misled, image, normals, 0.1, MATTE, left) / misled).mean()
+    whole = np.log(fit_map(misled, image, normals, 0.1, MATTE, ALL) / misled).mean()
+    nothing = np.log(fit_map(misled, image, normals, 0.1, MATTE, ~ALL) / misled).mean()
+    assert whole < found < nothing < 0
 
 
 def test_what_fits_stays_as_it_is():
     truth = 0.4 * fine_map()
     image, normals = photo_of(truth, MATTE)
-    np.testing.assert_allclose(fit_map(truth, image, normals, 0.1, MATTE, told=True), truth, rtol=0.04)
-    nothing = fit_map(truth, np.zeros_like(image), normals, 0.1, MATTE, told=True)
+    np.testing.assert_allclose(fit_map(truth, image, normals, 0.1, MATTE, ALL), truth, rtol=0.04)
+    nothing = fit_map(truth, np.zeros_like(image), normals, 0.1, MATTE, ALL)
     np.testing.assert_array_equal(nothing, truth)
 
 
@@ -254,7 +277,7 @@ def test_a_burnt_out_object_leaves_a_bright_guess_alone():
     """It says that its light is at least so bright, no more."""
     image, normals = photo_of(20.0 * fine_map(), MATTE)
     assert (image[image[..., 3] == 1][:, :3] > 0.99).mean() > 0.8
-    bright, dim = (fit_map(gain * fine_map(), image, normals, 0.1, MATTE, told=True) for gain in (30.0, 0.3))
+    bright, dim = (fit_map(gain * fine_map(), image, normals, 0.1, MATTE, ALL) for gain in (30.0, 0.3))
     np.testing.assert_allclose(bright, 30.0 * fine_map(), rtol=0.1)
     front = pixel_directions(64)[..., 2] > 0.5
     assert (dim / (0.3 * fine_map()))[front].mean() > 1.5

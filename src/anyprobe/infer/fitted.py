@@ -52,8 +52,7 @@ def fit_map(
     normals: np.ndarray,
     tan_half: float,
     material: Material,
-    *,
-    told: bool,
+    known: np.ndarray,
 ) -> np.ndarray:
     """The map that an object of known material asks for, near the one given.
 
@@ -63,16 +62,15 @@ def fit_map(
         normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
         tan_half: of half the angle that the crop's side takes in.
         material: of the object.
-        told: whether the normals are known or guessed.
+        known: [S / k, S / k] bool, where the normals are known; elsewhere they are guessed.
     Returns:
         [64, 128, 3] float32; as given where the crop shows too little of the object.
     """
-    found = _points(image, normals, tan_half)
+    found = _points(image, normals, tan_half, known)
     if found is None:
         return radiance
-    n, wo, display = found
+    n, wo, display, noise = found
     transport = _transport(radiance, n, wo, material)  # [3, N, P] of what each point shows from each pixel
-    noise = (NOISE_TOLD if told else NOISE_GUESSED) ** 2 * np.eye(len(n), dtype=np.float32)
     likeness = _likeness()
     x = np.zeros((3, len(likeness)), np.float32)
     for _ in range(STEPS):
@@ -81,16 +79,19 @@ def fit_map(
             slope, missing = _compare(parts.sum(axis=1), display[:, channel])
             jacobian = _coarser(parts * slope[:, None])
             spread = likeness @ jacobian.T
-            asked = np.linalg.solve(jacobian @ spread + noise, missing + jacobian @ x[channel])
+            asked = np.linalg.solve(jacobian @ spread + np.diag(noise**2), missing + jacobian @ x[channel])
             x[channel] += np.clip(spread @ asked - x[channel], -1.0, 1.0)
     wrong = np.stack([_finer(one, len(radiance)) for one in x], axis=-1)
     return (radiance * np.exp(wrong).reshape(radiance.shape)).astype(np.float32)
 
 
 def _points(
-    image: np.ndarray, normals: np.ndarray, tan_half: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Unit n and wo [N, 3] and display values [N, 3] of points spread over the object; None of too few."""
+    image: np.ndarray, normals: np.ndarray, tan_half: float, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Points spread over the object: unit n and wo [N, 3], display values [N, 3], how far these may be off [N].
+
+    None of too few.
+    """
     size = len(normals)
     small = image.reshape(size, len(image) // size, size, -1, 4).mean(axis=(1, 3))
     wo = pixel_rays(tan_half, size)
@@ -99,7 +100,8 @@ def _points(
     if len(inside) < FEWEST:
         return None
     at = tuple(inside[np.unique(np.linspace(0, len(inside) - 1, NUM_POINTS).astype(int))].T)
-    return np.asarray(normals[at], np.float32), np.asarray(wo[at], np.float32), small[at][:, :3]
+    noise = np.where(known[at], np.float32(NOISE_TOLD), np.float32(NOISE_GUESSED))
+    return np.asarray(normals[at], np.float32), np.asarray(wo[at], np.float32), small[at][:, :3], noise
 
 
 def _transport(radiance: np.ndarray, n: np.ndarray, wo: np.ndarray, material: Material) -> np.ndarray:

@@ -54,8 +54,9 @@ def use_material(
             "measured": True,
         }
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
-    told = known_normals is not None
-    radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, told=told)
+    told = np.zeros_like(outputs.normals) if known_normals is None else known_normals
+    known = np.linalg.norm(told, axis=-1) > 0.5
+    radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, known)
     return replace(outputs, radiance=radiance), {"material": done, "gain": _list(gain)}
 
 
