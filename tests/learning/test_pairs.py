@@ -18,7 +18,7 @@ from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import TOLD_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces, seen_part  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
@@ -305,6 +305,24 @@ def test_one_shape_varied_makes_others(how):
     assert min(facing) > 0.98  # a closed shape faces the camera somewhere
     outlines = {(picture != 0).any(axis=0).tobytes() for picture in varied.normals}
     assert len(outlines) == len(varied.normals)
+
+
+def test_machined_parts_follow_the_other_shapes_and_stay_flat():
+    """However much the others are bent; each part depends on its number alone."""
+    config = SurfaceConfig(views=1, procedural=1, parts=2, bend=0.4, relief=0.5)
+    without = build_surfaces([], replace(config, parts=0))
+    surfaces = build_surfaces([], config)
+    assert np.array_equal(surfaces.normals[: len(without.normals)], without.normals)
+    parts = surfaces.normals[len(without.normals) :]
+    assert len(parts) == 2 * NUM_ELEVATIONS
+    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, _, _ in seen_part(1, config)]))
+
+    def flat(normals: np.ndarray) -> float:
+        one, other = (normals[..., part].astype(np.float32) for part in (slice(1, None), slice(None, -1)))
+        both = (one != 0).any(axis=1) & (other != 0).any(axis=1)
+        return float((abs(one - other).max(axis=1)[both] < 2e-3).mean())
+
+    assert flat(parts) > 0.4 > flat(without.normals)
 
 
 def test_told_normals_err_by_a_small_turn(maps, surfaces):

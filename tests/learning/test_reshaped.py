@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
-from anyprobe.dataset.reshaped import draw_reshaping, reshape, reshape_some  # noqa: E402
+from anyprobe.dataset.reshaped import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402
 
@@ -111,12 +111,34 @@ def test_about_a_share_is_reshaped_and_the_rest_left_as_it_is(surfaces):
     assert torch.equal(normals, reshape_some(normals, tan_half, np.random.default_rng(3), 0.0))
 
 
+def test_another_surface_stands_whole_before_an_object_and_covers_only_what_is_behind_it(surfaces):
+    normals, tan_half = both(surfaces)
+    others = torch.zeros_like(normals)
+    others[:, :, 8:56, 8:56] = torch.tensor([0.6, 0.0, 0.8])[:, None, None]  # square walls
+    result = join_some(normals, tan_half, others, tan_half * 0.5, np.random.default_rng(4), 1.0)
+    for one, old, t in zip(result, normals, tan_half, strict=True):
+        new = (one != old).any(dim=0).numpy()
+        share = new.mean() / 0.75**2  # of the square's own area
+        assert 0.2**2 < share < 0.75**2
+        assert not new[[0, -1]].any()
+        assert not new[:, [0, -1]].any()
+        assert (old.abs().sum(dim=0).numpy() > 0)[new].any()
+        n = one.permute(1, 2, 0).numpy()
+        assert (n * pixel_rays(float(t), SIZE))[new].sum(axis=-1).min() > 0
+        # however it was turned and wherever it stands, its slopes are as steep as they were
+        n, ray = n[new], pixel_rays(float(t), SIZE)[new]
+        steep = np.linalg.norm(n[:, :2], axis=-1) / (n * ray / ray[:, 2:]).sum(axis=-1)
+        least, most = (0.6 / (0.8 + side * 0.6 * 0.75 * 0.5 * float(t)) for side in (1, -1))
+        assert (steep > least - 1e-3).all()
+        assert (steep < most + 1e-3).all()
+
+
 def test_batches_take_them_and_depend_on_their_number_alone():
     light = [draw_map(np.random.default_rng(3), height=64)[0]]
     drawn = build_surfaces([], SurfaceConfig(views=1, procedural=2))
 
-    def source(reshaped: float) -> PairSource:
-        config = PairConfig(batch=4, group=2, pool=2, reuse=4, reshaped=reshaped)
+    def source(reshaped: float, joined: float = 0.0) -> PairSource:
+        config = PairConfig(batch=4, group=2, pool=2, reuse=4, reshaped=reshaped, joined=joined)
         return PairSource(Illuminator(light, compiled=False), drawn, config)
 
     straight = source(1.0)
@@ -124,3 +146,4 @@ def test_batches_take_them_and_depend_on_their_number_alone():
     batch = straight.batch(1)
     assert torch.equal(batch.photo, source(1.0).batch(1).photo)
     assert not torch.equal(batch.normals, source(0.0).batch(1).normals)
+    assert not torch.equal(source(0.0, 1.0).batch(1).normals, source(0.0).batch(1).normals)

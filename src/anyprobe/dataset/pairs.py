@@ -23,7 +23,7 @@ from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.reshaped import reshape_some
+from anyprobe.dataset.reshaped import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady
 from anyprobe.render.reflectance import stand_ins
@@ -41,7 +41,8 @@ class PairConfig:
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
-    reshaped: share of surfaces that are given another shape (dataset.reshaped).
+    joined, reshaped: shares of surfaces before which another is put, and that are given another shape
+        (dataset.reshaped).
     around: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.surroundings).
     """
@@ -55,6 +56,7 @@ class PairConfig:
     cut_out: float = 0.0
     told: float = 0.0
     around: float = 0.0
+    joined: float = 0.0
     reshaped: float = 0.0
 
 
@@ -120,8 +122,13 @@ class PairSource:
             normals[one, 0] *= -1
         normals = torch.from_numpy(normals).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
+        angles = torch.from_numpy(tan_half).to(self.device)
+        if self.config.joined > 0:
+            index = rng.integers(len(self.surfaces.normals), size=len(index))
+            others = torch.from_numpy(self.surfaces.normals[index]).to(self.device).float()
+            other_angles = torch.from_numpy(self.surfaces.tan_half[index]).to(self.device)
+            normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
         if self.config.reshaped > 0:
-            angles = torch.from_numpy(tan_half).to(self.device)
             normals = reshape_some(normals, angles, rng, self.config.reshaped)
         return self.compose(chosen, normals, tan_half, rng)
 

@@ -26,6 +26,8 @@ SLOW, FAST = (1.0, 4.0), (6.0, 25.0)
 """Speeds of the waves that bend the surface and that are pressed into it [radians over half the picture]."""
 MOST_SLOW, MOST_FAST = 0.5, 0.4
 """Their slopes sum to no more."""
+JOINED = (0.25, 0.7)
+"""Size of a surface that is put before another, of its own."""
 LEAST = 0.02
 """Cosine between a normal and the ray to the eye, at least: an interpolated one may have turned away."""
 
@@ -59,13 +61,45 @@ def reshape_some(
     return result
 
 
+def join_some(
+    normals: torch.Tensor,
+    tan_half: torch.Tensor,
+    others: torch.Tensor,
+    other_tan_half: torch.Tensor,
+    rng: np.random.Generator,
+    share: float,
+) -> torch.Tensor:
+    """Put another surface, smaller and turned, before about a share of the surfaces, as a limb or a knob would be.
+
+    Arguments and result as for `reshape`; the others are as many.
+    """
+    some = np.nonzero(rng.random(len(normals)) < share)[0]
+    if len(some) == 0:
+        return normals
+    places = []
+    for mask in (normals[some].abs().sum(dim=1) > 0).cpu().numpy():
+        scale = np.exp(rng.uniform(*np.log(JOINED)))
+        on_mask = rng.choice(np.argwhere(mask))[::-1]
+        centre = ((on_mask + 0.5) * 2 / len(mask) - 1) * [1.0, -1.0]
+        centre = np.clip(centre, -1 + 1.2 * scale, 1 - 1.2 * scale)  # all of it inside the picture
+        old_from_new = _turn(rng.uniform(0, 2 * np.pi)) / scale
+        places.append((old_from_new, -old_from_new @ centre, 1.0, np.zeros((0, 2, 2)), np.zeros(0)))
+    before = reshape(others[some], other_tan_half[some], _stack(places), tan_half[some])
+    result = normals.clone()
+    result[some] = torch.where(before.abs().sum(dim=1, keepdim=True) > 0, before, normals[some])
+    return result
+
+
 def draw_reshaping(masks: np.ndarray, rng: np.random.Generator) -> Reshaping:
     """Rolled, drawn out, deeper or flatter, bent and with a relief, for objects of masks [B, S, S], on the CPU.
 
     Each object fills its picture as it did before.
     """
-    drawn = [_draw(mask, rng) for mask in masks]
-    parts = (torch.from_numpy(np.stack(part).astype(np.float32)) for part in zip(*drawn, strict=True))
+    return _stack([_draw(mask, rng) for mask in masks])
+
+
+def _stack(each: list[tuple]) -> Reshaping:
+    parts = (torch.from_numpy(np.stack(part).astype(np.float32)) for part in zip(*each, strict=True))
     return Reshaping(**dict(zip(Reshaping.__slots__, parts, strict=True)))
 
 
@@ -104,12 +138,18 @@ def _turn(angle: float) -> np.ndarray:
     return np.array([[cos, -sin], [sin, cos]])
 
 
-def reshape(normals: torch.Tensor, tan_half: torch.Tensor, reshaping: Reshaping) -> torch.Tensor:
+def reshape(
+    normals: torch.Tensor,
+    tan_half: torch.Tensor,
+    reshaping: Reshaping,
+    new_tan_half: torch.Tensor | None = None,
+) -> torch.Tensor:
     """Give surfaces another shape.
 
     Args:
         normals: [B, 3, S, S], camera frame, zero outside the objects.
-        tan_half: [B] of half the field of view; it stays.
+        tan_half: [B] of half the field of view.
+        new_tan_half: that of the result, by default the same.
     Returns:
         normals [B, 3, S, S], unit and visible inside the objects, zero outside.
     """
@@ -133,6 +173,7 @@ def reshape(normals: torch.Tensor, tan_half: torch.Tensor, reshaping: Reshaping)
     for wave, phase in zip(waves.unbind(dim=1), phases.unbind(dim=1), strict=True):
         swing = torch.cos(torch.einsum("bi,hwi->bhw", wave[:, 1], new) + phase[:, None, None])
         slope = slope + swing[..., None] * wave[:, None, None, 0]
+    t = t if new_tan_half is None else new_tan_half.to(device).reshape(-1, 1, 1)
     depth = 1 + t * (slope * new).sum(dim=-1)
     result = torch.cat([slope, depth[..., None]], dim=-1).movedim(-1, 1)
     return torch.where(inside, F.normalize(result, dim=1), 0.0)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
 from anyprobe.files.atomic import atomic_path
 from anyprobe.render.mesh import Mesh, transformed, waved
+from anyprobe.render.parts import part
 from anyprobe.render.shapes import draw_shape, figure
 from anyprobe.render.surface import frame_object, see
 
@@ -24,7 +26,7 @@ ELEVATION_SINES = np.linspace(-0.1, 0.95, NUM_ELEVATIONS + 1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceConfig:
     """views: per shape and elevation class; procedural: how many shapes of our own are added, and figures: how many
-    made of several, each seen own_views times (None: views).
+    made of several, each seen own_views times (None: views); parts: how many machined ones, each seen once, flat.
 
     stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
     directions of its own; tilt_deg: of the angle by which it leans; bend, relief: by how much at most slow waves
@@ -35,6 +37,7 @@ class SurfaceConfig:
     own_views: int | None = None
     procedural: int = 60
     figures: int = 0
+    parts: int = 0
     stretch: float = 0.0
     tilt_deg: float = 0.0
     bend: float = 0.0
@@ -81,6 +84,31 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
+def seen_part(number: int, config: SurfaceConfig) -> list[tuple[np.ndarray, float, int]]:
+    """What is seen of machined part `number`, see _seen; it is not bent, and nothing is pressed into it."""
+    rng = np.random.default_rng((config.seed, 1, number))
+    return list(_seen(part(rng), 1, replace(config, bend=0.0, relief=0.0), rng))
+
+
+def _seen(
+    mesh: Mesh, views: int, config: SurfaceConfig, rng: np.random.Generator
+) -> Iterator[tuple[np.ndarray, float, int]]:
+    """Normals [3, S, S], tan_half and elevation class of a mesh's views, but for those that show next to nothing."""
+    varied = any((config.stretch, config.tilt_deg, config.bend, config.relief))
+    for which in range(NUM_ELEVATIONS):
+        for _ in range(views):
+            seen = _varied(mesh, config, rng) if varied else mesh
+            rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which))
+            fov = np.exp(rng.uniform(np.log(6.0), np.log(50.0)))
+            margin = rng.uniform(1.04, 1.2)
+            surface = see(seen, frame_object(seen, rotation, fov, margin, config.size))
+            if surface.mask.mean() < 0.04:
+                continue
+            picture = np.zeros((config.size, config.size, 3), np.float16)
+            picture[surface.mask] = surface.normals
+            yield picture.transpose(2, 0, 1), surface.tan_half, which
+
+
 def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path | None = None) -> SurfaceSet:
     """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given."""
     ids = ",".join(shape.id for shape in shapes)
@@ -92,24 +120,13 @@ def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path 
     rng = np.random.default_rng(config.seed)
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     meshes += [figure(rng) for _ in range(config.figures)]
-    varied = any((config.stretch, config.tilt_deg, config.bend, config.relief))
-    normals, tan_half, elevation = [], [], []
+    seen = []
     for number, mesh in enumerate(meshes):
         own = number >= len(shapes) and config.own_views is not None
-        for which in range(NUM_ELEVATIONS):
-            for _ in range(config.own_views if own else config.views):
-                seen = _varied(mesh, config, rng) if varied else mesh
-                rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which))
-                fov = np.exp(rng.uniform(np.log(6.0), np.log(50.0)))
-                margin = rng.uniform(1.04, 1.2)
-                surface = see(seen, frame_object(seen, rotation, fov, margin, config.size))
-                if surface.mask.mean() < 0.04:
-                    continue
-                picture = np.zeros((config.size, config.size, 3), np.float16)
-                picture[surface.mask] = surface.normals
-                normals.append(picture.transpose(2, 0, 1))
-                tan_half.append(surface.tan_half)
-                elevation.append(which)
+        seen += _seen(mesh, config.own_views if own else config.views, config, rng)
+    for number in range(config.parts):
+        seen += seen_part(number, config)
+    normals, tan_half, elevation = zip(*seen, strict=True)
     result = SurfaceSet(
         normals=np.stack(normals), tan_half=np.array(tan_half, np.float32), elevation=np.array(elevation)
     )

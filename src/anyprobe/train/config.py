@@ -72,12 +72,13 @@ def lift() -> RunConfig:
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=73, cut_out=0.2, told=0.3, around=0.7),
+        pairs=PairConfig(seed=83, cut_out=0.2, told=0.3, around=0.7, joined=0.3, reshaped=0.7),
         surfaces=SurfaceConfig(
             views=12,
             own_views=1,
             procedural=600,
             figures=1400,
+            parts=800,
             stretch=0.2,
             tilt_deg=20.0,
             bend=0.4,
@@ -97,7 +98,7 @@ def normals() -> RunConfig:
         learning_rate=1.5e-3,
         warmup=100,
         cooldown=0.8,
-        pairs=PairConfig(seed=71, cut_out=0.2),
+        pairs=PairConfig(seed=82, cut_out=0.2, joined=0.3, reshaped=0.7),
         surfaces=lift().surfaces,
         light=lift().light,
     )
@@ -111,8 +112,8 @@ def lift_trial() -> RunConfig:
         steps=600,
         warmup=50,
         cooldown=0.5,
-        pairs=replace(lift().pairs, seed=59, around=0.0),
-        surfaces=replace(lift().surfaces, views=9, figures=400, bend=0.0, relief=0.0, seed=4),
+        pairs=replace(lift().pairs, seed=59, around=0.0, joined=0.0, reshaped=0.0),
+        surfaces=replace(lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, seed=4),
         light=replace(lift().light, seed=8),
     )
 
@@ -201,6 +202,12 @@ def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
         steps=steps,
         warmup=2,
         pairs=replace(config.pairs, batch=4, group=2, pool=2),
-        surfaces=replace(config.surfaces, views=1, procedural=3, figures=min(config.surfaces.figures, 3)),
+        surfaces=replace(
+            config.surfaces,
+            views=1,
+            procedural=3,
+            figures=min(config.surfaces.figures, 3),
+            parts=min(config.surfaces.parts, 3),
+        ),
         light=replace(config.light, procedural=3, variants=min(config.light.variants, 3)),
     )
