@@ -21,7 +21,7 @@ ORDER = (
 
 ONLY = {
     "torch": {"render", "nets", "dataset", "train", "cli"},
-    "onnxruntime": {"masks", "infer", "evaluate", "train", "cli"},
+    "onnxruntime": {"files", "infer", "train", "cli"},
     "onnx": {"train"},
     "openvino": {"infer"},
     "cv2": {"masks"},

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime
 
+from anyprobe.files.graphs import open_graph
 from anyprobe.infer.engines import DEFAULT_ENGINE, open_engine
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.runtime import stages_of, weights_folder
@@ -49,10 +49,7 @@ def machine_name() -> str:
 
 def _network(path: Path, threads: int, engine: str) -> Callable[[], Any]:
     """One run of a graph on zeros of its inputs' shapes, batch of one."""
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 3
-    options.intra_op_num_threads = threads
-    session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    session = open_graph(path, threads)
     run = open_engine(session, path, engine, threads)
     values = [
         np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)

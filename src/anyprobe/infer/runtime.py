@@ -12,6 +12,7 @@ import onnxruntime
 
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import ModelError
+from anyprobe.files.graphs import open_graph
 from anyprobe.infer.engines import DEFAULT_ENGINE, open_engine
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
@@ -91,15 +92,11 @@ class Models:
         """
         self.name = model
         folder = weights_folder(model)
-        options = onnxruntime.SessionOptions()
-        options.log_severity_level = 3
-        if threads is not None:
-            options.intra_op_num_threads = threads
         self.stages = stages_of(folder)
         self._run = {}
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
-            self._run[stage] = open_engine(_open(path, stage, options), path, engine, threads)
+            self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
 
     def __call__(
         self,
@@ -160,13 +157,8 @@ def _image(batch: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(batch[0].transpose(1, 2, 0))
 
 
-def _open(path: Path, stage: str, options: onnxruntime.SessionOptions) -> onnxruntime.InferenceSession:
-    try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # the runtime has no common base class for its errors
-        raise ModelError(
-            f"{path.name}: expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
-        ) from error
+def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceSession:
+    session = open_graph(path, threads)
     found = session.get_modelmeta().custom_metadata_map
     for key, value in {**CONTRACT, "stage": stage}.items():
         if found.get(key) != value:

@@ -9,10 +9,10 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from anyprobe.core.hints import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_hints
 from anyprobe.errors import ModelError
+from anyprobe.files.graphs import open_graph
 from anyprobe.masks.refine import resize
 
 SIZE = 160
@@ -103,17 +103,7 @@ class MaskNetwork:
         path = default_graph() if path is None else Path(path)
         if not path.is_file():
             raise ModelError(f"{path}: expected the mask network, got no such file; reinstall anyprobe")
-        options = onnxruntime.SessionOptions()
-        if threads is not None:
-            options.intra_op_num_threads = threads
-        try:
-            self._session = onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # the runtime has no common base class for its errors
-            raise ModelError(
-                f"{path.name}: expected a readable ONNX graph, got a damaged file; reinstall anyprobe"
-            ) from error
+        self._session = open_graph(path, threads)
         found = self._session.get_modelmeta().custom_metadata_map
         for key, value in CONTRACT.items():
             if found.get(key) != value:

@@ -1,0 +1,23 @@
+"""Sessions: opened alike by all who run a graph, quiet between runs, and one clear line where a file is damaged."""
+
+import pytest
+
+from anyprobe.errors import ModelError
+from anyprobe.files.graphs import open_graph
+from anyprobe.infer.runtime import weights_folder
+from anyprobe.masks.propose import default_graph
+
+
+@pytest.mark.parametrize("graph", [weights_folder("lift") / "light.onnx", default_graph()])
+def test_threads_do_not_spin_and_are_as_many_as_asked(graph):
+    options = open_graph(graph, 2).get_session_options()
+    assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
+    assert options.intra_op_num_threads == 2
+    assert open_graph(graph).get_session_options().intra_op_num_threads == 0  # the runtime's own choice
+
+
+def test_a_damaged_graph_is_one_clear_line(tmp_path):
+    path = tmp_path / "light.onnx"
+    path.write_bytes(b"no graph")
+    with pytest.raises(ModelError, match=r"^light.onnx: expected a readable ONNX graph.*reinstall anyprobe$"):
+        open_graph(path)
