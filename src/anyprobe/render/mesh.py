@@ -59,6 +59,13 @@ def make_mesh(
     return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
 
 
+def put_together(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and faces of pieces, each (positions [V, 3], faces [F, 3]), as those of one."""
+    firsts = np.cumsum([0] + [len(positions) for positions, _ in pieces[:-1]])
+    faces = [faces + first for (_, faces), first in zip(pieces, firsts, strict=True)]
+    return np.concatenate([positions for positions, _ in pieces]), np.concatenate(faces)
+
+
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """The mesh under a linear map [3, 3] of positive determinant, back in the unit sphere."""
     return _moved(

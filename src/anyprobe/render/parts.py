@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.render.mesh import Mesh, make_mesh
+from anyprobe.render.mesh import Mesh, make_mesh, put_together
 
 COLUMNS = 72
 """Directions around a piece's axis, besides those of its corners."""
@@ -15,9 +17,8 @@ CREASE_DEG = 30.0
 
 def part(rng: np.random.Generator) -> Mesh:
     """One to five pieces grown together at right angles, some of them in rings; what lies inside is never seen."""
-    pieces, half, center = [], np.exp(rng.uniform(-0.6, 0.3, size=3)), np.zeros(3)
-    hosts = [(half, center)]
-    pieces += _placed(rng, half, center)
+    half, center = np.exp(rng.uniform(-0.6, 0.3, size=3)), np.zeros(3)
+    hosts, pieces = [(half, center)], [_placed(rng, half, center)]
     for _ in range(rng.integers(0, 5)):
         host_half, host_center = hosts[rng.integers(len(hosts))]
         half = host_half * rng.uniform(0.25, 0.9, size=3)
@@ -26,20 +27,15 @@ def part(rng: np.random.Generator) -> Mesh:
         offset[axis] = rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.3)
         center = host_center + offset * host_half
         hosts.append((half, center))
-        added = _placed(rng, half, center)
+        positions, faces = _placed(rng, half, center)
         around = rng.integers(2, 7) if rng.random() < 0.3 else 1
         for k in range(around):
             turn = rotation_y(2 * np.pi * k / around)
-            pieces += [(positions @ turn.T, faces) for positions, faces in added]
-    firsts = np.cumsum([0] + [len(positions) for positions, _ in pieces[:-1]])
-    faces = [faces + first for (_, faces), first in zip(pieces, firsts, strict=True)]
-    positions = np.concatenate([positions for positions, _ in pieces])
-    return make_mesh(positions, np.concatenate(faces), crease_deg=CREASE_DEG)
+            pieces.append((positions @ turn.T, faces))
+    return make_mesh(*put_together(pieces), crease_deg=CREASE_DEG)
 
 
-def _placed(
-    rng: np.random.Generator, half: np.ndarray, center: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def _placed(rng: np.random.Generator, half: np.ndarray, center: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A piece of half extents [3] around center, its axis along one of the three, now and then askew."""
     positions, faces = extruded(rng)
     quarter = np.pi / 2
@@ -47,7 +43,7 @@ def _placed(
     if rng.random() < 0.15:
         turn = rotation_x(rng.normal(0.0, 0.4)) @ rotation_z(rng.normal(0.0, 0.4)) @ turn
     positions = positions @ turn.T
-    return [(positions / np.abs(positions).max(axis=0) * half + center, faces)]
+    return positions / np.abs(positions).max(axis=0) * half + center, faces
 
 
 def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -67,15 +63,13 @@ def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     if hole is None:
         return _closed(grid)
     inner = around * (hole(phi) * rng.uniform(0.3, 0.85))[:, None]
-    inner *= min(
-        1.0,
-        0.9 * rows[[0, -1], 1].min() * (np.linalg.norm(outer, axis=1) / np.linalg.norm(inner, axis=1)).min(),
-    )
+    wall = (np.linalg.norm(outer, axis=1) / np.linalg.norm(inner, axis=1)).min()
+    inner *= min(1.0, 0.9 * rows[[0, -1], 1].min() * wall)
     ends = inner + rows[[-1, 0], 0][:, None, None] * [0.0, 1.0, 0.0]
     return _ring(np.concatenate([grid, ends]))
 
 
-def _outline(rng: np.random.Generator):
+def _outline(rng: np.random.Generator) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray]:
     """A star-shaped outline around the origin: its radius by angle from +Z towards +X, and its corners' angles."""
     kind = rng.integers(5)
     if kind == 0:

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, rotation_z
-from anyprobe.render.mesh import Mesh, make_mesh
+from anyprobe.render.mesh import Mesh, make_mesh, put_together
 
 GOLDEN = (1 + 5**0.5) / 2
 
@@ -178,9 +178,7 @@ def figure(rng: np.random.Generator) -> Mesh:
         pieces.append((positions, faces))
         if both_sides:
             pieces.append((positions * (-1.0, 1.0, 1.0), faces[:, ::-1]))
-    firsts = np.cumsum([0] + [len(positions) for positions, _ in pieces[:-1]])
-    faces = [faces + first for (_, faces), first in zip(pieces, firsts, strict=True)]
-    return make_mesh(np.concatenate([positions for positions, _ in pieces]), np.concatenate(faces))
+    return make_mesh(*put_together(pieces))
 
 
 def _piece(rng: np.random.Generator, size: np.ndarray, center: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
