@@ -72,13 +72,12 @@ def lift() -> RunConfig:
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=83, cut_out=0.2, told=0.3, around=0.7, joined=0.3, reshaped=0.7),
+        pairs=PairConfig(seed=73, cut_out=0.2, told=0.3, around=0.7),
         surfaces=SurfaceConfig(
             views=12,
             own_views=1,
             procedural=600,
             figures=1400,
-            parts=800,
             stretch=0.2,
             tilt_deg=20.0,
             bend=0.4,
@@ -98,9 +97,20 @@ def normals() -> RunConfig:
         learning_rate=1.5e-3,
         warmup=100,
         cooldown=0.8,
-        pairs=PairConfig(seed=82, cut_out=0.2, joined=0.3, reshaped=0.7),
+        pairs=PairConfig(seed=71, cut_out=0.2),
         surfaces=lift().surfaces,
         light=lift().light,
+    )
+
+
+def shapes_trial() -> RunConfig:
+    """The same from more and other shapes: machined parts, surfaces joined and given other shapes."""
+    return replace(
+        normals(),
+        name="shapes_trial",
+        steps=2_500,
+        pairs=replace(normals().pairs, seed=82, joined=0.3, reshaped=0.7),
+        surfaces=replace(normals().surfaces, parts=800),
     )
 
 
@@ -112,8 +122,8 @@ def lift_trial() -> RunConfig:
         steps=600,
         warmup=50,
         cooldown=0.5,
-        pairs=replace(lift().pairs, seed=59, around=0.0, joined=0.0, reshaped=0.0),
-        surfaces=replace(lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, seed=4),
+        pairs=replace(lift().pairs, seed=59, around=0.0),
+        surfaces=replace(lift().surfaces, views=9, figures=400, bend=0.0, relief=0.0, seed=4),
         light=replace(lift().light, seed=8),
     )
 
@@ -181,6 +191,7 @@ RUNS = {
         paper,
         lift,
         normals,
+        shapes_trial,
         lift_trial,
         code_trial,
         anchors_trial,
