@@ -41,10 +41,10 @@ class PairConfig:
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
-    joined, reshaped: shares of surfaces before which another is put, and that are given another shape
-        (dataset.reshaped).
     around: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.surroundings).
+    joined, reshaped: shares of surfaces before which another is put, and that are given another shape
+        (dataset.reshaped).
     """
 
     batch: int = 32
