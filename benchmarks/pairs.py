@@ -23,8 +23,9 @@ from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
 from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
 from anyprobe.dataset.stock import Stock, load_stock
 from anyprobe.dataset.stream import stream
-from anyprobe.train.config import RUNS, RunConfig
+from anyprobe.train.config import RunConfig
 from anyprobe.train.loop import make_pairs
+from anyprobe.train.runs import RUNS
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""

@@ -15,9 +15,10 @@ from anyprobe.core.response import response  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.evaluate.panel import score_pair  # noqa: E402
 from anyprobe.light.reconstruct import THRESHOLD  # noqa: E402
-from anyprobe.train.config import designs, paper, smoke  # noqa: E402
+from anyprobe.train.config import designs, paper  # noqa: E402
 from anyprobe.train.design_methods import DesignMethods, read_run  # noqa: E402
 from anyprobe.train.designs import Designs  # noqa: E402
+from anyprobe.train.runs import smoke  # noqa: E402
 
 
 def checkpoint(path, config):

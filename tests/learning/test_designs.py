@@ -19,7 +19,7 @@ from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.nets.design_nets import ROWS  # noqa: E402
-from anyprobe.train.config import designs, smoke  # noqa: E402
+from anyprobe.train.config import designs  # noqa: E402
 from anyprobe.train.designs import (  # noqa: E402
     DESIGNS,
     RIVALS,
@@ -31,6 +31,7 @@ from anyprobe.train.designs import (  # noqa: E402
 )
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance  # noqa: E402
 from anyprobe.train.loop import load_nets, train  # noqa: E402
+from anyprobe.train.runs import smoke  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -22,9 +22,10 @@ from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.config import lift, normals, paper, smoke  # noqa: E402
+from anyprobe.train.config import lift, normals, paper  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
+from anyprobe.train.runs import smoke  # noqa: E402
 from anyprobe.train.start import load_start, save_start  # noqa: E402
 
 

@@ -39,7 +39,7 @@ ONLY = {
 }
 """Packages that not every part may import."""
 
-TORCH_INSIDE = {"cli": "_need_torch", "render": "compile_kernel"}
+TORCH_INSIDE = {"cli": "need_torch", "render": "compile_kernel"}
 """Parts without torch but for one function: to see whether it is there, and to compile with it."""
 
 
@@ -136,12 +136,12 @@ def test_every_permission_is_used():
         ("train/a.py", "from . import b", "relative import"),
         ("train/a.py", "from ..core import b", "relative import"),
         ("web/a.py", "import json", "web has no place"),
-        ("cli/a.py", "import torch", "torch outside _need_torch"),
+        ("cli/a.py", "import torch", "torch outside need_torch"),
         ("render/a.py", "def f():\n    import torch.nn", "torch outside compile_kernel"),
         ("cli/a.py", "from anyprobe.web import b", "no place in the order"),
         ("errors.py", "from anyprobe.core import b", "errors imports core"),
         ("infer/a.py", "import json\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
-        ("cli/a.py", "from anyprobe import __version__\ndef _need_torch():\n    import torch", None),
+        ("cli/a.py", "from anyprobe import __version__\ndef need_torch():\n    import torch", None),
     ],
 )
 def test_rule_names_a_planted_fault(tmp_path, file, code, fault):

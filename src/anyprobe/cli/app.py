@@ -19,6 +19,7 @@ from anyprobe.cli.relight import relight
 from anyprobe.cli.report import report, timing
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
+from anyprobe.cli.trials import trials
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 
@@ -44,6 +45,7 @@ for command in (
     doctor,
     train,
     weights,
+    trials,
 ):
     app.command()(command)
 app.add_typer(data, name="data")

@@ -13,19 +13,13 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.cli.need import need_torch
+from anyprobe.errors import InputError
 
 if TYPE_CHECKING:
     from anyprobe.train.design_methods import DesignMethods
 
 RESULTS = Path("docs/results")
-
-
-def _need_torch() -> None:
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("torch", "train", "running the trained designs") from error
 
 
 def compare(
@@ -88,7 +82,7 @@ def compare(
         result = study(until(kept_pairs(chosen, stock, kept), minutes), methods, watch)
     about = {
         "command": _command(hdri, meshes, run, model or [], result.count("all")),
-        "commit": _commit(),
+        "commit": commit(),
         "recipes": digest(recipes),
         **trained,
         **({"remark": remark} if remark else {}),
@@ -116,7 +110,7 @@ def until(pairs: Iterator[Any], minutes: float | None) -> Iterator[Any]:
 
 def open_designs(run: Path) -> DesignMethods:
     """The trained designs of a run's folder."""
-    _need_torch()
+    need_torch("running the trained designs")
     from anyprobe.train.design_methods import DesignMethods
 
     return DesignMethods(run / "checkpoint.pt")
@@ -171,7 +165,7 @@ def _command(hdri: Path, meshes: Path, run: Path | None, models: list[str], pair
     return " ".join([*parts, f"--pairs {pairs}"])
 
 
-def _commit() -> str:
+def commit() -> str:
     """Of the working tree, or "unknown" outside one."""
     asked = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=10"]
     try:

@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.cli.need import need_torch
+from anyprobe.errors import InputError
 
 
 def evaluate_masks(
@@ -43,7 +44,7 @@ def evaluate_masks(
     compared = methods(MaskNetwork(graph))
     sets = {}
     if data is not None:
-        _need_torch()
+        need_torch("rendering scenes")
         from anyprobe.dataset.stock import load_stock
         from anyprobe.evaluate.mask_scenes import rendered_cases
 
@@ -88,10 +89,3 @@ def evaluate_masks(
             )
         show.print(sheet)
     talk.print(f"{out / 'masks.json'}, {out / 'overlays'}")
-
-
-def _need_torch() -> None:
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("torch", "train", "rendering scenes") from error

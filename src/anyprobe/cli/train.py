@@ -9,18 +9,12 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.errors import InputError, MissingExtra
+from anyprobe.cli.need import need_torch
+from anyprobe.errors import InputError
 
 RUNS = Path("runs")
 MASK_RUN = "mask"
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/training.md.")]
-
-
-def _need_torch() -> None:
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("torch", "train", "training") from error
 
 
 def train(
@@ -44,19 +38,21 @@ def train(
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
     """Train a chain of networks, or the mask network; goes on where it stopped, exactly, after any interruption."""
-    _need_torch()
-    from anyprobe.train import config, loop
+    need_torch("training")
+    from anyprobe.train import loop
+    from anyprobe.train.runs import RUNS as NAMED
+    from anyprobe.train.runs import smoke
 
     if run == MASK_RUN:
         typer.echo(_train_mask(data, runs, steps, dry_run, start))
         return
-    if run not in config.RUNS:
-        raise InputError(f"run {run!r}: expected one of {', '.join((*config.RUNS, MASK_RUN))}")
-    chosen = config.RUNS[run]()
+    if run not in NAMED:
+        raise InputError(f"run {run!r}: expected one of {', '.join((*NAMED, MASK_RUN))}")
+    chosen = NAMED[run]()
     if steps is not None:
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
-        chosen = config.smoke(chosen, dry_run)
+        chosen = smoke(chosen, dry_run)
     path = loop.train(chosen, data=data, runs=runs, device=device, compiled=compiled, start=start)
     typer.echo(path)
 
@@ -100,14 +96,14 @@ def weights(
         raise InputError("--calibrated: expected --data with assets to calibrate on, got none; add it")
     if calibrated and run == MASK_RUN:
         raise InputError("--calibrated: expected a run that estimates light, got mask; leave it out")
-    _need_torch()
+    need_torch("training")
     from anyprobe.evaluate.calibrate import calibrate, left_out_pairs
     from anyprobe.infer.runtime import Models
-    from anyprobe.train.config import RUNS as NAMED
     from anyprobe.train.export_mask import export_mask
     from anyprobe.train.export_onnx import export
     from anyprobe.train.loop import make_pairs
     from anyprobe.train.mean_map import write_mean_map
+    from anyprobe.train.runs import RUNS as NAMED
     from anyprobe.train.start import save_start
 
     checkpoint = runs / run / "checkpoint.pt"

@@ -38,6 +38,7 @@ class PairConfig:
 
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
+    conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
@@ -53,6 +54,7 @@ class PairConfig:
     group: int = 16
     pool: int = 12
     lanes: int = 2
+    conditions: int = 1
     cut_out: float = 0.0
     told: float = 0.0
     around: float = 0.0
@@ -146,7 +148,7 @@ class PairSource:
         wo = pixel_wo(column(tan_half), size)
         radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
 
-        shots = [draw_shot(rng) for _ in range(count)]
+        shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
@@ -156,7 +158,9 @@ class PairSource:
             framed = rng.random(count) >= self.config.cut_out
             behind = behind * column(framed)
         photos = take_photos(shots, radiance * gain, mask, behind, rng, self._tone)
-        found = np.stack([disturb_mask(one, rng) for one in mask[:, 0].cpu().numpy() > 0])
+        found = mask[:, 0].cpu().numpy() > 0
+        if self.config.conditions:
+            found = np.stack([disturb_mask(one, rng) for one in found])
         photo_mask = torch.from_numpy(found[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance

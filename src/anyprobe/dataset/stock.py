@@ -81,12 +81,13 @@ def load_stock(
     split: str,
     *,
     commercial_only: bool = True,
+    extra: bool = True,
     procedural_maps: int = 0,
     procedural_shapes: int = 0,
     seed: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> Stock:
-    """Assets of data/{hdri,meshes}/<split>, and so many of our own.
+    """Assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra too, and so many of our own.
 
     Without data everything is our own; test assets are then drawn from another seed.
     """
@@ -94,7 +95,7 @@ def load_stock(
     shapes: list[ShapeAsset] = []
     if data is not None:
         folders = [data / "hdri" / split]
-        if split == "train" and (data / "hdri" / "train_extra").is_dir():
+        if extra and split == "train" and (data / "hdri" / "train_extra").is_dir():
             folders.append(data / "hdri" / "train_extra")
         for folder in folders:
             maps += load_maps(folder, commercial_only=commercial_only, report=report)

@@ -21,10 +21,13 @@ PAIRS = 240
 SEED = 78
 
 
-def left_out_pairs(data: Path, kept: Path | None = None) -> Iterable[Pair]:
-    """Pairs of the training assets that no shipped weights learn from; InputError where there are none."""
+def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) -> Iterable[Pair]:
+    """Pairs of the training assets that no shipped weights learn from; InputError where there are none.
+
+    conditions: 0 for clean photos, 1 as the world gives them.
+    """
     stock = load_left_out(data)
-    return kept_pairs(balanced_recipes(stock, PAIRS, SEED), stock, kept)
+    return kept_pairs(balanced_recipes(stock, PAIRS, SEED, conditions), stock, kept)
 
 
 def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:

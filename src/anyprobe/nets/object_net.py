@@ -9,6 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.nets.blocks import Rise, conv
+from anyprobe.nets.queries import TOKENS
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -16,7 +17,7 @@ class Told:
     """What ObjectNet says of a batch.
 
     irradiance [N, 3, 128, 128] display; features [N, F, 64, 64]; weight [N, 1, 64, 64] in [0, 1], zero outside
-    the mask; root_alpha [N, 1]; code [N, C].
+    the mask; root_alpha [N, 1]; code [N, C]; tokens [N, num_tokens, 16, 16]: what is known of larger pixels.
     """
 
     irradiance: torch.Tensor
@@ -24,6 +25,7 @@ class Told:
     weight: torch.Tensor
     root_alpha: torch.Tensor
     code: torch.Tensor
+    tokens: torch.Tensor
 
 
 class ObjectNet(nn.Module):
@@ -39,7 +41,7 @@ class ObjectNet(nn.Module):
         self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192
     ) -> None:
         super().__init__()
-        self.num_features = features
+        self.num_features, self.num_tokens = features, widths[2]
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.first = nn.Sequential(conv(16 + 2 + 4, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
@@ -68,8 +70,10 @@ class ObjectNet(nn.Module):
             levels.append(down(levels[-1]))
         x = levels.pop() + self.around(around)[:, :, None, None]
         code = self.code(x)
+        tokens = x
         for rise in self.rise:
             x = rise(x, levels.pop())
+            tokens = x if x.shape[2] == TOKENS else tokens
         residual, weight, features = self.head(x).split([12, 1, self.num_features], dim=1)
         return Told(
             irradiance=(photo[:, :3] + F.pixel_shuffle(residual, 2)) * photo[:, 3:],
@@ -77,4 +81,5 @@ class ObjectNet(nn.Module):
             weight=torch.sigmoid(weight.float()) * F.avg_pool2d(photo[:, 3:], 2),
             root_alpha=torch.sigmoid(self.alpha(code)),
             code=code,
+            tokens=tokens,
         )

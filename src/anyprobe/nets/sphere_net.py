@@ -31,7 +31,8 @@ def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
 
 
 class SphereNet(nn.Module):
-    """Lifted means at 64, 32, 16, 8 and 4 rows, a code, and what is known [N, 4, 64, 128] -> [N, outputs, 64, 128].
+    """Lifted means at 64, 32, 16, 8 and 4 rows, a code, what is known [N, 4, 64, 128] and what was asked for
+    [N, asked, 16, 32] -> [N, outputs, 64, 128].
 
     Those at 64 rows have `fine` channels, all others `lifted`. Every scale sees the lifted
     pixels of its own size, so that gaps are filled from coarser ones; the pixels'
@@ -39,7 +40,13 @@ class SphereNet(nn.Module):
     """
 
     def __init__(
-        self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
+        self,
+        fine: int,
+        lifted: int,
+        code: int,
+        outputs: int,
+        widths: tuple[int, ...] = (24, 48, 96, 128),
+        asked: int = 0,
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
@@ -50,11 +57,18 @@ class SphereNet(nn.Module):
         self.deepest = deepest
         self.first = nn.Sequential(conv(4 * fine + lifted + 3 + 4, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
-        self.seen = nn.ModuleList(conv(b + lifted + (48 if b == widths[-1] else 0), b) for _, b in pairs)
+        more = {widths[1]: asked, widths[-1]: 48}
+        self.seen = nn.ModuleList(conv(b + lifted + more.get(b, 0), b) for _, b in pairs)
         self.rise = nn.ModuleList(Rise(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 
-    def forward(self, scales: list[torch.Tensor], code: torch.Tensor, around: torch.Tensor) -> torch.Tensor:
+    def forward(
+        self,
+        scales: list[torch.Tensor],
+        code: torch.Tensor,
+        around: torch.Tensor,
+        asked: torch.Tensor | None = None,
+    ) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
         seen = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(around, 2)], dim=1)
@@ -63,6 +77,8 @@ class SphereNet(nn.Module):
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
             parts = [down(levels[-1]), _wrap(rest[depth], MARGIN >> depth)]
+            if asked is not None and depth == 1:
+                parts.append(_wrap(asked, MARGIN >> depth))
             if depth == len(self.down):
                 parts.append(_wrap(start, MARGIN >> depth))
             levels.append(seen(torch.cat(parts, dim=1)))

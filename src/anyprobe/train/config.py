@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from anyprobe.dataset.pairs import PairConfig
 from anyprobe.dataset.surfaces import SurfaceConfig
@@ -13,11 +13,13 @@ from anyprobe.train.lift import LiftConfig
 class LightConfig:
     """Which maps light the pairs.
 
-    real: those of the data folder, with commercial_only as far as their licence allows it.
+    real: those of the data folder, with commercial_only as far as their licence allows it; extra: those of
+        hdri/train_extra too.
     procedural: how many of our own are added; variants: how many made of all these.
     """
 
     real: bool = True
+    extra: bool = True
     commercial_only: bool = True
     procedural: int = 60
     variants: int = 0
@@ -103,50 +105,6 @@ def normals() -> RunConfig:
     )
 
 
-def shapes_trial() -> RunConfig:
-    """The same from more and other shapes: machined parts, surfaces joined and given other shapes."""
-    return replace(
-        normals(),
-        name="shapes_trial",
-        steps=2_500,
-        pairs=replace(normals().pairs, seed=82, joined=0.3, reshaped=0.7),
-        surfaces=replace(normals().surfaces, parts=800),
-    )
-
-
-def lift_trial() -> RunConfig:
-    """A short run of it, of as many pairs as light_real."""
-    return replace(
-        lift(),
-        name="lift_trial",
-        steps=600,
-        warmup=50,
-        cooldown=0.5,
-        pairs=replace(lift().pairs, seed=59, around=0.0),
-        surfaces=replace(lift().surfaces, views=9, figures=400, bend=0.0, relief=0.0, seed=4),
-        light=replace(lift().light, seed=8),
-    )
-
-
-def code_trial() -> RunConfig:
-    """The same without lifting: everything passes through one vector."""
-    return _lift_trial("code_trial", lifting=False)
-
-
-def anchors_trial() -> RunConfig:
-    """The same with a loss of how far light must be carried to where it is."""
-    return _lift_trial("anchors_trial", anchors=0.2)
-
-
-def still_trial() -> RunConfig:
-    """The same with a loss of what changes from a frame to the next."""
-    return _lift_trial("still_trial", stillness=0.3)
-
-
-def _lift_trial(name: str, **losses) -> RunConfig:
-    return replace(lift_trial(), name=name, lift=replace(lift_trial().lift, **losses))
-
-
 def designs() -> RunConfig:
     """The paper's designs and two rivals, each on the same pairs, to be compared (docs/results.md)."""
     return RunConfig(
@@ -158,67 +116,4 @@ def designs() -> RunConfig:
         cooldown=0.5,
         pairs=PairConfig(seed=41, batch=16),
         light=LightConfig(variants=90),
-    )
-
-
-def light_real() -> RunConfig:
-    """A short run on real maps only; with the three below it measures what other maps add."""
-    return _light_trial("light_real", LightConfig(procedural=0))
-
-
-def light_own() -> RunConfig:
-    """A short run on maps of our own only."""
-    return _light_trial("light_own", LightConfig(real=False, procedural=200))
-
-
-def light_both() -> RunConfig:
-    """A short run on real maps and our own."""
-    return _light_trial("light_both", LightConfig(procedural=200))
-
-
-def light_variants() -> RunConfig:
-    """A short run on real maps and light made of them."""
-    return _light_trial("light_variants", LightConfig(procedural=0, variants=200))
-
-
-def _light_trial(name: str, light: LightConfig) -> RunConfig:
-    return replace(paper(), name=name, steps=600, warmup=50, light=light)
-
-
-RUNS = {
-    run.__name__: run
-    for run in (
-        paper,
-        lift,
-        normals,
-        shapes_trial,
-        lift_trial,
-        code_trial,
-        anchors_trial,
-        still_trial,
-        designs,
-        light_real,
-        light_own,
-        light_both,
-        light_variants,
-    )
-}
-
-
-def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
-    """The same run made small: a dry run for any machine."""
-    return replace(
-        config,
-        name=f"{config.name}-dry",
-        steps=steps,
-        warmup=2,
-        pairs=replace(config.pairs, batch=4, group=2, pool=2),
-        surfaces=replace(
-            config.surfaces,
-            views=1,
-            procedural=3,
-            figures=min(config.surfaces.figures, 3),
-            parts=min(config.surfaces.parts, 3),
-        ),
-        light=replace(config.light, procedural=3, variants=min(config.light.variants, 3)),
     )

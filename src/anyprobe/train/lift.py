@@ -21,9 +21,12 @@ from anyprobe.train.lift_ideas import (
     ANCHOR_ROWS,
     anchors_loss,
     angles_between,
+    harmonic_matrix,
+    harmonics_loss,
     next_frame,
     part,
     stillness_loss,
+    tones_loss,
 )
 from anyprobe.train.normals import normals_loss
 
@@ -37,7 +40,8 @@ FAINT = 0.02
 class LiftConfig:
     """What each loss counts; 0 leaves it out. lifting: False for the network that has only its code.
 
-    anchors, stillness: ideas that were tried (train.lift_ideas, docs/ablation.md).
+    anchors, stillness, harmonics, tones (which changes the network too) and queries: ideas that were tried
+    (train.lift_ideas, nets.tones, nets.queries, docs/ablation.md).
     """
 
     irradiance: float = 3.0
@@ -53,7 +57,10 @@ class LiftConfig:
     flux: float = 0.1
     anchors: float = 0.0
     stillness: float = 0.0
+    harmonics: float = 0.0
+    tones: float = 0.0
     lifting: bool = True
+    queries: bool = False
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:
@@ -108,11 +115,13 @@ class Lift:
         )  # between pixels that count alike and true areas
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
         self._between = angles_between(ANCHOR_ROWS).to(device)
+        self._harmonics = harmonic_matrix(MAP_HEIGHT).to(device)
 
     @staticmethod
     def networks(config: LiftConfig) -> nn.ModuleDict:
         """Untrained."""
-        return nn.ModuleDict({"light": LightNet(lifting=config.lifting)})
+        net = LightNet(lifting=config.lifting, queries=config.queries, dual=config.tones > 0)
+        return nn.ModuleDict({"light": net})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
@@ -132,6 +141,10 @@ class Lift:
             **self._map(guess, batch),
             **self._above_white(guess, batch),
         }
+        if self.config.harmonics > 0:
+            terms["harmonics"] = harmonics_loss(guess.ln_expected, batch.ln_radiance, self._harmonics).mean()
+        if guess.tones is not None:
+            terms["tones"] = tones_loss(guess.tones, batch.ln_radiance, self._weight)
         if again:
             terms["stillness"] = stillness_loss(part(guess, slice(again)), second)
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}

@@ -1,4 +1,4 @@
-"""Losses from elsewhere that were tried on lift (docs/ablation.md): anchors of light, stillness."""
+"""Losses from elsewhere that were tried on lift (docs/ablation.md): anchors of light, stillness, harmonics, tones."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.harmonics import sh_basis
 from anyprobe.nets.light_net import Guess
+from anyprobe.nets.tones import logarithm, reinhard
 
 ANCHOR_ROWS = 8
 """The anchors of light are the 128 pixels of a map of so many rows."""
@@ -61,7 +63,8 @@ def next_frame(photo: torch.Tensor, progress: float) -> torch.Tensor:
 
 def part(guess: Guess, which: slice) -> Guess:
     """Some of a batch."""
-    values = {field.name: getattr(guess, field.name) for field in fields(guess)}
+    values = {one.name: getattr(guess, one.name) for one in fields(guess)}
+    values = {name: one for name, one in values.items() if one is not None}
     return replace(
         guess,
         **{name: part(one, which) if is_dataclass(one) else one[which] for name, one in values.items()},
@@ -78,3 +81,35 @@ def stillness_loss(one: Guess, other: Guess) -> torch.Tensor:
         + (one.ln_flux - other.ln_flux).abs().mean()
         + moved.abs().sum(dim=1).mean()
     )
+
+
+def harmonic_matrix(height: int) -> torch.Tensor:
+    """Real spherical harmonics of order 0 to 3 times solid angle at a map's pixels, [16, 2 height^2]."""
+    directions = pixel_directions(height).reshape(-1, 3).astype(np.float64)
+    x, y, z = directions.T
+    third = np.stack(
+        [y * (3 * x * x - y * y), x * y * z, y * (5 * z * z - 1), z * (5 * z * z - 3)]
+        + [x * (5 * z * z - 1), z * (x * x - y * y), x * (x * x - 3 * y * y)]
+    )
+    weights = np.repeat(pixel_solid_angles(height)[:, 0].astype(np.float64), 2 * height)
+    third /= np.sqrt((third**2 * weights).sum(axis=1, keepdims=True))
+    basis = np.concatenate([sh_basis(directions).T, third])
+    return torch.from_numpy((basis * weights).astype(np.float32))
+
+
+def harmonics_loss(ln: torch.Tensor, true_ln: torch.Tensor, matrix: torch.Tensor) -> torch.Tensor:
+    """How far a map's first 16 coefficients are from the true map's, as a share of these, [N]."""
+    guessed, true = (torch.einsum("kp,ncp->nck", matrix, torch.exp(one).flatten(2)) for one in (ln, true_ln))
+    wrong = (guessed - true).square().sum(dim=(1, 2)).sqrt()
+    size = true.square().sum(dim=(1, 2)).sqrt()
+    return torch.log1p(wrong / size.clamp(min=1e-3))
+
+
+def tones_loss(tones: torch.Tensor, true_ln: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """Errors of both tone-mapped maps; the logarithm's count three times, since a display has a tenth of its range."""
+    e = torch.exp(true_ln)
+    terms = [
+        (weight * (0.5 * (one - true).abs() + 2 * (one - true).square())).mean()
+        for one, true in zip(tones.split(3, dim=1), (reinhard(e), logarithm(e)), strict=True)
+    ]
+    return terms[0] + 3 * terms[1]

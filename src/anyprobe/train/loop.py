@@ -44,7 +44,7 @@ def make_pairs(
         print(f"warning: {line}", file=sys.stderr)
 
     light = config.light
-    stock = load_stock(data, "train", commercial_only=light.commercial_only, report=warn)
+    stock = load_stock(data, "train", commercial_only=light.commercial_only, extra=light.extra, report=warn)
     radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     rng = np.random.default_rng(light.seed)

@@ -1,0 +1,112 @@
+"""Trials beside one another: what each changes of the first, pair by pair, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from anyprobe.dataset.pair import Pair
+from anyprobe.evaluate.metrics import rmse
+from anyprobe.evaluate.panel import Estimate, Method
+from anyprobe.evaluate.protocol import MEDIANS, score
+
+FIGURES = {
+    "ldr_rmse": "LDR RMSE",
+    "ldr_ssim": "LDR SSIM",
+    "ln_hdr_rmse": "ln HDR RMSE",
+    "angle_diffuse_deg": "colour, white",
+    "angle_silver_deg": "silver",
+    "angle_mirror_deg": "mirror",
+    "si_rmse_diffuse": "si-RMSE, white",
+    "main_light_deg": "main light",
+    "flux_stops": "flux, stops",
+    "irradiance_rmse": "irradiance RMSE",
+}
+"""What is compared, and how the table calls it. All are means over pairs."""
+WORLD = "ldr_rmse_world"
+SURE = 2.0
+"""Differences of so many standard errors or more are bold."""
+
+
+@dataclass(kw_only=True)
+class TrialScores:
+    """Figures of every trial on every pair: trial -> figure -> one number a pair."""
+
+    rows: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+
+    def add(self, pair: Pair, estimates: Mapping[str, Estimate]) -> None:
+        """One pair; those taken as the world gives them (conditions 1) only by their LDR map."""
+        for name, estimate in estimates.items():
+            columns = self.rows.setdefault(name, {})
+            for figure, value in _figures(pair, estimate).items():
+                columns.setdefault(figure, []).append(value)
+
+    def result(self) -> list[dict[str, Any]]:
+        """A row a trial: its means, and what they differ by from the first trial's, with standard errors."""
+        first = next(iter(self.rows.values()))
+        rows = []
+        for name, columns in self.rows.items():
+            means = {figure: round(float(np.mean(values)), 5) for figure, values in columns.items()}
+            medians = {
+                median: round(float(np.median(columns[figure])), 5)
+                for median, figure in MEDIANS.items()
+                if figure in columns
+            }
+            rows.append({"trial": name, **means, **medians, "difference": _differences(columns, first)})
+        return rows
+
+
+def _figures(pair: Pair, estimate: Estimate) -> dict[str, float]:
+    scores = score(estimate.radiance, pair.radiance)
+    if pair.recipe.conditions:
+        return {WORLD: scores["ldr_rmse"]}
+    figures = {name: scores[name] for name in FIGURES if name in scores}
+    if estimate.irradiance is not None:
+        figures["irradiance_rmse"] = rmse(estimate.irradiance, pair.irradiance / 255.0)
+    return figures
+
+
+def _differences(
+    columns: Mapping[str, Sequence[float]], first: Mapping[str, Sequence[float]]
+) -> dict[str, tuple[float, float]]:
+    """Figure -> mean of one trial less the first, pair by pair, and its standard error."""
+    result = {}
+    for figure in columns:
+        d = np.subtract(columns[figure], first[figure])
+        error = d.std(ddof=1) / np.sqrt(len(d)) if len(d) > 1 else 0.0
+        result[figure] = (round(float(d.mean()), 5), round(float(error), 5))
+    return result
+
+
+def score_trials(
+    pairs: Iterable[Pair], methods: Mapping[str, Method], watch: Callable[[], None] | None = None
+) -> TrialScores:
+    """Every trial's figures on every pair; watch is called as each pair is done."""
+    scores = TrialScores()
+    for pair in pairs:
+        scores.add(pair, {name: method(pair) for name, method in methods.items()})
+        if watch is not None:
+            watch()
+    return scores
+
+
+def trial_lines(content: Mapping[str, Any]) -> list[str]:
+    """The Markdown table of trials.json: the first trial's figures, and by how much each other one's differ."""
+    figures = {**FIGURES, WORLD: "LDR RMSE, world's photos"}
+    lines = ["| trial | " + " | ".join(figures.values()) + " |", "|" + "---|" * (len(figures) + 1)]
+    for number, row in enumerate(content["rows"]):
+        cells = [_cell(row, figure, first=number == 0) for figure in figures]
+        lines.append(f"| {row['trial']} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _cell(row: Mapping[str, Any], figure: str, first: bool) -> str:
+    digits = 1 if figure.endswith("_deg") else 2 if figure == "flux_stops" else 4
+    if first:
+        return f"{row[figure]:.{digits}f}"
+    mean, error = row["difference"][figure]
+    text = f"{mean:+.{digits}f}"
+    return f"**{text}**" if abs(mean) >= SURE * error else text
