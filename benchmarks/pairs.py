@@ -24,8 +24,8 @@ from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
 from anyprobe.dataset.stock import Stock, load_stock
 from anyprobe.dataset.stream import stream
 from anyprobe.train.config import RunConfig
-from anyprobe.train.loop import make_pairs
 from anyprobe.train.runs import RUNS
+from anyprobe.train.supply import make_pairs
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""
@@ -69,7 +69,7 @@ class Setup:
 
     def batches(self, last: int) -> Iterator[Batch]:
         """Batches 0 to last - 1, by the workers."""
-        return stream(self.open_source, 0, last, self.workers)
+        return stream(self.open_source, range(last), self.workers)
 
 
 def count_pairs(batches: Iterator[Batch], config: PairConfig, seconds: float) -> tuple[int, float]:

@@ -22,7 +22,7 @@ from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.config import lift, normals, paper  # noqa: E402
+from anyprobe.train.config import LightConfig, lift, normals, paper  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
@@ -59,6 +59,28 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
         assert torch.equal(value, resumed["nets"][name]), name
     steps = [row["step"] for row in csv.DictReader(log.read_text().splitlines())]
     assert steps == ["3", "6"]
+
+
+@pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself, the loader on one core
+def test_pairs_that_others_made_ahead_teach_the_same(tmp_path, capsys):
+    """Two processes make them, and go on where a run stopped; each has the lit materials of its own lane."""
+    config = smoke(lift(), 4)
+    config = replace(config, surfaces=SurfaceConfig(views=1, procedural=2), light=LightConfig(procedural=2))
+    assert config.pairs.lanes == 2
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        settings = {"data": None, "compiled": False}
+        alone = train(config, runs=tmp_path / "alone", **settings)
+        train(config, runs=tmp_path / "ahead", workers=2, stop_after=1, **settings)
+        ahead = train(config, runs=tmp_path / "ahead", workers=2, **settings)
+    finally:
+        torch.set_num_threads(threads)
+    one, other = (torch.load(path, weights_only=True) for path in (alone, ahead))
+    assert one["config"] == other["config"]
+    for name, value in one["nets"].items():
+        assert torch.equal(value, other["nets"][name]), name
+    assert "drawing shapes" in capsys.readouterr().err
 
 
 def test_a_finished_run_is_left_alone(run, tmp_path):

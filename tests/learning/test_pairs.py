@@ -18,7 +18,14 @@ from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import TOLD_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces, seen_part  # noqa: E402
+from anyprobe.dataset.surfaces import (  # noqa: E402
+    NUM_ELEVATIONS,
+    SurfaceConfig,
+    SurfaceSet,
+    build_surfaces,
+    drawn_part,
+    see_views,
+)
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
@@ -316,7 +323,8 @@ def test_machined_parts_follow_the_other_shapes_and_stay_flat():
     assert np.array_equal(surfaces.normals[: len(without.normals)], without.normals)
     parts = surfaces.normals[len(without.normals) :]
     assert len(parts) == 2 * NUM_ELEVATIONS
-    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, _, _ in seen_part(1, config)]))
+    again = see_views(*drawn_part(1, config), config.size)
+    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, _, _ in again]))
 
     def flat(normals: np.ndarray) -> float:
         one, other = (normals[..., part].astype(np.float32) for part in (slice(1, None), slice(None, -1)))
@@ -324,6 +332,24 @@ def test_machined_parts_follow_the_other_shapes_and_stay_flat():
         return float((abs(one - other).max(axis=1)[both] < 2e-3).mean())
 
     assert flat(parts) > 0.4 > flat(without.normals)
+
+
+def test_shapes_are_the_same_whoever_draws_them(tmp_path):
+    """By two processes, and read back from where they are kept, which is not done by halves."""
+    config = SurfaceConfig(views=1, procedural=2, figures=1, parts=1, stretch=0.2, bend=0.3)
+    told = []
+    alone = build_surfaces([], config, watch=lambda *progress: told.append(progress))
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    together = build_surfaces([], config, tmp_path, workers=2)
+    kept = build_surfaces([], config, tmp_path, watch=lambda *_: pytest.fail("drawn again"))
+    for other in (together, kept):
+        for name in ("normals", "tan_half", "elevation"):
+            assert np.array_equal(getattr(other, name), getattr(alone, name)), name
+        assert isinstance(other.normals, np.memmap)
+    for name in ("normals", "tan_half", "elevation"):
+        (folder,) = tmp_path.iterdir()
+        (folder / f"{name}.npy").unlink()
+        assert np.array_equal(build_surfaces([], config, tmp_path).normals, alone.normals)
 
 
 def test_told_normals_err_by_a_small_turn(maps, surfaces):

@@ -35,6 +35,10 @@ def train(
         typer.Option(help="Weights to begin from, kept by anyprobe weights --start, where no checkpoint is."),
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    workers: Annotated[
+        int,
+        typer.Option(min=0, help="Processes that make pairs ahead, for a GPU that should not wait for them."),
+    ] = 0,
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
     """Train a chain of networks, or the mask network; goes on where it stopped, exactly, after any interruption."""
@@ -53,7 +57,9 @@ def train(
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = smoke(chosen, dry_run)
-    path = loop.train(chosen, data=data, runs=runs, device=device, compiled=compiled, start=start)
+    path = loop.train(
+        chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=start
+    )
     typer.echo(path)
 
 
@@ -101,10 +107,10 @@ def weights(
     from anyprobe.infer.runtime import Models
     from anyprobe.train.export_mask import export_mask
     from anyprobe.train.export_onnx import export
-    from anyprobe.train.loop import make_pairs
     from anyprobe.train.mean_map import write_mean_map
     from anyprobe.train.runs import RUNS as NAMED
     from anyprobe.train.start import save_start
+    from anyprobe.train.supply import make_pairs
 
     checkpoint = runs / run / "checkpoint.pt"
     if run == MASK_RUN:

@@ -7,7 +7,7 @@ with exactly the pairs it would have seen.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
@@ -84,6 +84,10 @@ class Batch:
     told: torch.Tensor
     around: torch.Tensor
 
+    def to(self, device: str) -> Batch:
+        """The same on another device."""
+        return Batch(**{one.name: getattr(self, one.name).to(device) for one in fields(self)})
+
 
 class PairSource:
     """Endless fresh batches; `batch(k)` for consecutive k is fast."""
@@ -118,7 +122,7 @@ class PairSource:
             pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)
         ]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
-        normals = self.surfaces.normals[index]
+        normals = np.asarray(self.surfaces.normals[index])
         for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
             normals[one] = normals[one, :, :, ::-1]
             normals[one, 0] *= -1
@@ -127,7 +131,7 @@ class PairSource:
         angles = torch.from_numpy(tan_half).to(self.device)
         if self.config.joined > 0:
             index = rng.integers(len(self.surfaces.normals), size=len(index))
-            others = torch.from_numpy(self.surfaces.normals[index]).to(self.device).float()
+            others = torch.from_numpy(np.asarray(self.surfaces.normals[index])).to(self.device).float()
             other_angles = torch.from_numpy(self.surfaces.tan_half[index]).to(self.device)
             normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
         if self.config.reshaped > 0:

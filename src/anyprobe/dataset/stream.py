@@ -20,21 +20,21 @@ AHEAD = 2
 class _Steps(Dataset):
     """A source's batches by step number; every process opens its own source at its first batch."""
 
-    def __init__(self, open_source: Callable[[], PairSource], first: int, last: int) -> None:
-        self.open_source, self.first, self.last = open_source, first, last
+    def __init__(self, open_source: Callable[[], PairSource], steps: range) -> None:
+        self.open_source, self.steps = open_source, steps
         self._source: PairSource | None = None
 
     def __len__(self) -> int:
-        return self.last - self.first
+        return len(self.steps)
 
     def __getitem__(self, index: int) -> Batch:
         if self._source is None:
             self._source = self.open_source()
-        return self._source.batch(self.first + index)
+        return self._source.batch(self.steps[index])
 
 
-def stream(open_source: Callable[[], PairSource], first: int, last: int, workers: int) -> Iterator[Batch]:
-    """The batches of steps first to last - 1.
+def stream(open_source: Callable[[], PairSource], steps: range, workers: int) -> Iterator[Batch]:
+    """The batches of these steps.
 
     Workers share nothing but the step's number; up to PairConfig.lanes of them shade nothing twice.
 
@@ -42,11 +42,11 @@ def stream(open_source: Callable[[], PairSource], first: int, last: int, workers
         open_source: picklable; gives the source on the CPU.
         workers: processes of one thread each; 0 makes the batches here, on this process's threads.
     """
-    steps = _Steps(open_source, first, last)
+    made = _Steps(open_source, steps)
     if workers == 0:
-        return (steps[index] for index in range(len(steps)))
+        return (made[index] for index in range(len(made)))
     batches = DataLoader(
-        steps,
+        made,
         batch_size=None,
         num_workers=workers,
         prefetch_factor=AHEAD,

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+import signal
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
 from anyprobe.dataset.catalog import ShapeAsset
+from anyprobe.dataset.local_engine import one_thread
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
-from anyprobe.files.atomic import atomic_path
+from anyprobe.files.atomic import atomic_files
 from anyprobe.render.mesh import Mesh, transformed, waved
 from anyprobe.render.parts import part
 from anyprobe.render.shapes import draw_shape, figure
@@ -61,17 +66,54 @@ def draw_elevation(rng: np.random.Generator, which: int) -> float:
     return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))
 
 
-def _varied(mesh: Mesh, config: SurfaceConfig, rng: np.random.Generator) -> Mesh:
-    """The mesh bent and given a relief, drawn out along three random directions, then leaning some way."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class View:
+    """How a shape is looked at: world_from_camera [3, 3], elevation class, field of view and margin of frame_object.
+
+    Before that, waves (pushes, waves, phases of mesh.waved) and a matrix [3, 3] make another shape of it.
+    """
+
+    world_from_camera: np.ndarray
+    elevation: int
+    fov_deg: float
+    margin: float
+    waves: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+    matrix: np.ndarray | None
+
+
+Seen = tuple[np.ndarray, float, int]
+"""Normals [3, S, S] of a view, its tan_half and its elevation class."""
+
+
+def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[View]:
+    """So many views a class; nothing that is drawn depends on the shape."""
+    return [_draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
+
+
+def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> View:
+    waves = matrix = None
     if config.bend > 0 or config.relief > 0:
         slow, fast = _waves(rng, 3, (0.8, 3.0), config.bend), _waves(rng, 3, (5.0, 18.0), config.relief)
-        mesh = waved(mesh, *(np.concatenate(pair) for pair in zip(slow, fast, strict=True)))
+        waves = tuple(np.concatenate(pair) for pair in zip(slow, fast, strict=True))
+    if any((config.stretch, config.tilt_deg, config.bend, config.relief)):
+        matrix = _stretch_and_lean(config, rng)
+    return View(
+        world_from_camera=world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which)),
+        elevation=which,
+        fov_deg=np.exp(rng.uniform(np.log(6.0), np.log(50.0))),
+        margin=rng.uniform(1.04, 1.2),
+        waves=waves,
+        matrix=matrix,
+    )
+
+
+def _stretch_and_lean(config: SurfaceConfig, rng: np.random.Generator) -> np.ndarray:
+    """Drawn out along three random directions, then leaning some way."""
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     stretch = (axes * np.exp(rng.normal(0.0, config.stretch, 3))) @ axes.T
     toward = rng.uniform(0, 2 * np.pi)
     tilt = rotation_x(np.radians(rng.normal(0.0, config.tilt_deg)))
-    lean = rotation_y(toward) @ tilt @ rotation_y(-toward)
-    return transformed(mesh, lean @ stretch)
+    return rotation_y(toward) @ tilt @ rotation_y(-toward) @ stretch
 
 
 def _waves(
@@ -84,54 +126,97 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def seen_part(number: int, config: SurfaceConfig) -> list[tuple[np.ndarray, float, int]]:
-    """What is seen of machined part `number`, see _seen; it is not bent, and nothing is pressed into it."""
+def see_views(mesh: Mesh, views: list[View], size: int) -> list[Seen]:
+    """What is seen of a mesh, but for views that show next to nothing."""
+    result = []
+    for view in views:
+        seen = mesh if view.waves is None else waved(mesh, *view.waves)
+        seen = seen if view.matrix is None else transformed(seen, view.matrix)
+        surface = see(seen, frame_object(seen, view.world_from_camera, view.fov_deg, view.margin, size))
+        if surface.mask.mean() < 0.04:
+            continue
+        picture = np.zeros((size, size, 3), np.float16)
+        picture[surface.mask] = surface.normals
+        result.append((picture.transpose(2, 0, 1), surface.tan_half, view.elevation))
+    return result
+
+
+def drawn_part(number: int, config: SurfaceConfig) -> tuple[Mesh, list[View]]:
+    """Machined part `number` and its views; it is not bent, and nothing is pressed into it."""
     rng = np.random.default_rng((config.seed, 1, number))
-    return list(_seen(part(rng), 1, replace(config, bend=0.0, relief=0.0), rng))
+    return part(rng), draw_views(1, replace(config, bend=0.0, relief=0.0), rng)
 
 
-def _seen(
-    mesh: Mesh, views: int, config: SurfaceConfig, rng: np.random.Generator
-) -> Iterator[tuple[np.ndarray, float, int]]:
-    """Normals [3, S, S], tan_half and elevation class of a mesh's views, but for those that show next to nothing."""
-    varied = any((config.stretch, config.tilt_deg, config.bend, config.relief))
-    for which in range(NUM_ELEVATIONS):
-        for _ in range(views):
-            seen = _varied(mesh, config, rng) if varied else mesh
-            rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which))
-            fov = np.exp(rng.uniform(np.log(6.0), np.log(50.0)))
-            margin = rng.uniform(1.04, 1.2)
-            surface = see(seen, frame_object(seen, rotation, fov, margin, config.size))
-            if surface.mask.mean() < 0.04:
-                continue
-            picture = np.zeros((config.size, config.size, 3), np.float16)
-            picture[surface.mask] = surface.normals
-            yield picture.transpose(2, 0, 1), surface.tan_half, which
-
-
-def build_surfaces(shapes: list[ShapeAsset], config: SurfaceConfig, cache: Path | None = None) -> SurfaceSet:
-    """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given."""
-    ids = ",".join(shape.id for shape in shapes)
-    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{config}|{ids}".encode()).hexdigest()[:16]
-    path = None if cache is None else Path(cache) / f"surfaces-{key}.npz"
-    if path is not None and path.is_file():
-        with np.load(path) as stored:
-            return SurfaceSet(**{name: stored[name] for name in ("normals", "tan_half", "elevation")})
+def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterator[tuple[Mesh, list[View]]]:
     rng = np.random.default_rng(config.seed)
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     meshes += [figure(rng) for _ in range(config.figures)]
-    seen = []
     for number, mesh in enumerate(meshes):
         own = number >= len(shapes) and config.own_views is not None
-        seen += _seen(mesh, config.own_views if own else config.views, config, rng)
+        yield mesh, draw_views(config.own_views if own else config.views, config, rng)
     for number in range(config.parts):
-        seen += seen_part(number, config)
+        yield drawn_part(number, config)
+
+
+def _seen(jobs: Iterator[tuple[Mesh, list[View]]], size: int, workers: int) -> Iterator[list[Seen]]:
+    """see_views of each shape, in order, by so many processes; 0: by this one."""
+    if workers == 0:
+        for job in jobs:
+            yield see_views(*job, size)
+        return
+    asked: deque = deque()
+    spawn, quiet = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
+    with one_thread(), ProcessPoolExecutor(workers, spawn, signal.signal, quiet) as pool:
+        try:
+            for job in jobs:
+                asked.append(pool.submit(see_views, *job, size))
+                if len(asked) > 4 * workers:
+                    yield asked.popleft().result()
+            while asked:
+                yield asked.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def build_surfaces(
+    shapes: list[ShapeAsset],
+    config: SurfaceConfig,
+    cache: Path | None = None,
+    workers: int = 0,
+    watch: Callable[[int, int], None] | None = None,
+) -> SurfaceSet:
+    """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given.
+
+    Args:
+        workers: processes that draw, 0 for this one; what is drawn does not depend on it.
+        watch: hears how many shapes of how many are drawn.
+    """
+    ids = ",".join(shape.id for shape in shapes)
+    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{config}|{ids}".encode()).hexdigest()[:16]
+    folder = None if cache is None else Path(cache) / f"surfaces-{key}"
+    if folder is not None and all((folder / f"{name}.npy").is_file() for name in ARRAYS):
+        return _kept(folder)
+    total = len(shapes) + config.procedural + config.figures + config.parts
+    seen: list[Seen] = []
+    for done, one in enumerate(_seen(_shapes_and_views(shapes, config), config.size, workers), start=1):
+        seen += one
+        if watch is not None:
+            watch(done, total)
     normals, tan_half, elevation = zip(*seen, strict=True)
     result = SurfaceSet(
         normals=np.stack(normals), tan_half=np.array(tan_half, np.float32), elevation=np.array(elevation)
     )
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
-            np.savez(stream, normals=result.normals, tan_half=result.tan_half, elevation=result.elevation)
-    return result
+    if folder is None:
+        return result
+    with atomic_files(folder) as files:
+        for name in ARRAYS:
+            np.save(files / f"{name}.npy", getattr(result, name))
+    return _kept(folder)
+
+
+ARRAYS = ("normals", "tan_half", "elevation")
+
+
+def _kept(folder: Path) -> SurfaceSet:
+    """Those of a folder; the pictures stay on the disk, where all processes of a machine share what they read."""
+    return SurfaceSet(**{name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in ARRAYS})

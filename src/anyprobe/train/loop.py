@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
 import time
 import warnings
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import torch
 
-from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import PairSource
-from anyprobe.dataset.stock import load_stock, own_map
-from anyprobe.dataset.surfaces import build_surfaces
-from anyprobe.dataset.variants import draw_variant
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
@@ -27,30 +22,10 @@ from anyprobe.train.journal import Journal
 from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.normals import Normals
 from anyprobe.train.start import load_start
+from anyprobe.train.supply import open_batches
 from anyprobe.train.team import Team
 
 CHECKPOINT_SECONDS = 120.0
-
-
-def make_pairs(
-    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
-) -> PairSource:
-    """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own.
-
-    Files that cannot be used are listed on stderr.
-    """
-
-    def warn(line: str) -> None:
-        print(f"warning: {line}", file=sys.stderr)
-
-    light = config.light
-    stock = load_stock(data, "train", commercial_only=light.commercial_only, extra=light.extra, report=warn)
-    radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
-    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
-    rng = np.random.default_rng(light.seed)
-    radiance += [draw_variant(rng, radiance) for _ in range(light.variants)]
-    surfaces = build_surfaces(list(stock.shapes.values()), config.surfaces, cache)
-    return PairSource(Illuminator(radiance, device, compiled), surfaces, config.pairs)
 
 
 def learning_rate(config: RunConfig, step: int) -> float:
@@ -118,6 +93,7 @@ def train(
     runs: Path,
     device: str = "cpu",
     compiled: bool = True,
+    workers: int = 0,
     stop_after: int | None = None,
     pairs: PairSource | None = None,
     start: Path | None = None,
@@ -129,6 +105,8 @@ def train(
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         runs: the checkpoint, log.csv and TensorBoard events go to runs/<config.name>.
+        workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
+            so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already.
         start: weights to begin from, of train.start, where there is no checkpoint yet.
@@ -142,6 +120,8 @@ def train(
     folder = runs / config.name
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "checkpoint.pt"
+    if workers > 0:
+        config = replace(config, pairs=replace(config.pairs, lanes=workers * team.size))
     learner = make_learner(config, device)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
@@ -158,15 +138,19 @@ def train(
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
-    source = pairs or make_pairs(config, data, runs / "cache", device, compiled)
+    steps = range(first * team.size + team.rank, last * team.size + team.rank, team.size)
+    if pairs is not None:
+        batches = map(pairs.batch, steps)
+    else:
+        batches = open_batches(config, data, runs / "cache", device, compiled, steps, workers)
     journal = Journal(folder, config.name, learner.columns, first, last, config.steps)
     saved, each = time.monotonic(), config.pairs.batch * team.size
     with journal if team.is_first else nullcontext():
-        for step in range(first, last):
+        for step, batch in enumerate(batches, start=first):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            losses = learner.losses(source.batch(step * team.size + team.rank), step / config.steps)
+            losses = learner.losses(batch, step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
             due = team.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)

@@ -1,0 +1,78 @@
+"""Supply (noun): the pairs that a run learns from, by its assets, its surfaces and as many processes as it is given."""
+
+from __future__ import annotations
+
+import multiprocessing
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.pairs import Batch, PairSource
+from anyprobe.dataset.stock import Stock, load_stock, own_map
+from anyprobe.dataset.stream import stream
+from anyprobe.dataset.surfaces import SurfaceSet, build_surfaces
+from anyprobe.dataset.variants import draw_variant
+from anyprobe.train.config import RunConfig
+
+
+def make_pairs(
+    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
+) -> PairSource:
+    """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own.
+
+    Files that cannot be used are listed on stderr.
+    """
+    light, stock = config.light, _stock(config, data)
+    radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
+    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
+    rng = np.random.default_rng(light.seed)
+    radiance += [draw_variant(rng, radiance) for _ in range(light.variants)]
+    surfaces = _surfaces(config, stock, cache)
+    return PairSource(Illuminator(radiance, device, compiled), surfaces, config.pairs)
+
+
+def _stock(config: RunConfig, data: Path | None) -> Stock:
+    light, worker = config.light, multiprocessing.parent_process() is not None
+
+    def warn(line: str) -> None:
+        print(f"warning: {line}", file=sys.stderr)
+
+    return load_stock(
+        data,
+        "train",
+        commercial_only=light.commercial_only,
+        extra=light.extra,
+        report=(lambda line: None) if worker else warn,  # it was said before
+    )
+
+
+def _surfaces(config: RunConfig, stock: Stock, cache: Path, workers: int = 0) -> SurfaceSet:
+    columns = (TextColumn("drawing shapes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=Console(stderr=True))
+    task = progress.add_task("")
+
+    def watch(done: int, total: int) -> None:
+        progress.start()  # only where there is anything to draw
+        progress.update(task, completed=done, total=total)
+
+    try:
+        return build_surfaces(list(stock.shapes.values()), config.surfaces, cache, workers, watch)
+    finally:
+        progress.stop()
+
+
+def open_batches(
+    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool, steps: range, workers: int
+) -> Iterator[Batch]:
+    """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU."""
+    if workers == 0:
+        return map(make_pairs(config, data, cache, device, compiled).batch, steps)
+    _surfaces(config, _stock(config, data), cache, workers)  # once, before all of them ask for it
+    made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
+    return (batch.to(device) for batch in made)
