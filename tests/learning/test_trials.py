@@ -37,7 +37,6 @@ ALLOWED = {
     "queries_alone": {"lift.queries", "lift.lifting"},
     "tasks_trial": {"lift.irradiance", "lift.alpha"},
     "pixels_trial": {"lift.scales", "lift.structure", "lift.transport"},
-    "scales_trial": {"lift.scales"},
     "transport_trial": {"lift.transport"},
     "harmonics_trial": {"lift.harmonics"},
     "anchors_trial": {"lift.anchors"},

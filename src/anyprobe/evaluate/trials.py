@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.metrics import rmse
 from anyprobe.evaluate.panel import Estimate, Method
@@ -60,9 +61,9 @@ class TrialScores:
 
 
 def _figures(pair: Pair, estimate: Estimate) -> dict[str, float]:
-    scores = score(estimate.radiance, pair.radiance)
     if pair.recipe.conditions:
-        return {WORLD: scores["ldr_rmse"]}
+        return {WORLD: rmse(response(estimate.radiance), response(pair.radiance))}
+    scores = score(estimate.radiance, pair.radiance)
     figures = {name: scores[name] for name in FIGURES if name in scores}
     if estimate.irradiance is not None:
         figures["irradiance_rmse"] = rmse(estimate.irradiance, pair.irradiance / 255.0)

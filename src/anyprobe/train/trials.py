@@ -60,11 +60,6 @@ def pixels_trial() -> RunConfig:
     return _changed("pixels_trial", scales=0.0, structure=0.0, transport=0.0)
 
 
-def scales_trial() -> RunConfig:
-    """Without the errors of means over larger pixels, which are all sharpnesses of Eq. 6 at once."""
-    return _changed("scales_trial", scales=0.0)
-
-
 def transport_trial() -> RunConfig:
     """Without the errors of what balls see."""
     return _changed("transport_trial", transport=0.0)
@@ -147,7 +142,6 @@ TRIALS = (
     queries_alone,
     tasks_trial,
     pixels_trial,
-    scales_trial,
     transport_trial,
     harmonics_trial,
     anchors_trial,
