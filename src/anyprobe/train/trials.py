@@ -60,11 +60,6 @@ def pixels_trial() -> RunConfig:
     return _changed("pixels_trial", scales=0.0, structure=0.0, transport=0.0)
 
 
-def transport_trial() -> RunConfig:
-    """Without the errors of what balls see."""
-    return _changed("transport_trial", transport=0.0)
-
-
 def harmonics_trial() -> RunConfig:
     """With a loss of the map's spherical harmonics of order 0 to 3."""
     return _changed("harmonics_trial", harmonics=0.2)
@@ -96,11 +91,6 @@ def light_train() -> RunConfig:
 def light_real() -> RunConfig:
     """Real maps, those of hdri/train_extra too."""
     return _lit("light_real", LightConfig(procedural=0))
-
-
-def light_own() -> RunConfig:
-    """Maps of our own alone."""
-    return _lit("light_own", LightConfig(real=False, procedural=200))
 
 
 def light_both() -> RunConfig:
@@ -142,14 +132,12 @@ TRIALS = (
     queries_alone,
     tasks_trial,
     pixels_trial,
-    transport_trial,
     harmonics_trial,
     anchors_trial,
     still_trial,
     dual_trial,
     light_train,
     light_real,
-    light_own,
     light_both,
     clean_trial,
 )
