@@ -66,9 +66,10 @@ def estimates(pair, *gains):
 
 
 def test_differences_are_paired_and_only_sure_ones_bold():
-    """One trial is the first again, one twice as bright, one brighter for one pair and darker for the other."""
+    """One trial is hardly another, one twice as bright, one is so for one pair only, and one only beyond chance."""
     pairs = [ball_pair(seed) for seed in range(4)]
-    gains = {"lift_trial": [1.1] * 4, "lift_again": [1.1] * 4, "worse": [2.0] * 4, "unsure": [2, 1, 1.1, 1.1]}
+    gains = {"lift_trial": [1.1] * 4, "lift_again": [1.2] * 4, "same": [1.1] * 4}
+    gains |= {"worse": [2.0] * 4, "unsure": [2, 1, 1.1, 1.1], "chance": [1.25] * 4}
     order = iter(range(10))
 
     def method(name):
@@ -78,7 +79,7 @@ def test_differences_are_paired_and_only_sure_ones_bold():
     scores = score_trials(pairs, {name: method(name) for name in gains}, lambda: next(order))
     assert next(order) == 4
     rows = {row["trial"]: row for row in scores.result()}
-    assert rows["lift_again"]["difference"]["ldr_rmse"] == (0.0, 0.0)
+    assert rows["same"]["difference"]["ldr_rmse"] == (0.0, 0.0)
     assert rows["lift_trial"]["flux_stops"] == pytest.approx(np.log2(1.1), abs=1e-3)
     mean, error = rows["worse"]["difference"]["flux_stops"]
     assert mean == pytest.approx(1 - np.log2(1.1), abs=1e-3)
@@ -92,6 +93,9 @@ def test_differences_are_paired_and_only_sure_ones_bold():
     assert cells["lift_trial"][column] == f"{np.log2(1.1):.2f}"
     assert cells["worse"][column] == f"**{1 - np.log2(1.1):+.2f}**"
     assert cells["unsure"][column] == f"{d.mean():+.2f}"
+    for name, gain in (("chance", 1.25), ("lift_again", 1.2)):  # as sure as pairs can make it
+        assert rows[name]["difference"]["flux_stops"][1] < 1e-3
+        assert cells[name][column] == f"{np.log2(gain / 1.1):+.2f}"
 
 
 def add_missing(row):

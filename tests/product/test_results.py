@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from anyprobe.evaluate.sheets import draw_chart, heat
 from anyprobe.evaluate.study import Study, study
 from anyprobe.evaluate.tables import result_files
 from anyprobe.evaluate.tolerance import Tolerance, tolerated
+from anyprobe.evaluate.trials import trial_lines
 from anyprobe.evaluate.verdict import order_lines, step_holds, tolerance_lines
 
 ABOUT = {"command": "anyprobe compare", "commit": "abc", "recipes": "0123"}
@@ -198,3 +200,10 @@ def test_the_tolerated_error_is_where_two_lines_cross():
     text = "\n".join(tolerance_lines(result))
     assert "- ours, RMSE: level with direct at an irradiance RMSE of 0.025" in text
     assert "- irradiance, RMSE: behind direct even with true irradiance." in text
+
+
+def test_the_page_of_ideas_has_the_trials_that_were_scored():
+    """The table of docs/ablation.md is what docs/results/trials.json gives."""
+    root = Path(__file__).parents[2] / "docs"
+    content = json.loads((root / "results" / "trials.json").read_text(encoding="utf-8"))
+    assert "\n".join(trial_lines(content)) in (root / "ablation.md").read_text(encoding="utf-8")

@@ -28,8 +28,10 @@ FIGURES = {
 }
 """What is compared, and how the table calls it. All are means over pairs."""
 WORLD = "ldr_rmse_world"
+CHANCE = "lift_again"
+"""The trial that differs from the first by chance alone."""
 SURE = 2.0
-"""Differences of so many standard errors or more are bold."""
+"""Differences of so many standard errors over pairs, and so many times what chance did, are bold."""
 
 
 @dataclass(kw_only=True)
@@ -95,19 +97,30 @@ def score_trials(
 
 
 def trial_lines(content: Mapping[str, Any]) -> list[str]:
-    """The Markdown table of trials.json: the first trial's figures, and by how much each other one's differ."""
+    """The Markdown table of trials.json: the first trial's figures, and by how much each other one's differ.
+
+    One run of each says little: what differs by less than SURE times what chance did is not bold, however many
+    pairs agree.
+    """
     figures = {**FIGURES, WORLD: "LDR RMSE, world's photos"}
     lines = ["| trial | " + " | ".join(figures.values()) + " |", "|" + "---|" * (len(figures) + 1)]
-    for number, row in enumerate(content["rows"]):
-        cells = [_cell(row, figure, first=number == 0) for figure in figures]
+    first, *others = content["rows"]
+    chance = next((row["difference"] for row in others if row["trial"] == CHANCE), {})
+    lines.append(f"| {first['trial']} | " + " | ".join(_text(first[one], one) for one in figures) + " |")
+    for row in others:
+        cells = [_cell(row, figure, chance) for figure in figures]
         lines.append(f"| {row['trial']} | " + " | ".join(cells) + " |")
     return lines
 
 
-def _cell(row: Mapping[str, Any], figure: str, first: bool) -> str:
+def _text(value: float, figure: str, sign: str = "") -> str:
     digits = 1 if figure.endswith("_deg") else 2 if figure == "flux_stops" else 4
-    if first:
-        return f"{row[figure]:.{digits}f}"
+    return f"{value:{sign}.{digits}f}"
+
+
+def _cell(row: Mapping[str, Any], figure: str, chance: Mapping[str, Sequence[float]]) -> str:
     mean, error = row["difference"][figure]
-    text = f"{mean:+.{digits}f}"
-    return f"**{text}**" if abs(mean) >= SURE * error else text
+    luck = abs(chance[figure][0]) if figure in chance else 0.0
+    text = _text(mean, figure, "+")
+    sure = row["trial"] != CHANCE and abs(mean) >= SURE * max(error, luck)
+    return f"**{text}**" if sure else text
