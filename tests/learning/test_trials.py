@@ -10,7 +10,9 @@ from support.some_pair import ball_pair
 pytest.importorskip("torch", reason="needs the train extra")
 
 import torch
+from typer.testing import CliRunner
 
+from anyprobe.cli.app import app
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.evaluate.panel import Estimate
@@ -151,9 +153,6 @@ def test_a_checkpoint_becomes_a_method(trained):
 
 
 def test_the_command_writes_what_it_prints(trained, tmp_path, monkeypatch):
-    from typer.testing import CliRunner
-
-    from anyprobe.cli.app import app
     from anyprobe.evaluate import calibrate
 
     def some_pairs(data, kept, conditions):
@@ -171,3 +170,10 @@ def test_the_command_writes_what_it_prints(trained, tmp_path, monkeypatch):
     refused = CliRunner().invoke(app, asked)
     assert isinstance(refused.exception, InputError)
     assert "lift_trial" in str(refused.exception)
+
+
+def test_a_run_without_pairs_refuses_workers(tmp_path):
+    refused = CliRunner().invoke(app, ["train", "mask", "--workers", "2", "--runs", str(tmp_path)])
+    assert isinstance(refused.exception, InputError)
+    assert "--workers 2" in str(refused.exception)
+    assert not list(tmp_path.iterdir())

@@ -47,6 +47,10 @@ def train(
     from anyprobe.train.runs import RUNS as NAMED
     from anyprobe.train.runs import smoke
 
+    if run == MASK_RUN and workers > 0:
+        raise InputError(
+            f"--workers {workers}: expected a run that learns from pairs, got {MASK_RUN}; leave it out"
+        )
     if run == MASK_RUN:
         typer.echo(_train_mask(data, runs, steps, dry_run, start))
         return
