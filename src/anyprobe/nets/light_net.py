@@ -132,7 +132,8 @@ class LightNet(nn.Module):
 
     def _merged(self, out: torch.Tensor, told: Told, normals: torch.Tensor, wo: torch.Tensor) -> Guess:
         """What two tone-mapped maps and a confidence say."""
-        maps = torch.sigmoid(torch.cat([out[:, :3] * 2 - 1.2, out[:, 4:] * 2 - 3.5], dim=1))  # of MEAN_LN
+        # at the start the tones of exp(MEAN_LN)
+        maps = torch.sigmoid(torch.cat([out[:, :3] * 2 - 1.2, out[:, 4:] * 2 - 3.5], dim=1))
         radiance = tones.merge(*maps.split(3, dim=1))
         ln = torch.log(radiance + 1e-4)
         flux = ((radiance - 1).clamp(min=0.0) * self.lamps.solid_angles).sum(dim=(2, 3))

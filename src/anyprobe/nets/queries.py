@@ -1,7 +1,7 @@
 """Queries: directions of the map ask the object's pixels for their light, by attention; tried on lift.
 
 A direction that no pixel mirrors may still be told by others (LuxDiT, NVIDIA 2025, has light tokens that attend
-to those of a picture). It costs next to nothing here: 512 directions, 256 pixels.
+to those of a picture). Here 512 directions ask 256 pixels.
 """
 
 from __future__ import annotations
