@@ -17,7 +17,7 @@ from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_c
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.local_engine import one_thread
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
-from anyprobe.files.atomic import atomic_files
+from anyprobe.files.atomic import atomic_path
 from anyprobe.render.mesh import Mesh, transformed, waved
 from anyprobe.render.parts import part
 from anyprobe.render.shapes import draw_shape, figure
@@ -208,9 +208,9 @@ def build_surfaces(
     )
     if folder is None:
         return result
-    with atomic_files(folder) as files:
-        for name in ARRAYS:
-            np.save(files / f"{name}.npy", getattr(result, name))
+    for name in ARRAYS:
+        with atomic_path(folder / f"{name}.npy") as temporary:
+            np.save(temporary, getattr(result, name))
     return _kept(folder)
 
 
