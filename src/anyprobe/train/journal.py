@@ -11,8 +11,22 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from anyprobe.errors import OutputError
+
 LOG_STEPS = 25
 """A row of log.csv is the mean over so many steps."""
+
+
+def run_folder(runs: Path, name: str) -> Path:
+    """The folder of a run, made where it is not there; OutputError if that cannot be."""
+    folder = runs / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"--runs {runs}: expected a folder that can be written, got {error.strerror or error}; choose another"
+        ) from error
+    return folder
 
 
 class Journal:

@@ -18,7 +18,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.config import RunConfig
 from anyprobe.train.designs import Designs
-from anyprobe.train.journal import Journal
+from anyprobe.train.journal import Journal, run_folder
 from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.normals import Normals
 from anyprobe.train.start import load_start
@@ -117,8 +117,7 @@ def train(
     torch.manual_seed(config.seed)
     team = Team()
     device = team.device(device)
-    folder = runs / config.name
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = run_folder(runs, config.name)
     path = folder / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * team.size))

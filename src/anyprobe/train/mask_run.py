@@ -25,7 +25,7 @@ from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
 from anyprobe.train.config import LightConfig
-from anyprobe.train.journal import LOG_STEPS, forget_after
+from anyprobe.train.journal import LOG_STEPS, forget_after, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS
 from anyprobe.train.start import load_start
 
@@ -118,8 +118,7 @@ def train_mask(
         The checkpoint's path.
     """
     torch.manual_seed(config.seed)
-    folder = runs / config.name
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = run_folder(runs, config.name)
     path = folder / "checkpoint.pt"
     net = MaskNet().to(memory_format=torch.channels_last)
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
