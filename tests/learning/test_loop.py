@@ -18,15 +18,16 @@ from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.errors import ModelError  # noqa: E402
+from anyprobe.errors import ModelError, OutputError  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
 from anyprobe.train.config import LightConfig, lift, normals, paper  # noqa: E402
+from anyprobe.train.journal import run_folder  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
-from anyprobe.train.start import load_start, save_start  # noqa: E402
+from anyprobe.train.start import load_start, mean_checkpoint, save_start  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -180,3 +181,33 @@ def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):
 def test_no_checkpoint_is_one_clear_line(tmp_path):
     with pytest.raises(ModelError, match="train first"):
         export_onnx.export(tmp_path / "checkpoint.pt", tmp_path)
+
+
+def test_the_mean_of_a_run_and_what_it_began_from(run, tmp_path):
+    kept, other = tmp_path / "start.pt", tmp_path / "normals.pt"
+    save_start(run(tmp_path / "a", steps=4, named=lift), kept)
+    checkpoint = run(tmp_path / "b", steps=4, named=lift, start=kept)
+    mean = mean_checkpoint(checkpoint, kept, tmp_path / "mean.pt")
+    before, after, both = (
+        torch.load(path, map_location="cpu", weights_only=True) for path in (kept, checkpoint, mean)
+    )
+    moved = 0
+    for name, value in both["nets"].items():
+        one, two = before[name].float(), after["nets"][name].float()
+        if value.is_floating_point():
+            torch.testing.assert_close(value, (one + two) / 2)
+            moved += int((one != two).any())
+    assert moved > 100
+    assert both["config"] == after["config"]
+    assert "light" in load_nets(mean)
+    save_start(run(tmp_path / "c", steps=2), other)
+    with pytest.raises(ModelError, match="normals.pt: expected weights of this run.*got another network's"):
+        mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
+    assert not (tmp_path / "none.pt").exists()
+
+
+def test_runs_below_a_plain_file_are_one_clear_line(tmp_path):
+    (tmp_path / "file").touch()
+    for begin in (lambda runs: train(paper(), data=None, runs=runs), lambda runs: run_folder(runs, "mask")):
+        with pytest.raises(OutputError, match="expected a folder that can be written, got Not a directory"):
+            begin(tmp_path / "file" / "runs")

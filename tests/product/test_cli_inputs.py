@@ -139,12 +139,30 @@ def test_unusable_mask(work, command, photo_path, photo_mask, kind):
         (("--fov", "400"), "1 to 170 degrees"),
         (("--fov", "nan"), "1 to 170 degrees"),
         (("--box", "20,10,110,90", "--mask", "photos/ball.png"), "expected one of them"),
+        (("--lamps", "bright"), "lamps 'bright': expected one of drawn, spread"),
+        (("--lamps", "spread", "--model", "paper"), "got paper; use lift"),
     ],
 )
 def test_senseless_option(work, command, photo_path, arguments, word):
     before = snapshot(work)
     assert word in command("estimate", "photos/ball.png", "-o", "out", *arguments).complaint
     assert snapshot(work) == before
+
+
+def test_lamps_are_drawn_or_spread(work, command, photo_path):
+    """Spread, the same light is nowhere as bright."""
+    for lamps in ("drawn", "spread"):
+        command("estimate", photo_path, "-o", lamps, "--lamps", lamps)
+    lights = {lamps: read_radiance(work / lamps / "ball.exr") for lamps in ("drawn", "spread")}
+    assert lights["spread"].max() < 0.7 * lights["drawn"].max()
+    assert json.loads((work / "spread" / "ball.json").read_text())["lamps"] == "spread"
+
+
+@pytest.mark.parametrize("option", ["--calibrated", "--int8"])
+def test_weights_that_need_pairs_say_so(work, command, option):
+    assert f"{option}: expected --data with assets" in command("weights", "to", "lift", option).complaint
+    refused = command("weights", "to", "mask", option, "--data", "data").complaint
+    assert f"{option}: expected a run that estimates light, got mask" in refused
 
 
 def test_folder_without_photos(work, command):

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from support.some_pair import ball_pair
 
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.infer.runtime import Models
@@ -12,22 +13,22 @@ from anyprobe.infer.runtime import Models
 
 @pytest.fixture(scope="module")
 def crops():
-    rng = np.random.default_rng(5)
-    images = rng.random((6, 128, 128, 4), dtype=np.float32)
-    images[..., :3] *= images[..., 3:]
-    return images
+    return [ball_pair(seed).crop for seed in range(6)]
 
 
 def test_openvino_says_what_onnx_runtime_says_from_many_threads(crops):
+    """It fuses what is in 8 bits otherwise, so that some values are a step of 255 apart."""
     pytest.importorskip("openvino", reason="needs the openvino extra")
     known, other = Models(threads=1), Models(threads=1, engine="openvino")
     expected = [known(crop, 0.2) for crop in crops]
+    alone = [other(crop, 0.2) for crop in crops]
     with ThreadPoolExecutor(3) as pool:
         found = list(pool.map(lambda crop: other(crop, 0.2), crops))
-    for one, two in zip(expected, found, strict=True):
-        assert np.abs(one.ldr - two.ldr).mean() < 1e-3
-        assert np.abs(one.irradiance - two.irradiance).mean() < 1e-3
-    assert np.abs(found[0].ldr - found[1].ldr).max() > 0.001  # not one request's leftovers
+    for one, two, three in zip(expected, alone, found, strict=True):
+        assert np.abs(one.ldr - two.ldr).mean() < 0.01
+        assert np.abs(one.irradiance - two.irradiance).mean() < 0.01
+        np.testing.assert_array_equal(two.ldr, three.ldr)
+    assert np.abs(found[0].ldr - found[1].ldr).max() > 0.1  # not one request's leftovers
 
 
 def test_bfloat16_says_nearly_the_same(crops):
@@ -37,7 +38,7 @@ def test_bfloat16_says_nearly_the_same(crops):
     for crop in crops:
         one, two = known(crop, 0.2), other(crop, 0.2)
         assert np.median(np.abs(np.log(one.radiance) - np.log(two.radiance))) < 0.1
-        assert np.abs(one.irradiance - two.irradiance).mean() < 0.01
+        assert np.abs(one.irradiance - two.irradiance).mean() < 0.02
 
 
 def test_absent_engine_names_its_extra(monkeypatch):

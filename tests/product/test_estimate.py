@@ -173,8 +173,9 @@ def turned(kind: str) -> np.ndarray:
 
 @pytest.fixture(scope="module", params=bundled_models())
 def named(request):
-    """Every model, and how far its maps may differ: lift is told that the same pixels take in less off the axis."""
-    return anyprobe.Estimator(request.param), 2e-3 if request.param == "paper" else 0.05
+    """Every model, and how far its maps may differ: lift is told that the same pixels take in less off the axis, and
+    computes in steps of 8 bits."""
+    return anyprobe.Estimator(request.param), 2e-3 if request.param == "paper" else 0.1
 
 
 @pytest.fixture(scope="module")
@@ -196,6 +197,7 @@ def test_object_in_the_corner_gives_the_same_map_turned(named, central, kind):
         for radiance in (light.radiance, expected, rotate(central.radiance, turned(kind).T))
     )
     np.testing.assert_allclose(found, expected, atol=share)
+    assert np.abs(found - expected).mean() < share / 10
     assert np.abs(found - wrong).mean() > 5 * np.abs(found - expected).mean()
     lamp, seen = (find_main_light(radiance).direction for radiance in (light.radiance, central.radiance))
     assert np.degrees(np.arccos(np.clip(lamp @ turned(kind) @ seen, -1, 1))) < 3.0

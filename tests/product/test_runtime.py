@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.some_pair import ball_pair
 
-from anyprobe.errors import ModelError
+from anyprobe.core.response import response
+from anyprobe.errors import InputError, ModelError
 from anyprobe.infer import runtime
-from anyprobe.infer.runtime import CONTRACT, STAGES, Models, file_hashes, model_id, weights_folder
+from anyprobe.infer.runtime import CONTRACT, SPREAD, STAGES, Models, file_hashes, model_id, weights_folder
+from anyprobe.light.environment import integral
 
 MAX_WEIGHTS_BYTES = 40 * 2**20
 
@@ -121,3 +124,34 @@ def test_hashes_name_the_bytes(copied):
         assert {s for s, digest in file_hashes("paper").items() if digest != hashes[s]} == {stage}
         path.write_bytes(data)
     assert model_id("paper") == identity
+
+
+def test_spread_lamps_are_the_same_light_less_sharp():
+    """As much flux, up to what no display shows; nothing else differs."""
+    drawn, spread = Models(threads=1), Models(threads=1, lamps=SPREAD)
+    for seed in range(3):
+        crop = ball_pair(seed).crop
+        one, two = drawn(crop, 0.2), spread(crop, 0.2)
+        np.testing.assert_allclose(integral(one.radiance), integral(two.radiance), rtol=1e-3)
+        assert two.radiance.max() < 0.7 * one.radiance.max()
+        np.testing.assert_array_equal(one.irradiance, two.irradiance)
+        np.testing.assert_array_equal(one.normals, two.normals)
+        np.testing.assert_allclose(two.ldr, response(two.radiance), atol=1e-6)
+
+
+def test_lamps_that_are_not_known_are_refused():
+    with pytest.raises(InputError, match="lamps 'bright': expected one of drawn, spread"):
+        Models(lamps="bright")
+    with pytest.raises(InputError, match="lamps spread: expected a model that says .* got paper; use lift"):
+        Models("paper", lamps=SPREAD)
+
+
+def test_a_graph_that_tells_less_is_refused(tmp_path):
+    onnx = pytest.importorskip("onnx", reason="needs onnx, of the extra 'train'")
+    graph = onnx.load(weights_folder("lift") / "light.onnx")
+    del graph.graph.output[-1]
+    onnx.save(graph, tmp_path / "light.onnx")
+    with pytest.raises(
+        ModelError, match=r"light.onnx: expected outputs .*, ln_expected, got .*normals; use weights"
+    ):
+        Models(str(tmp_path))

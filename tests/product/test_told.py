@@ -52,8 +52,9 @@ def test_what_is_told_is_all_that_differs(models):
 
 def test_only_a_model_that_lifts_is_also_told_normals():
     assert list(shipped("lift")[0]) == ["lift"]
-    assert list(shipped("lift", told=True)[0]) == ["lift", "lift_normals"]
+    assert list(shipped("lift", told=True)[0]) == ["lift", "lift_normals", "lift_spread"]
     assert list(shipped("paper", told=True)[0]) == ["paper"]
     pair = ball_pair(3)
-    alone, told = (method(pair) for method in shipped("lift", told=True)[0].values())
+    alone, told, spread = (method(pair) for method in shipped("lift", told=True)[0].values())
     assert (alone.radiance != told.radiance).any()
+    assert spread.radiance.max() < alone.radiance.max()

@@ -42,6 +42,10 @@ def compare(
     ] = None,
     remark: Annotated[str | None, typer.Option(help="What else the page should say of the run.")] = None,
     figures: Annotated[int, typer.Option(min=1, help="Pairs shown in the pictures.")] = 8,
+    join: Annotated[
+        bool,
+        typer.Option("--join", help="Put these rows into the files that OUT has; others and pictures stay."),
+    ] = False,
 ) -> None:
     """Score every method on the frozen test set; write table1.json, fig13.json ... and pictures for the report."""
     from anyprobe.dataset.catalog import load_maps, load_shapes
@@ -49,12 +53,17 @@ def compare(
     from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.figures import Figures
     from anyprobe.evaluate.irradiance_limits import IrradianceLimits
+    from anyprobe.evaluate.joined import join_file
     from anyprobe.evaluate.kept_pairs import kept_pairs
     from anyprobe.evaluate.study import study
     from anyprobe.evaluate.tables import result_files
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
     from anyprobe.evaluate.tolerance import Tolerance
 
+    if join and run is not None:
+        raise InputError(
+            "--join: expected shipped models or folders of graphs alone, got --run too; leave one out"
+        )
     designs = None if run is None else open_designs(run)
     methods, trained = open_methods(model or [], designs, told=True)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -87,9 +96,16 @@ def compare(
         **trained,
         **({"remark": remark} if remark else {}),
     }
-    for name, content in result_files(result, about).items():
+    files = result_files(result, about) | {"irradiance": about | limits.result()}
+    if join:
+        files = {name: join_file(out / f"{name}.json", content) for name, content in files.items()}
+    for name, content in files.items():
         write_result(out / f"{name}.json", content)
-    write_result(out / "irradiance.json", about | limits.result())
+    if join:
+        talk.print(
+            f"{out}: rows of {', '.join(model or ['the baselines'])} joined; anyprobe report draws them together"
+        )
+        return
     if run is not None:
         write_result(out / "gradual.json", about | curves(run / "log.csv"))
     if tolerance is not None:

@@ -16,6 +16,7 @@ from rich.table import Column, Table
 
 from anyprobe.cli.known import (
     AlbedoOption,
+    LampsOption,
     MaterialOption,
     NormalsOption,
     SurroundingsOption,
@@ -36,7 +37,7 @@ from anyprobe.cli.where import (
     where_for,
 )
 from anyprobe.errors import AnyprobeError, OutputError
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,6 +68,7 @@ def estimate(
     material: MaterialOption = None,
     albedo: AlbedoOption = None,
     surroundings: SurroundingsOption = None,
+    lamps: LampsOption = DRAWN,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per photo on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -80,7 +82,7 @@ def estimate(
     }
     known = read_material(material, albedo)
     listed = list_photos(photos)
-    estimator = Estimator(model)
+    estimator = Estimator(model, lamps=lamps)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal

@@ -18,7 +18,7 @@ from rich.table import Table
 from anyprobe.cli.evaluate_real import evaluate_real
 from anyprobe.errors import InputError
 from anyprobe.infer.engines import DEFAULT_ENGINE, ENGINES
-from anyprobe.infer.runtime import DEFAULT_MODEL, LIFT_STAGES
+from anyprobe.infer.runtime import DEFAULT_MODEL, LIFT_STAGES, SPREAD
 
 COLUMNS = (
     "ldr_psnr",
@@ -115,6 +115,8 @@ def evaluate(
 
     trace = _tracer() if path_traced else None
     models = Models(model, engine=engine)
+    lifts = models.stages == LIFT_STAGES
+    spread = Models(model, engine=engine, lamps=SPREAD) if lifts else None
     irradiance_scores, calibration = [], Calibration()
 
     def network(pair):
@@ -125,12 +127,13 @@ def evaluate(
         return outputs.radiance
 
     name = Path(model).name
-    if told and models.stages != LIFT_STAGES:
+    if told and not lifts:
         raise InputError(
             f"--told: expected a model that can be told normals, got {name}; use {DEFAULT_MODEL}"
         )
     methods = {
         name: network,
+        **({f"{name}, lamps {SPREAD}": partial(_radiance_told, spread, set())} if spread else {}),
         **{f"{name}, told {what}": partial(_radiance_told, models, TOLD[what]) for what in TOLD if told},
         "mean map": lambda pair: mean_map(),
         "chrome ball": lambda pair: chrome_ball(pair.crop),

@@ -1,4 +1,5 @@
-"""What the commands let you say beside the photo: the object's normals and material, and what is around it."""
+"""What the commands let you say beside the photo: the object's normals and material, what is around it, and how the
+light shall be told."""
 
 from __future__ import annotations
 
@@ -40,6 +41,14 @@ SurroundingsOption = Annotated[
         metavar="photo|FILE",
         help="What is known of the light itself: photo, if what it shows beside the object is far enough to light it; "
         "or a panorama in the camera's frame, transparent where nothing is known.",
+    ),
+]
+LampsOption = Annotated[
+    str,
+    typer.Option(
+        metavar="drawn|spread",
+        help="drawn: lamps where they most likely are, for shadows and highlights; spread: their light over all places "
+        "as likely as it is, which lights dull objects better.",
     ),
 ]
 

@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from anyprobe.cli.known import LampsOption
 from anyprobe.cli.where import (
     BoxOption,
     ClickOption,
@@ -23,7 +24,7 @@ from anyprobe.cli.where import (
     where_for,
 )
 from anyprobe.errors import InputError, OutputError
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
 
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
@@ -77,6 +78,7 @@ def relight(
     light: Annotated[
         Path | None, typer.Option(help="An .exr or .hdr map in the camera's frame, instead of an estimate.")
     ] = None,
+    lamps: LampsOption = DRAWN,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -102,7 +104,7 @@ def relight(
     traced = uses_mitsuba(renderer)
     mesh = open_object(name)
     taken = load_photo(photo, fov_deg=fov, **where)
-    radiance, gain = _radiance(taken, light, model)
+    radiance, gain = _radiance(taken, light, model, lamps)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
@@ -133,7 +135,7 @@ def relight(
         )
 
 
-def _radiance(photo, light: Path | None, model: str) -> tuple[np.ndarray, float]:
+def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.ndarray, float]:
     """The given map as it is; or the estimate, made as bright as the real object asks, and its gain."""
     if light is not None:
         from anyprobe.files.radiance import read_radiance
@@ -142,7 +144,7 @@ def _radiance(photo, light: Path | None, model: str) -> tuple[np.ndarray, float]
     from anyprobe.infer.estimate import Estimator
     from anyprobe.relight.appearance import least_scale
 
-    radiance = Estimator(model).from_photo(photo).radiance
+    radiance = Estimator(model, lamps=lamps).from_photo(photo).radiance
     gain = least_scale(photo, radiance)
     return radiance * np.float32(gain), gain
 

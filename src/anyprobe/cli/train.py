@@ -94,44 +94,86 @@ def weights(
     start: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
+    mean_with: Annotated[
+        Path | None,
+        typer.Option(
+            help="Take the mean of the run's weights and those kept in this .pt, from which it began."
+        ),
+    ] = None,
     calibrated: Annotated[
         bool,
         typer.Option(
             "--calibrated", help="Make the confidence true on pairs of assets in --data that runs leave out."
         ),
     ] = False,
+    int8: Annotated[
+        bool,
+        typer.Option(
+            "--int8",
+            help="Convolutions of a lifting run in 8-bit numbers, of the range they have on such pairs.",
+        ),
+    ] = False,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
-    if calibrated and data is None:
-        raise InputError("--calibrated: expected --data with assets to calibrate on, got none; add it")
-    if calibrated and run == MASK_RUN:
-        raise InputError("--calibrated: expected a run that estimates light, got mask; leave it out")
+    for option, asked in (
+        ("--calibrated", calibrated),
+        ("--int8", int8),
+        ("--mean-with", mean_with is not None),
+    ):
+        if asked and run == MASK_RUN:
+            raise InputError(f"{option}: expected a run that estimates light, got mask; leave it out")
+        if asked and data is None and option != "--mean-with":
+            raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
-    from anyprobe.evaluate.calibrate import calibrate, left_out_pairs
-    from anyprobe.infer.runtime import Models
     from anyprobe.train.export_mask import export_mask
-    from anyprobe.train.export_onnx import export
     from anyprobe.train.mean_map import write_mean_map
     from anyprobe.train.runs import RUNS as NAMED
-    from anyprobe.train.start import save_start
+    from anyprobe.train.start import mean_checkpoint, save_start
     from anyprobe.train.supply import make_pairs
 
     checkpoint = runs / run / "checkpoint.pt"
-    if run == MASK_RUN:
-        exported = export_mask(checkpoint, to)
-    elif calibrated and data is not None:
-        with TemporaryDirectory() as folder:  # as it was learned, to be asked how sure it is
-            export(checkpoint, Path(folder))
-            sureness = calibrate(Models(folder), left_out_pairs(data, runs / "cache" / "left_out"))
-        typer.echo(f"confidence: logit times {sureness[0]:.3g}, plus {sureness[1]:.3g}")
-        exported = export(checkpoint, to, sureness)
-    else:
-        exported = export(checkpoint, to)
-    for stage, difference in exported.items():
-        typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
-    if start is not None:
-        save_start(checkpoint, start)
-        typer.echo(start)
+    with TemporaryDirectory() as scratch:
+        if mean_with is not None:
+            checkpoint = mean_checkpoint(checkpoint, mean_with, Path(scratch) / "checkpoint.pt")
+        if run == MASK_RUN:
+            exported = export_mask(checkpoint, to)
+        else:
+            exported = _export_light(
+                checkpoint, to, runs, data if calibrated else None, data if int8 else None
+            )
+        for stage, difference in exported.items():
+            typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
+        if start is not None:
+            save_start(checkpoint, start)
+            typer.echo(start)
     if mean_map is not None and run != MASK_RUN:
         write_mean_map(make_pairs(NAMED[run](), data, runs / "cache", "cpu"), mean_map)
         typer.echo(mean_map)
+
+
+def _export_light(
+    checkpoint: Path, to: Path, runs: Path, calibrate_on: Path | None, ranges_on: Path | None
+) -> dict[str, float]:
+    """A chain's graphs, whole or not at all; ranges are of photos as the world gives them, confidence of clean ones."""
+    from anyprobe.evaluate.calibrate import calibrate, left_out_pairs
+    from anyprobe.infer.runtime import Models
+    from anyprobe.train.export_onnx import AS_LEARNED, export
+    from anyprobe.train.quantize import lift_examples, quantize
+
+    kept, sureness = runs / "cache" / "left_out", AS_LEARNED
+    with TemporaryDirectory() as folder:
+        as_learned = Path(folder)
+        if calibrate_on is not None:  # it is asked how sure it is
+            export(checkpoint, as_learned)
+            sureness = calibrate(Models(folder), left_out_pairs(calibrate_on, kept))
+            typer.echo(f"confidence: logit times {sureness[0]:.3g}, plus {sureness[1]:.3g}")
+        if ranges_on is None:
+            return export(checkpoint, to, sureness)
+        exported = export(checkpoint, as_learned, sureness)
+        if "light" not in exported:
+            raise InputError(
+                f"--int8: expected a run of lift, got one of {', '.join(exported)}; leave it out"
+            )
+        examples = lift_examples(left_out_pairs(ranges_on, kept, conditions=1))
+        quantize(as_learned / "light.onnx", to / "light.onnx", examples)
+        return exported

@@ -14,11 +14,11 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.known import SurroundingsOption, read_surroundings_option
+from anyprobe.cli.known import LampsOption, SurroundingsOption, read_surroundings_option
 from anyprobe.cli.relight import Renderer, point
 from anyprobe.cli.where import read_where
 from anyprobe.errors import InputError
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
 
 LINE_S = 30
 """Between two lines of progress where there is no terminal."""
@@ -60,6 +60,7 @@ def video(
         float | None, typer.Option(help="Field of view of the video's longer side, degrees.")
     ] = None,
     surroundings: SurroundingsOption = None,
+    lamps: LampsOption = DRAWN,
     restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
@@ -91,7 +92,7 @@ def video(
     if isinstance(around, Path):
         read_surroundings(around)  # refused now rather than at every frame
     follower = MaskFollower(masks, told, fov, around)
-    estimator = Estimator(model)
+    estimator = Estimator(model, lamps=lamps)
     settings = {
         "clip": clip.name,
         "clip_bytes": clip.stat().st_size,
@@ -102,6 +103,7 @@ def video(
         "first_frame": told,
         "fov_deg": fov,
         "surroundings": surroundings,
+        "lamps": lamps,
         "object": name,
         "material": material if name else None,
         "at": foot,

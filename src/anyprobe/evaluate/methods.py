@@ -16,7 +16,7 @@ from anyprobe.evaluate.baselines import chrome_ball, mean_map
 from anyprobe.evaluate.panel import Estimate, Method
 from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import SHORTEST
-from anyprobe.infer.runtime import LIFT_STAGES, NORMALS_SIZE, Models, Outputs, model_id
+from anyprobe.infer.runtime import LIFT_STAGES, NORMALS_SIZE, SPREAD, Models, Outputs, model_id
 from anyprobe.infer.surroundings import see_around, use_surroundings
 
 TOLD = {
@@ -83,11 +83,12 @@ def surroundings(pair: Pair) -> np.ndarray | None:
 def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str, str]]:
     """A bundled model or a folder of graphs by its name, and what identifies it.
 
-    told: also the model told a pair's true normals, where it can be, as <name>_normals.
+    told: also the model told a pair's true normals, where it can be, as <name>_normals, and with its lamps spread, as
+        <name>_spread.
     """
     models, name = Models(model), Path(model).name
 
-    def method(pair: Pair, told: set[str]) -> Estimate:
+    def method(pair: Pair, told: set[str], models: Models = models) -> Estimate:
         outputs = run_told(models, pair, told)
         return Estimate(
             ldr=outputs.ldr.clip(0.0, 1.0), radiance=outputs.radiance, irradiance=outputs.irradiance
@@ -96,4 +97,5 @@ def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str
     methods = {name: partial(method, told=set())}
     if told and models.stages == LIFT_STAGES:
         methods[f"{name}_normals"] = partial(method, told={"normals"})
+        methods[f"{name}_spread"] = partial(method, told=set(), models=Models(model, lamps=SPREAD))
     return methods, {"model": model_id(model)}

@@ -28,6 +28,7 @@ NAMES = {
     "georgoulis": "Georgoulis et al., direct, retrained",
     "meka": "Meka et al., retrained, true normals",
     "lift_normals": "lift, true normals",
+    "lift_spread": "lift, lamps spread",
     "mean map": "mean map (no network)",
     "chrome ball": "chrome ball (no network)",
 }
@@ -81,6 +82,9 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
     yield f"Made by `{table1['command']}` at commit {table1['commit']}:"
     yield f"{table1['pairs']:,} pairs of the frozen test set (recipes {table1['recipes']}), whose maps and shapes"
     yield "no network has seen."
+    for name, later in table1.get("joined", {}).items():
+        yield f"Rows of `{name}` are those of {later['model']}, joined later by `{later['command']}`"
+        yield f"at commit {later['commit']}; pictures, and what is said pair by pair, are of before."
     if designs:
         yield ""
         yield f"Every design and both rivals have learned from the same {designs['pairs']:,} pairs"

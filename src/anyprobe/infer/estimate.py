@@ -15,7 +15,7 @@ from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import NormalsSource
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
-from anyprobe.infer.runtime import DEFAULT_MODEL, LIFT_STAGES, PHOTO_SIZE, Models, model_id
+from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN, LIFT_STAGES, PHOTO_SIZE, Models, model_id
 from anyprobe.infer.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.find import Where
@@ -34,11 +34,20 @@ class Estimator:
     """
 
     def __init__(
-        self, model: str = DEFAULT_MODEL, *, threads: int | None = None, engine: str = DEFAULT_ENGINE
+        self,
+        model: str = DEFAULT_MODEL,
+        *,
+        threads: int | None = None,
+        engine: str = DEFAULT_ENGINE,
+        lamps: str = DRAWN,
     ) -> None:
-        """Open a bundled model, or a folder of graphs, by an engine of infer.engines.ENGINES."""
-        self.models = Models(model, threads, engine)
-        self.model_id = model_id(model)
+        """Open a bundled model, or a folder of graphs, by an engine of infer.engines.ENGINES.
+
+        lamps: "drawn", for shadows, highlights and a map to look at, or "spread" as likely as they are, which lights
+            dull objects better and is not sharp; see infer.runtime.LAMPS.
+        """
+        self.models = Models(model, threads, engine, lamps)
+        self.model_id, self.lamps = model_id(model), lamps
 
     def __call__(
         self,
@@ -112,6 +121,7 @@ class Estimator:
             info={
                 "photo": photo.name,
                 "model": self.model_id,
+                "lamps": self.lamps,
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
                 "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
@@ -146,8 +156,8 @@ def _rounded(confidence: float | None) -> float | None:
 
 
 @lru_cache(maxsize=2)
-def _shared(model: str) -> Estimator:
-    return Estimator(model)
+def _shared(model: str, lamps: str) -> Estimator:
+    return Estimator(model, lamps=lamps)
 
 
 def estimate(
@@ -158,9 +168,10 @@ def estimate(
     material: Material | str | None = None,
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
+    lamps: str = DRAWN,
     **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
-    return _shared(model)(
+    return _shared(model, lamps)(
         source, fov_deg=fov_deg, normals=normals, material=material, surroundings=surroundings, **where
     )

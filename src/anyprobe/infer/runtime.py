@@ -11,7 +11,7 @@ import numpy as np
 import onnxruntime
 
 from anyprobe.core.response import MEAN_CURVE, response
-from anyprobe.errors import ModelError
+from anyprobe.errors import InputError, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.infer.engines import DEFAULT_ENGINE, open_engine
 from anyprobe.light.environment import MAP_HEIGHT
@@ -31,7 +31,11 @@ STAGES = ("irradiance", "illumination", "hdr")
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
 LIFT_INPUTS = ("photo", "tan_half", "known_normals", "around")
-LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals")
+LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals", "ln_expected")
+LAMPS = ("drawn", "spread")
+"""What a map may be asked for: lamps where a guess is nearest to all that is likely, or their light spread over all
+places as likely as it is; see docs/conventions.md."""
+DRAWN, SPREAD = LAMPS
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE = 128
 NORMALS_SIZE = 64
@@ -84,15 +88,26 @@ class Models:
     """Sessions opened once and used for many photos; safe to share between threads."""
 
     def __init__(
-        self, model: str = DEFAULT_MODEL, threads: int | None = None, engine: str = DEFAULT_ENGINE
+        self,
+        model: str = DEFAULT_MODEL,
+        threads: int | None = None,
+        engine: str = DEFAULT_ENGINE,
+        lamps: str = DRAWN,
     ) -> None:
         """Open a bundled model by name, or a folder of graphs.
 
         threads: cores for one network; None leaves it to the engine, one of infer.engines.ENGINES.
+        lamps: one of LAMPS; the paper's chain knows only those that it draws.
         """
-        self.name = model
+        self.name, self.lamps = model, lamps
         folder = weights_folder(model)
         self.stages = stages_of(folder)
+        if lamps not in LAMPS:
+            raise InputError(f"lamps {lamps!r}: expected one of {', '.join(LAMPS)}")
+        if lamps != DRAWN and self.stages != LIFT_STAGES:
+            raise InputError(
+                f"lamps {lamps}: expected a model that says how likely they are, got {model}; use {DEFAULT_MODEL}"
+            )
         self._run = {}
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
@@ -114,12 +129,9 @@ class Models:
             around: [64, 128, 4] what is known of the map, in the crop's frame, see infer.surroundings; None: nothing.
                 The paper's chain has no use for either.
         """
-        photo = _batch(image)
         if self.stages == LIFT_STAGES:
-            normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
-            around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if around is None else around
-            return self._lift(photo, tan_half, normals, around)
-        return self._chain(photo)
+            return self._lift(lift_inputs(image, tan_half, normals, around))
+        return self._chain(_batch(image))
 
     def _chain(self, photo: np.ndarray) -> Outputs:
         (irradiance,) = self._run["irradiance"](photo)
@@ -133,11 +145,9 @@ class Models:
             ln_radiance=ln_radiance,
         )
 
-    def _lift(self, photo: np.ndarray, tan_half: float, normals: np.ndarray, around: np.ndarray) -> Outputs:
-        angle = np.array([[tan_half]], dtype=np.float32)
-        told = self._run["light"](photo, angle, _batch(normals), _batch(around))
-        irradiance, ln_radiance, confidence, normals = told
-        ln_radiance = _image(ln_radiance)
+    def _lift(self, given: dict[str, np.ndarray]) -> Outputs:
+        irradiance, drawn, confidence, normals, spread = self._run["light"](*given.values())
+        ln_radiance = _image(spread if self.lamps == SPREAD else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
             radiance=radiance,
@@ -147,6 +157,16 @@ class Models:
             confidence=confidence[0, 0],
             normals=_image(normals),
         )
+
+
+def lift_inputs(
+    image: np.ndarray, tan_half: float, normals: np.ndarray | None = None, around: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """What the lifting model's graph is given for one crop, see Models, in the order of LIFT_INPUTS."""
+    normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
+    around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if around is None else around
+    values = (_batch(image), np.array([[tan_half]], dtype=np.float32), _batch(normals), _batch(around))
+    return dict(zip(LIFT_INPUTS, values, strict=True))
 
 
 def _batch(image: np.ndarray) -> np.ndarray:
@@ -165,13 +185,18 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
             raise ModelError(
                 f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             )
-    names = tuple(one.name for one in session.get_inputs())
-    if stage in LIFT_STAGES and names != LIFT_INPUTS:
-        raise ModelError(
-            f"{path.name}: expected inputs {', '.join(LIFT_INPUTS)}, got {', '.join(names)}; "
-            "use weights of this version"
-        )
+    if stage in LIFT_STAGES:
+        _check_names(path, "inputs", LIFT_INPUTS, session.get_inputs())
+        _check_names(path, "outputs", LIFT_OUTPUTS, session.get_outputs())
     return session
+
+
+def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) -> None:
+    names = tuple(one.name for one in found)
+    if names != expected:
+        raise ModelError(
+            f"{path.name}: expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version"
+        )
 
 
 def file_hashes(model: str) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from anyprobe.dataset.pairs import PairConfig
 from anyprobe.dataset.surfaces import SurfaceConfig
@@ -70,23 +70,24 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=900,
+        steps=2_800,
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=73, cut_out=0.2, told=0.3, around=0.7),
+        pairs=PairConfig(seed=91, cut_out=0.2, told=0.3, around=0.7, joined=0.3, reshaped=0.4),
         surfaces=SurfaceConfig(
             views=12,
             own_views=1,
             procedural=600,
             figures=1400,
+            parts=800,
             stretch=0.2,
             tilt_deg=20.0,
             bend=0.4,
             relief=0.55,
             seed=21,
         ),
-        light=LightConfig(procedural=200, variants=600, seed=12),
+        light=LightConfig(procedural=200, variants=600, seed=14),
     )
 
 
@@ -100,8 +101,8 @@ def normals() -> RunConfig:
         warmup=100,
         cooldown=0.8,
         pairs=PairConfig(seed=71, cut_out=0.2),
-        surfaces=lift().surfaces,
-        light=lift().light,
+        surfaces=replace(lift().surfaces, parts=0),
+        light=replace(lift().light, seed=12),
     )
 
 

@@ -39,7 +39,8 @@ class Graph:
 
 
 class LightGraph(nn.Module):
-    """What the runtime reads of LightNet: irradiance, ln radiance, confidence [N, 1, 64, 128] in [0, 1], normals.
+    """What the runtime reads of LightNet, in the order of LIFT_OUTPUTS: irradiance, ln radiance with lamps drawn,
+    confidence [N, 1, 64, 128] in [0, 1], normals, ln radiance with lamps spread as likely as they are.
 
     sureness: slope and offset of the confidence's logit, see evaluate.calibrate.
     """
@@ -55,7 +56,7 @@ class LightGraph(nn.Module):
         guess = self.net(photo, tan_half, normals, around)
         slope, offset = self.sureness
         confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
-        return guess.told.irradiance, guess.ln_radiance, confidence, guess.normals
+        return guess.told.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
 
 
 def graphs_of(nets: nn.ModuleDict, sureness: tuple[float, float] = AS_LEARNED) -> dict[str, Graph]:

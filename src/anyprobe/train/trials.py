@@ -18,8 +18,8 @@ def lift_trial() -> RunConfig:
         steps=600,
         warmup=50,
         cooldown=0.5,
-        pairs=replace(lift().pairs, seed=59, around=0.0),
-        surfaces=replace(lift().surfaces, views=9, figures=400, bend=0.0, relief=0.0, seed=4),
+        pairs=replace(lift().pairs, seed=59, around=0.0, joined=0.0, reshaped=0.0),
+        surfaces=replace(lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, seed=4),
         light=replace(lift().light, seed=8),
     )
 

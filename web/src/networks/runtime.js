@@ -1,4 +1,4 @@
-/** onnxruntime-web, served beside the page: on the GPU where WebGPU reaches one, else WASM with threads. */
+/** onnxruntime-web, served beside the page: WASM with threads, or WebGPU where that is asked for. */
 
 /** More threads than this gain nothing on networks of this size. */
 const MAX_THREADS = 4;
@@ -7,17 +7,14 @@ const MAX_THREADS = 4;
 const MODULES = { wasm: "ort.wasm.min.mjs", webgpu: "ort.jspi.min.mjs" };
 
 /**
- * Which engines to try, best first.
+ * Which engine: WASM, unless WebGPU is asked for. The graph that ships computes in whole numbers of 8 bits, made for
+ * processors; it has not been measured on a GPU.
  *
- * @param {string | null} asked "wasm" or "webgpu" to have that one alone; null chooses
- * @returns {Promise<string[]>}
+ * @param {string | null} asked "wasm" or "webgpu"; null chooses
+ * @returns {string}
  */
-export async function chooseEngines(asked) {
-  if (asked in MODULES) return [asked];
-  if (typeof WebAssembly.Suspending !== "function") return ["wasm"];
-  const adapter = await navigator.gpu?.requestAdapter().catch(() => null);
-  const isReal = adapter && !(adapter.info?.isFallbackAdapter ?? adapter.isFallbackAdapter);
-  return isReal ? ["webgpu", "wasm"] : ["wasm"];
+export function chooseEngine(asked) {
+  return asked in MODULES ? asked : "wasm";
 }
 
 /**

@@ -7,7 +7,7 @@
 
 import { describe, cameraRadiance } from "../light/light.js";
 import { drawBalls } from "../light/balls.js";
-import { CROP_SIZE, cropObject } from "../photo/crop.js";
+import { cropObject } from "../photo/crop.js";
 import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
@@ -17,10 +17,7 @@ import { seeAround, shareOf, useSurroundings } from "../photo/surroundings.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { Models } from "./models.js";
-import { chooseEngines, openRuntime } from "./runtime.js";
-
-/** The first run compiles what later ones use. */
-const TRIAL_MS = 15_000;
+import { chooseEngine, openRuntime } from "./runtime.js";
 
 /** Between two tries while no object is seen. */
 const LOST_MS = 100;
@@ -31,17 +28,10 @@ let live = null;
 const tasks = {
   async open({ base, weights, engine, threads: most }) {
     const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
-    const engines = await chooseEngines(engine);
-    for (const [index, name] of engines.entries()) {
-      try {
-        const { ort, threads } = await openRuntime(base, name, most);
-        models = await Models.open(ort, weights, { providers: [name], onProgress });
-        if (engines.length > index + 1) await tryOnce(models);
-        return { provider: name, threads, hasMask: models.hasMask };
-      } catch (error) {
-        if (index === engines.length - 1) throw error;
-      }
-    }
+    const provider = chooseEngine(engine);
+    const { ort, threads } = await openRuntime(base, provider, most);
+    models = await Models.open(ort, weights, { providers: [provider], onProgress });
+    return { provider, threads, hasMask: models.hasMask };
   },
 
   /** The mask of a still picture from clicks or a box; without any, the network's own proposal. */
@@ -107,13 +97,6 @@ function memoryOf({ radiance, prefiltered }) {
 function letGo(frame) {
   if (frame.bytes) self.postMessage({ spare: frame.bytes.buffer }, [frame.bytes.buffer]);
   else frame.close();
-}
-
-/** Throws where an engine that has another behind it gives no numbers, or none in time. */
-async function tryOnce(models) {
-  const late = new Promise((_, reject) => setTimeout(() => reject(new Error("The GPU is too slow.")), TRIAL_MS));
-  const { lnRadiance } = await Promise.race([models.light(new Float32Array(4 * CROP_SIZE ** 2).fill(0.5)), late]);
-  if (!lnRadiance.every(Number.isFinite)) throw new Error("The GPU gives no numbers.");
 }
 
 /** The mask of a picture, cut out along the photo's own edges. */
