@@ -90,7 +90,7 @@ def compare(
 
         result = study(until(kept_pairs(chosen, stock, kept), minutes), methods, watch)
     about = {
-        "command": _command(hdri, meshes, run, model or [], result.count("all")),
+        "command": _command(hdri, meshes, run, model or [], result.count("all"), join),
         "commit": commit(),
         "recipes": digest(recipes),
         **trained,
@@ -174,11 +174,11 @@ def write_result(path: Path, content: dict[str, Any]) -> None:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _command(hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int) -> str:
+def _command(hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool) -> str:
     parts = [f"anyprobe compare --hdri {hdri.name} --meshes {meshes.name}"]
     parts += [f"--run {run.name}"] if run is not None else []
     parts += [f"--model {Path(name).name}" for name in models]
-    return " ".join([*parts, f"--pairs {pairs}"])
+    return " ".join([*parts, f"--pairs {pairs}", *(["--join"] if join else [])])
 
 
 def commit() -> str:
