@@ -15,8 +15,10 @@ from support.camera import camera_flags, write_y4m
 from support.mesh_files import glb
 
 from anyprobe.core.color import luminance
+from anyprobe.core.response import response
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.radiance import read_radiance
+from anyprobe.light.harmonics import project
 
 pytestmark = pytest.mark.slow
 
@@ -57,9 +59,12 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
 
     expected = estimator(aside_photo)
     files = {kind: Path(path) for kind, path in seen["files"].items()}
-    for kind, tolerance in (("exr", 0.01), ("hdr", 0.02)):
-        found = read_radiance(files[kind])
-        np.testing.assert_allclose(found, expected.radiance, rtol=tolerance, atol=0.02)
+    map_of_page = read_radiance(files["exr"])
+    np.testing.assert_allclose(read_radiance(files["hdr"]), map_of_page, rtol=0.02, atol=0.02)
+    # the browser's photo is not Pillow's to the last bit, and the network computes in steps of 8 bits
+    shown, wanted = response(map_of_page), response(expected.radiance)
+    assert np.abs(shown - wanted).mean() < 0.01
+    assert np.abs(shown[:, ::-1] - wanted).mean() > 0.05
     told = json.loads(files["json"].read_text())
     assert told["photo"] == "vase"
     assert told["known"] == {"surroundings": 0}
@@ -72,7 +77,8 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
     found = read_radiance(Path(seen["told"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
-    np.testing.assert_allclose(told["sh9"], expected.sh9(), atol=0.02)
+    np.testing.assert_allclose(told["sh9"], project(map_of_page), atol=0.01)
+    assert np.linalg.norm(told["sh9"] - expected.sh9()) < 0.05 * np.linalg.norm(expected.sh9())
     with Image.open(files["png"]) as picture:
         assert picture.size == (128, 64)
     for target in TARGETS:
