@@ -142,7 +142,8 @@ def weights(
                 checkpoint, to, runs, data if calibrated else None, data if int8 else None
             )
         for stage, difference in exported.items():
-            typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
+            computed = "in floats, before its 8 bits, " if int8 else ""
+            typer.echo(f"{to / (stage + '.onnx')}: {computed}within {difference:.2g} of torch")
         if start is not None:
             save_start(checkpoint, start)
             typer.echo(start)
