@@ -1,4 +1,4 @@
-"""Quantize (verb): a graph's convolutions in whole numbers of 8 bits: a smaller graph, and less time where they are multiplied faster.
+"""Quantize (verb): a graph's convolutions in whole numbers of 8 bits, for size and time.
 
 x ~ scale (q - zero): the least and the greatest value that a tensor had on examples become 0 and 255, the weights of
 each output channel whole numbers between -64 and 64. Not up to 127: a processor without VNNI adds two products in 16
