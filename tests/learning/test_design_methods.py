@@ -15,14 +15,14 @@ from anyprobe.core.response import response  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.evaluate.panel import score_pair  # noqa: E402
 from anyprobe.light.reconstruct import THRESHOLD  # noqa: E402
-from anyprobe.train.config import designs, paper  # noqa: E402
+from anyprobe.train.config import designs, designs_fixed, paper  # noqa: E402
 from anyprobe.train.design_methods import DesignMethods, read_run  # noqa: E402
 from anyprobe.train.designs import Designs  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
 
 
 def checkpoint(path, config):
-    nets = Designs.networks()
+    nets = Designs.networks(config.irradiance_learns)
     for name in ("ours", "irradiance"):  # untrained ones of one seed are the same
         for p in nets[name].parameters():
             p.data += 0.05 * torch.randn(p.shape, generator=torch.Generator().manual_seed(len(name)))
@@ -101,6 +101,20 @@ def test_a_run_says_what_it_has_learned_from(tmp_path):
         read_run(checkpoint(tmp_path / "b.pt", smoke(paper())))
     with pytest.raises(ModelError, match="anyprobe train designs"):
         read_run(tmp_path / "none.pt")
+
+
+def test_a_run_whose_irradiance_network_learned_shows_that_one(tmp_path):
+    path = checkpoint(tmp_path / "a.pt", smoke(designs_fixed()))
+    stored = torch.load(path, weights_only=True)
+    stored["nets"]["irradiance_image.head.bias"] += 0.1
+    torch.save(stored, path)
+    frozen, learned = (
+        DesignMethods(one).methods()["irradiance"](ball_pair()).irradiance
+        for one in (checkpoint(tmp_path / "b.pt", smoke(designs())), path)
+    )
+    inside = (frozen > 0) & (learned < 1)
+    np.testing.assert_allclose((learned - frozen)[inside], 0.1, atol=1e-5)
+    assert read_run(path)["irradiance_pairs"] == 320_000 + 112
 
 
 def test_mixtures_go_from_the_estimate_to_the_truth(run, methods):

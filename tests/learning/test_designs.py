@@ -19,9 +19,11 @@ from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.nets.design_nets import ROWS  # noqa: E402
-from anyprobe.train.config import designs  # noqa: E402
+from anyprobe.train.config import designs, designs_fixed  # noqa: E402
 from anyprobe.train.designs import (  # noqa: E402
     DESIGNS,
+    IMAGE,
+    IMAGE_RATE,
     RIVALS,
     Designs,
     ball_places,
@@ -30,7 +32,7 @@ from anyprobe.train.designs import (  # noqa: E402
     shrink_batch,
 )
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance  # noqa: E402
-from anyprobe.train.loop import load_nets, train  # noqa: E402
+from anyprobe.train.loop import load_nets, parameter_groups, train  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
 
 
@@ -70,11 +72,29 @@ def test_gradual_targets_are_blurred_early_and_sharp_at_last(learner):
 def test_first_quarter_sees_the_true_irradiance(learner):
     batch = some_batch(8)
     small = shrink_batch(batch)
-    seen = learner._irradiance(batch, small)
+    seen, losses = learner._see_irradiance(batch, small)
+    assert not losses  # the irradiance network is frozen
     given = int(8 * learner.config.truth_share)
     assert given == 2
     assert torch.equal(seen[:given], small.irradiance[:given])
     assert not torch.allclose(seen[given:], small.irradiance[given:], atol=0.05)
+
+
+def test_an_irradiance_network_that_learns_learns_from_its_own_loss_alone():
+    """From the shipped weights, slower than the others; the designs' losses do not reach it."""
+    learner = Designs(smoke(designs_fixed()), "cpu")
+    batch = some_batch()
+    for name in ("ours", IMAGE):
+        learner.nets.zero_grad(set_to_none=True)
+        learner.losses(batch, 0.5)[name].backward()
+        touched = {k for k, net in learner.nets.items() if any(p.grad is not None for p in net.parameters())}
+        assert touched == {name}
+    frozen = dict(load_frozen_irradiance()[0].named_parameters())
+    for name, value in learner.nets[IMAGE].named_parameters():
+        assert torch.equal(value, frozen[name]), name
+    fast, slow = parameter_groups(learner.nets)
+    assert (slow["share"], len(slow["params"])) == (IMAGE_RATE, len(frozen))
+    assert len(fast["params"]) + len(slow["params"]) == len(list(learner.nets.parameters()))
 
 
 def test_frozen_irradiance_says_what_its_graph_says():

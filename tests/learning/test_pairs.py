@@ -7,12 +7,13 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
+from anyprobe.core.color import REC709  # noqa: E402
 from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import lighting, pairs  # noqa: E402
-from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
+from anyprobe.dataset.camera import FIXED_CAMERA, draw_shot, take_photo  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
@@ -59,6 +60,16 @@ def test_a_batch_depends_on_its_number_alone(maps, surfaces):
     for name in ("photo", "irradiance", "ldr", "ln_radiance"):
         assert torch.equal(getattr(went_on, name), getattr(resumed, name))
     assert not torch.equal(went_on.photo, make_source(maps, surfaces, seed=1).batch(3).photo)
+
+
+def test_one_camera_exposes_every_map_alike(maps, surfaces):
+    """By the scene alone: whatever lies in it, maps have one mean and photos are not balanced."""
+    batch = make_source(maps, surfaces, conditions=0, fixed_camera=True).batch(0)
+    weights = torch.tensor(REC709).reshape(1, 3, 1, 1)
+    log_mean = (torch.exp(batch.ln_radiance) * weights).sum(dim=1).clip(min=1e-6).log().mean(dim=(1, 2))
+    torch.testing.assert_close(log_mean.exp(), torch.full((4,), FIXED_CAMERA.scene_key), rtol=0.02, atol=0)
+    drawn = make_source(maps, surfaces, conditions=0).batch(0)
+    assert (torch.exp(drawn.ln_radiance).mean(dim=(1, 2, 3)) / log_mean.exp()).log().std() > 0.1
 
 
 def test_targets_are_the_mean_curve_of_one_radiance(maps, surfaces):

@@ -11,7 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anyprobe.core.color import luminance
 from anyprobe.core.response import MEAN_CURVE, inverse_response
+from anyprobe.dataset.camera import FIXED_CAMERA
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair, render_pair, shot_of
 from anyprobe.dataset.plan import balanced_recipes, full_plan
@@ -199,6 +201,17 @@ def test_photo_and_map_have_one_exposure() -> None:
         ratio = seen / (albedo * pair.radiance.mean(axis=(0, 1)))
         assert (ratio > 0.5).all()
         assert (ratio < 1.6).all()
+
+
+def test_another_shot_changes_the_photo_and_its_units_alone(stock) -> None:
+    recipe = full_plan(stock).recipe(1)
+    drawn, fixed = render_pair(recipe, stock), render_pair(recipe, stock, shot=FIXED_CAMERA)
+    np.testing.assert_array_equal(fixed.map_from_camera, drawn.map_from_camera)
+    np.testing.assert_array_equal(fixed.normals, drawn.normals)
+    np.testing.assert_allclose(fixed.radiance / fixed.gain, drawn.radiance / drawn.gain, rtol=1e-5)
+    assert not np.array_equal(fixed.photo, drawn.photo)
+    log_mean = np.exp(np.log(luminance(fixed.radiance)).mean())
+    assert log_mean == pytest.approx(FIXED_CAMERA.scene_key, rel=1e-3)
 
 
 def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:

@@ -6,6 +6,7 @@ import json
 import subprocess
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from anyprobe.cli.need import need_torch
 from anyprobe.errors import InputError
+from anyprobe.evaluate.fixed_camera import FIXED
 
 if TYPE_CHECKING:
     from anyprobe.train.design_methods import DesignMethods
@@ -33,7 +35,12 @@ def compare(
         typer.Option(help="Bundled model or folder of graphs to set beside; repeat for more."),
     ] = None,
     pairs: Annotated[int, typer.Option(min=2, help="The first so many of the frozen 1,000 pairs.")] = 1000,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the result files.")] = RESULTS,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--out", help="Folder for the result files; default docs/results, or a folder in it."
+        ),
+    ] = None,
     kept: Annotated[
         Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
     ] = None,
@@ -41,13 +48,21 @@ def compare(
         float | None, typer.Option(min=0, help="Stop after so long; the pairs scored by then count.")
     ] = None,
     remark: Annotated[str | None, typer.Option(help="What else the page should say of the run.")] = None,
-    figures: Annotated[int, typer.Option(min=1, help="Pairs shown in the pictures.")] = 8,
+    figures: Annotated[int, typer.Option(min=0, help="Pairs shown in the pictures; 0 draws none.")] = 8,
+    fixed_camera: Annotated[
+        bool,
+        typer.Option(
+            "--fixed-camera",
+            help="Take all photos by one camera that never changes, with exact masks; for a run of designs_fixed.",
+        ),
+    ] = False,
     join: Annotated[
         bool,
         typer.Option("--join", help="Put these rows into the files that OUT has; others and pictures stay."),
     ] = False,
 ) -> None:
     """Score every method on the frozen test set; write table1.json, fig13.json ... and pictures for the report."""
+    from anyprobe.dataset.camera import FIXED_CAMERA
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.recipe import digest
     from anyprobe.dataset.stock import Stock
@@ -64,6 +79,7 @@ def compare(
         raise InputError(
             "--join: expected shipped models or folders of graphs alone, got --run too; leave one out"
         )
+    out = out or (RESULTS / FIXED if fixed_camera else RESULTS)
     designs = None if run is None else open_designs(run)
     methods, trained = open_methods(model or [], designs, told=True)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -74,7 +90,11 @@ def compare(
     stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     recipes = read_recipes(FROZEN)
     chosen = recipes[:pairs]
-    drawn = Figures(len(chosen), figures)
+    shot = None
+    if fixed_camera:
+        shot, kept = FIXED_CAMERA, kept and kept / FIXED
+        chosen = [replace(recipe, conditions=0) for recipe in chosen]
+    drawn = Figures(len(chosen), figures) if figures else None
     tolerance = None if designs is None else Tolerance(designs.mixed)
     limits = IrradianceLimits(irradiance_methods(model or [], designs))
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -82,15 +102,16 @@ def compare(
         task = progress.add_task("", total=len(chosen))
 
         def watch(index, pair, estimates):
-            drawn.add(index, pair, estimates)
+            if drawn is not None:
+                drawn.add(index, pair, estimates)
             limits.add(pair, estimates)
             if tolerance is not None:
                 tolerance.add(pair, estimates["direct"].ldr)
             progress.advance(task)
 
-        result = study(until(kept_pairs(chosen, stock, kept), minutes), methods, watch)
+        result = study(until(kept_pairs(chosen, stock, kept, shot), minutes), methods, watch)
     about = {
-        "command": _command(hdri, meshes, run, model or [], result.count("all"), join),
+        "command": _command(hdri, meshes, run, model or [], result.count("all"), join, fixed_camera),
         "commit": commit(),
         "recipes": digest(recipes),
         **trained,
@@ -110,7 +131,7 @@ def compare(
         write_result(out / "gradual.json", about | curves(run / "log.csv"))
     if tolerance is not None:
         write_result(out / "tolerance.json", about | tolerance.result())
-    for path in drawn.save(out):
+    for path in [] if drawn is None else drawn.save(out):
         talk.print(str(path))
     talk.print(f"{out / 'table1.json'} and the others; anyprobe report draws them together")
 
@@ -174,11 +195,18 @@ def write_result(path: Path, content: dict[str, Any]) -> None:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def _command(hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool) -> str:
+def _command(
+    hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool, fixed_camera: bool
+) -> str:
     parts = [f"anyprobe compare --hdri {hdri.name} --meshes {meshes.name}"]
     parts += [f"--run {run.name}"] if run is not None else []
     parts += [f"--model {Path(name).name}" for name in models]
-    return " ".join([*parts, f"--pairs {pairs}", *(["--join"] if join else [])])
+    parts += [
+        f"--pairs {pairs}",
+        *(["--join"] if join else []),
+        *(["--fixed-camera"] if fixed_camera else []),
+    ]
+    return " ".join(parts)
 
 
 def commit() -> str:

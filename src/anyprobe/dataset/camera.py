@@ -11,13 +11,15 @@ from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.core.response import CameraCurve, response
+from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
 SHARP_SHARE = 0.5
 JPEG_SHARE = 1 / 3
 """The rest comes in PNG or, more often, was shrunk so much that its JPEG blocks no longer show."""
+OBJECT_RANGE = (0.03, 0.9)
+"""No camera leaves its subject darker or brighter than this mean radiance."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,6 +31,7 @@ class Shot:
     white_balance [3]: gain a channel. noise: standard deviation of display values.
     blur_px: standard deviation of the lens blur in pixels of the crop, 0 for none.
     jpeg_quality: as libjpeg counts, None for no JPEG; jpeg_subsampling: of SUBSAMPLINGS.
+    object_range: bounds of the object's mean radiance, whatever is metered.
     """
 
     metering: float
@@ -40,10 +43,18 @@ class Shot:
     blur_px: float = 0.0
     jpeg_quality: int | None = None
     jpeg_subsampling: str = SUBSAMPLINGS[0]
+    object_range: tuple[float, float] = OBJECT_RANGE
 
 
-OBJECT_RANGE = (0.03, 0.9)
-"""No camera leaves its subject darker or brighter than this mean radiance."""
+FIXED_CAMERA = Shot(
+    metering=0.0,
+    object_key=0.25,
+    scene_key=0.25,
+    white_balance=np.ones(3, np.float32),
+    curve=MEAN_CURVE,
+    object_range=(0.0, np.inf),
+)
+"""One camera for all photos: the scene's mean decides the exposure, the object has no say, no colour is balanced."""
 
 
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
@@ -89,7 +100,7 @@ def exposure(shot: Shot, object_mean: float, scene_log_mean: float) -> float:
     by_scene = shot.scene_key / max(scene_log_mean, 1e-6)
     gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
     mean = max(object_mean * gain, 1e-9)
-    return float(gain * np.clip(mean, *OBJECT_RANGE) / mean)
+    return float(gain * np.clip(mean, *shot.object_range) / mean)
 
 
 def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:

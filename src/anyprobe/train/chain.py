@@ -49,7 +49,7 @@ class Chain:
         irradiance = self._run("irradiance", batch.photo)
         ldr = self._run("illumination", self._object_image(batch, irradiance.detach()))
         return {
-            "irradiance": self._irradiance_loss(irradiance, batch.irradiance * mask, mask),
+            "irradiance": irradiance_loss(irradiance, batch.irradiance * mask, mask),
             "illumination": self._illumination_loss(ldr, batch.ldr, progress),
             "hdr": self._hdr_loss(ldr.detach(), batch),
         }
@@ -59,13 +59,6 @@ class Chain:
         given = int(self.config.truth_share * len(irradiance))
         seen = torch.cat([batch.irradiance[:given], irradiance[given:]])
         return torch.cat([seen, batch.photo[:, 3:]], dim=1)
-
-    def _irradiance_loss(
-        self, estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor
-    ) -> torch.Tensor:
-        """Per object pixel, so that small objects count as much as large ones."""
-        share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
-        return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
 
     def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
         target = gradual_target(ldr, progress) if self.config.gradual else ldr
@@ -81,3 +74,9 @@ class Chain:
         gamma = blend_weight(saturated.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
         weight = self.solid_angle * (0.1 + gamma)
         return (weight * (self._run("hdr", ldr) - target) ** 2).sum() / weight.sum() / 3
+
+
+def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
+    share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
+    return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()

@@ -39,6 +39,8 @@ class RunConfig:
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
     gradual: whether the LDR targets sharpen as in Eq. 6.
+    irradiance_learns: whether the irradiance network of the designs, the shipped one at first, goes on learning
+        beside them; else it stays as it is.
     hdr_share: share of a batch that the HDR net learns from, half true LDR maps, half estimated.
     cooldown: last share of the steps in which the learning rate falls to zero.
     """
@@ -52,6 +54,7 @@ class RunConfig:
     cooldown: float = 0.25
     seed: int = 0
     truth_share: float = 0.25
+    irradiance_learns: bool = False
     hdr_share: float = 0.5
     gradual: bool = True
     lift: LiftConfig = field(default_factory=LiftConfig)
@@ -111,10 +114,25 @@ def designs() -> RunConfig:
     return RunConfig(
         name="designs",
         model="designs",
-        steps=3_000,
+        steps=10_000,
         learning_rate=2e-3,
         warmup=100,
         cooldown=0.5,
-        pairs=PairConfig(seed=41, batch=16),
-        light=LightConfig(variants=90),
+        pairs=PairConfig(seed=43, batch=16),
+        surfaces=lift().surfaces,
+        light=replace(lift().light, seed=16),
+    )
+
+
+def designs_fixed() -> RunConfig:
+    """The same where one camera takes every photo, with exact masks; the irradiance network learns this too.
+
+    What the paper says of its photos names no exposure, white balance or curve that would change.
+    """
+    return replace(
+        designs(),
+        name="designs_fixed",
+        steps=5_000,
+        irradiance_learns=True,
+        pairs=PairConfig(seed=47, batch=16, conditions=0, fixed_camera=True),
     )

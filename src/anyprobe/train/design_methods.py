@@ -19,7 +19,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import reconstruct
 from anyprobe.nets.design_nets import SIZE
 from anyprobe.render.surface import pixel_rays
-from anyprobe.train.designs import DESIGNS
+from anyprobe.train.designs import DESIGNS, IMAGE
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance
 from anyprobe.train.loop import load_nets, pairs_seen
 
@@ -39,7 +39,8 @@ def read_run(checkpoint: Path) -> dict[str, int]:
         "of_steps": config["steps"],
         "pairs": pairs_seen(stored),
         "seed": config["pairs"]["seed"],
-        "irradiance_pairs": load_frozen_irradiance()[1],
+        "irradiance_pairs": load_frozen_irradiance()[1]
+        + (pairs_seen(stored) if config.get("irradiance_learns") else 0),
     }
 
 
@@ -49,7 +50,7 @@ class DesignMethods:
     def __init__(self, checkpoint: Path) -> None:
         self.run = read_run(checkpoint)
         self.nets = load_nets(checkpoint)
-        self.frozen, _ = load_frozen_irradiance()
+        self.irradiance = self.nets[IMAGE] if IMAGE in self.nets else load_frozen_irradiance()[0]
         self._of: Pair | None = None
         self._irradiance = torch.zeros(0)
 
@@ -113,7 +114,7 @@ class DesignMethods:
     def _estimated_irradiance(self, pair: Pair) -> torch.Tensor:
         """[1, 3, 128, 128]; kept for the next design of the same pair."""
         if self._of is not pair:
-            self._of, self._irradiance = pair, self.frozen(_tensor(pair.crop)).clip(0, 1)
+            self._of, self._irradiance = pair, self.irradiance(_tensor(pair.crop)).clip(0, 1)
         return self._irradiance
 
     @torch.no_grad()

@@ -9,11 +9,13 @@
                 those of direct, irradiance and ours in equal shares
 
 "irradiance" and "ours" exist twice, from other first weights; those of the first of each and
-of direct are the same. The estimated irradiance is that of a frozen network.
+of direct are the same. The estimated irradiance is that of the shipped network, which stays as it is or,
+where the run says so, goes on learning (never from the designs' losses).
 """
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -29,6 +31,7 @@ from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.design_nets import ROWS, SIZE, BallNet, MapNet, MirrorNet, SmallHdrNet
 from anyprobe.nets.lift import mirror_direction
 from anyprobe.render.reflectance import reflectance_disc
+from anyprobe.train.chain import irradiance_loss
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance
 from anyprobe.train.gradual import gradual_target
 
@@ -55,6 +58,10 @@ DESIGNS = {
 CHAINS = ("direct", "irradiance", "ours")
 """Whose maps the HDR network learns from."""
 RIVALS = {"georgoulis": BallNet, "meka": MirrorNet}
+IMAGE = "irradiance_image"
+"""The irradiance network among those that learn."""
+IMAGE_RATE = 0.2
+"""Its share of their learning rate: it was trained before, and has no batch normalisation left to bear more."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,18 +89,22 @@ class Designs:
 
     def __init__(self, config: RunConfig, device: str) -> None:
         self.config, self.device = config, device
-        self.nets = self.networks()
+        self.nets = self.networks(config.irradiance_learns)
         self.nets.to(device, memory_format=torch.channels_last)
-        frozen, self.irradiance_pairs = load_frozen_irradiance()
-        self.frozen = frozen.to(device, memory_format=torch.channels_last)
+        if config.irradiance_learns:
+            self.columns += (IMAGE,)
+            self.irradiance = self.nets[IMAGE]
+        else:
+            frozen, _ = load_frozen_irradiance()
+            self.irradiance = frozen.to(device, memory_format=torch.channels_last)
         weights = torch.from_numpy(pixel_solid_angles(ROWS)).to(device)
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
         uv, weight = ball_places()
         self.ball_uv, self.ball_weight = uv.to(device), weight.to(device)
 
     @staticmethod
-    def networks() -> nn.ModuleDict:
-        """Untrained; first weights depend on each design's seed alone."""
+    def networks(irradiance_learns: bool = False) -> nn.ModuleDict:
+        """Untrained but for the irradiance network, if it is one; first weights depend on each design's seed alone."""
         makers = {name: (MapNet, design.seed) for name, design in DESIGNS.items()}
         makers |= {name: (maker, 0) for name, maker in RIVALS.items()} | {"hdr": (SmallHdrNet, 0)}
         nets = {}
@@ -101,6 +112,8 @@ class Designs:
             for name, (maker, seed) in makers.items():
                 torch.manual_seed(seed)
                 nets[name] = maker()
+        if irradiance_learns:
+            nets[IMAGE] = load_frozen_irradiance()[0].train().requires_grad_(True)
         return nn.ModuleDict(nets)
 
     def _run(self, net: nn.Module, x: torch.Tensor) -> torch.Tensor:
@@ -113,8 +126,8 @@ class Designs:
         "<design>_sharp" is the gradual designs' error against the map itself, for the curves only.
         """
         small = shrink_batch(batch)
-        seen = self._irradiance(batch, small)
-        losses, maps = {}, {}
+        seen, losses = self._see_irradiance(batch, small)
+        maps = {}
         soft = gradual_target(small.ldr, progress)
         for name, design in DESIGNS.items():
             image = torch.cat([seen, small.photo[:, 3:]], dim=1) if design.sees_irradiance else small.photo
@@ -129,12 +142,19 @@ class Designs:
         losses["hdr"] = self._hdr_loss(maps, small)
         return losses
 
-    @torch.no_grad()
-    def _irradiance(self, batch: Batch, small: Shrunk) -> torch.Tensor:
-        """What the designs see as irradiance [B, 3, 64, 64]: the truth in the first truth_share."""
+    def _see_irradiance(self, batch: Batch, small: Shrunk) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
+        """What the designs see as irradiance [B, 3, 64, 64], the truth in the first truth_share, and the loss of the
+        network that guesses the rest, where it learns."""
         given = int(self.config.truth_share * len(batch.photo))
-        estimate = self._run(self.frozen, batch.photo[given:])
-        return torch.cat([small.irradiance[:given], F.avg_pool2d(estimate.clip(0, 1), 2)])
+        learns = self.config.irradiance_learns
+        with nullcontext() if learns else torch.no_grad():
+            estimate = self._run(self.irradiance, batch.photo if learns else batch.photo[given:])
+        losses = {}
+        if learns:
+            mask = batch.photo[:, 3:]
+            losses[IMAGE] = irradiance_loss(estimate, batch.irradiance * mask, mask)
+            estimate = estimate.detach()[given:]
+        return torch.cat([small.irradiance[:given], F.avg_pool2d(estimate.clip(0, 1), 2)]), losses
 
     def _map_loss(self, estimate: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
         return (self.solid_angle * (estimate - target) ** 2).mean()

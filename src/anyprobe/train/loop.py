@@ -17,7 +17,7 @@ from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.config import RunConfig
-from anyprobe.train.designs import Designs
+from anyprobe.train.designs import IMAGE, IMAGE_RATE, Designs
 from anyprobe.train.journal import Journal, run_folder
 from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.normals import Normals
@@ -34,6 +34,16 @@ def learning_rate(config: RunConfig, step: int) -> float:
     return config.learning_rate * min(
         1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
     )
+
+
+def parameter_groups(nets: torch.nn.ModuleDict) -> list[dict]:
+    """For the optimizer: all networks in one group, but for one that learns slower, by "share" of the rate."""
+    groups: list[dict] = [
+        {"params": [p for name, net in nets.items() if name != IMAGE for p in net.parameters()]}
+    ]
+    if IMAGE in nets:
+        groups.append({"params": list(nets[IMAGE].parameters()), "share": IMAGE_RATE})
+    return groups
 
 
 LEARNERS = {"paper": Chain, "lift": Lift, "normals": Normals, "designs": Designs}
@@ -53,6 +63,8 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     model = config.get("model", "paper")
     if model == "lift":
         nets = Lift.networks(LiftConfig(**config["lift"]))
+    elif model == "designs":
+        nets = Designs.networks(config.get("irradiance_learns", False))
     else:
         nets = LEARNERS[model].networks()
     nets.load_state_dict(stored["nets"])
@@ -124,7 +136,7 @@ def train(
     learner = make_learner(config, device)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
-        nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
+        parameter_groups(nets), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = seen = 0
     if path.is_file():
@@ -148,7 +160,7 @@ def train(
         for step, batch in enumerate(batches, start=first):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
-                group["lr"] = rate
+                group["lr"] = rate * group.get("share", 1.0)
             losses = learner.losses(batch, step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
