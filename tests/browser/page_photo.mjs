@@ -44,6 +44,10 @@ export default async ({ page, url, arguments: given }) => {
   await ask(() => page.check("#surroundings"));
   seen.told = {};
   for (const kind of ["exr", "json"]) seen.told[kind] = await save(kindOf(kind), join(given.folder, "told"));
+  await ask(() => page.uncheck("#surroundings"));
+  await ask(() => page.check("#spread"));
+  seen.spread = {};
+  for (const kind of ["exr", "json"]) seen.spread[kind] = await save(kindOf(kind), join(given.folder, "spread"));
 
   await page.setInputFiles("#model-file", given.glb);
   await page.waitForFunction(() => document.getElementById("shape").value === "own", null, { polling: 200 });

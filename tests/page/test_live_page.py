@@ -77,6 +77,14 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
     found = read_radiance(Path(seen["told"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
+    spread = estimator.with_lamps("spread")(vase_photo, click=[click])
+    found = read_radiance(Path(seen["spread"]["exr"]))
+    assert np.abs(response(found) - response(spread.radiance)).mean() < 0.01
+    assert found.max() == pytest.approx(spread.radiance.max(), rel=0.1)
+    assert [told["lamps"], json.loads(Path(seen["spread"]["json"]).read_text())["lamps"]] == [
+        "drawn",
+        "spread",
+    ]
     np.testing.assert_allclose(told["sh9"], project(map_of_page), atol=0.01)
     assert np.linalg.norm(told["sh9"] - expected.sh9()) < 0.05 * np.linalg.norm(expected.sh9())
     with Image.open(files["png"]) as picture:

@@ -139,6 +139,16 @@ def test_spread_lamps_are_the_same_light_less_sharp():
         np.testing.assert_allclose(two.ldr, response(two.radiance), atol=1e-6)
 
 
+def test_other_lamps_are_asked_of_the_same_sessions():
+    drawn = Models(threads=1)
+    spread, crop = drawn.with_lamps(SPREAD), ball_pair().crop
+    assert spread._run is drawn._run
+    assert (drawn.lamps, spread.lamps) == ("drawn", "spread")
+    assert spread(crop, 0.2).radiance.max() < 0.7 * drawn(crop, 0.2).radiance.max()
+    with pytest.raises(InputError, match="got paper; use lift"):
+        Models("paper", threads=1).with_lamps(SPREAD)
+
+
 def test_lamps_that_are_not_known_are_refused():
     with pytest.raises(InputError, match="lamps 'bright': expected one of drawn, spread"):
         Models(lamps="bright")

@@ -140,6 +140,18 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
     assert "16-bit PNG" in complaint(client.post("/v1/estimate", files=exr), 422)
 
 
+def test_lamps_are_spread_where_that_is_asked(client, estimator, photo, photo_rgba):
+    """For this answer alone; the next one is drawn again."""
+    answer = client.post("/v1/estimate?lamps=spread&include=radiance", content=photo).json()
+    assert answer["lamps"] == "spread"
+    packed = answer["radiance"]
+    radiance = np.frombuffer(base64.b64decode(packed["base64"]), "<f4").reshape(packed["shape"])
+    np.testing.assert_allclose(
+        radiance, estimator.with_lamps("spread")(photo_rgba).radiance, rtol=1e-4, atol=1e-5
+    )
+    assert client.post("/v1/estimate", content=photo).json()["lamps"] == "drawn"
+
+
 @pytest.mark.parametrize(
     ("query", "body", "word"),
     [
@@ -155,6 +167,7 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         ("?surroundings=room", None, "or photo"),
         ("?albedo=0.5,0.5", None, "a number or R,G,B"),
         ("?albedo=2", None, "up to 1"),
+        ("?lamps=bright", None, "expected one of drawn, spread"),
     ],
 )
 def test_what_cannot_be_used_is_named_in_one_line(client, photo, query, body, word):

@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import LIFT_STAGES, weights_folder
+from anyprobe.infer.runtime import LIFT_STAGES, SPREAD, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
@@ -63,6 +63,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         told = replace(loaded, around=True)
         answers["around"] = crop_object(told).around.transpose(2, 0, 1)
         answers["radiance_told"] = estimator.from_photo(told).radiance
+        answers["radiance_spread"] = estimator.with_lamps(SPREAD).from_photo(loaded).radiance
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, hints in HINTS.items():
         answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover

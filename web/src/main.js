@@ -36,10 +36,12 @@ const editor = new MaskEditor(
   },
   (hints) => (live.running ? live.mark(hints) : remask(hints)),
 );
-const live = new LiveSession({ networks, config, stage, light, stages, editor });
-
 const surroundings = element("surroundings");
-element("surroundings-row").hidden = !config.weights.light; // the paper's chain has no use for them
+const spread = element("spread");
+for (const row of ["surroundings-row", "spread-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
+const asked = () => ({ surroundings: surroundings.checked, spread: spread.checked });
+
+const live = new LiveSession({ networks, config, stage, light, stages, editor, asked });
 
 let opened = null;
 let marked = null; // the mask that the light on show was told from
@@ -82,8 +84,9 @@ async function estimate(mask) {
   if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
   await networks.open(config);
   setStatus("Estimating the light …");
-  const asked = surroundings.checked && maskFromAlpha(picture) === null; // what it hides no canvas tells
-  const result = await networks.ask("estimate", { picture, mask, longFovDeg, surroundings: asked });
+  const isWhole = maskFromAlpha(picture) === null; // else no canvas tells what is hidden
+  const wanted = { ...asked(), surroundings: surroundings.checked && isWhole };
+  const result = await networks.ask("estimate", { picture, mask, longFovDeg, asked: wanted });
   if (mine !== turn) return;
   show(result, mask, box);
   if (surroundings.checked && !result.known.surroundings) {
@@ -111,6 +114,7 @@ async function openExample() {
   editor.open(opened.picture);
   editor.show(mask);
   show(result, mask, objectBox(mask, opened.picture.width));
+  if (surroundings.checked || spread.checked) return estimate(mask);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -130,7 +134,9 @@ element("reset").addEventListener("click", () => {
   editor.open(opened.picture);
   attempt(async () => estimate(maskFromAlpha(opened.picture) ?? (await proposal())));
 });
-surroundings.addEventListener("change", () => attempt(() => (live.running ? live.lookAround(surroundings.checked) : estimate(marked))));
+for (const box of [surroundings, spread]) {
+  box.addEventListener("change", () => attempt(() => (live.running ? live.ask() : estimate(marked))));
+}
 element("camera").addEventListener("click", () => attempt(() => (live.running ? openExample() : (++turn, live.start()))));
 tools.onFault = (error) => setStatus(error.message, true);
 await attempt(openExample);

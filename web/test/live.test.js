@@ -80,7 +80,7 @@ test("what is seen around the object is told while it is asked for, and part of 
   const lights = new FrameLight({ light }, async () => inside, { on: [], off: [] }, 65);
   const answers = [];
   for (const asked of [false, true, false]) {
-    lights.surroundings = asked;
+    lights.asked = { surroundings: asked, spread: false };
     answers.push(await lights.next(frameOf(10, 0, numbers(1)), answers.length * 10));
   }
   assert.deepEqual(told, [false, true, false]);
@@ -88,6 +88,21 @@ test("what is seen around the object is told while it is asked for, and part of 
   const beside = 3 * (32 * 128 + 75); // 32 degrees to the right of the middle: the dark ground
   const [before, during] = answers.map(({ light: { radiance } }) => radiance[beside]);
   assert.ok(during < 0.5 * before, `${during} after ${before}`);
+});
+
+test("lamps are spread while that is asked for", async () => {
+  const told = [];
+  const light = async (image, tanHalf, { spread }) => {
+    told.push(spread);
+    return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
+  };
+  const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
+  const lights = new FrameLight({ light }, async () => inside, { on: [], off: [] }, 65);
+  const answers = [await lights.next(frameOf(10, 0, numbers(1)), 0)];
+  lights.asked = { surroundings: false, spread: true };
+  answers.push(await lights.next(frameOf(10, 0, numbers(1)), 1));
+  assert.deepEqual(told, [false, true]);
+  assert.deepEqual(answers.map(({ spread }) => spread), told);
 });
 
 test("balls, stages and mask come now and then", async () => {

@@ -79,13 +79,21 @@ test("the map in the camera's frame", { skip }, () => {
 });
 
 test("what the photo shows around the object, and the map with it", { skip }, async (t) => {
-  if (!found.models.usesSurroundings) return t.diagnostic("the paper's chain has no use for it");
+  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
   const { crop, picture } = found;
   const around = seeAround(picture, found.longFovDeg, crop);
   assertClose(around, floats("around"), 2e-3, "around");
   const stages = useSurroundings(await found.models.light(crop.image, crop.tanHalf, { around }), around);
   assertMostlyClose(cameraRadiance(stages, crop.cameraFromCrop), floats("radiance_told"), 3e-3, "radiance told");
   assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr told");
+});
+
+test("spread lamps", { skip }, async (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain knows only those that it draws");
+  const { crop } = found;
+  const stages = await found.models.light(crop.image, crop.tanHalf, { spread: true });
+  assertMostlyClose(cameraRadiance(stages, crop.cameraFromCrop), floats("radiance_spread"), 3e-3, "radiance spread");
+  assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr spread");
 });
 
 test("one colour behind the object is no place", { skip }, () => {

@@ -116,7 +116,7 @@ def evaluate(
     trace = _tracer() if path_traced else None
     models = Models(model, engine=engine)
     lifts = models.stages == LIFT_STAGES
-    spread = Models(model, engine=engine, lamps=SPREAD) if lifts else None
+    spread = models.with_lamps(SPREAD) if lifts else None
     irradiance_scores, calibration = [], Calibration()
 
     def network(pair):

@@ -97,5 +97,5 @@ def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str
     methods = {name: partial(method, told=set())}
     if told and models.stages == LIFT_STAGES:
         methods[f"{name}_normals"] = partial(method, told={"normals"})
-        methods[f"{name}_spread"] = partial(method, told=set(), models=Models(model, lamps=SPREAD))
+        methods[f"{name}_spread"] = partial(method, told=set(), models=models.with_lamps(SPREAD))
     return methods, {"model": model_id(model)}

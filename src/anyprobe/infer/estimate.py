@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from copy import copy
 from functools import lru_cache
 from typing import Unpack
 
@@ -47,7 +48,18 @@ class Estimator:
             dull objects better and is not sharp; see infer.runtime.LAMPS.
         """
         self.models = Models(model, threads, engine, lamps)
-        self.model_id, self.lamps = model_id(model), lamps
+        self.model_id = model_id(model)
+
+    @property
+    def lamps(self) -> str:
+        """How lamps are asked for."""
+        return self.models.lamps
+
+    def with_lamps(self, lamps: str) -> Estimator:
+        """The same networks, opened once, asked for other lamps."""
+        other = copy(self)
+        other.models = self.models.with_lamps(lamps)
+        return other
 
     def __call__(
         self,
@@ -156,8 +168,8 @@ def _rounded(confidence: float | None) -> float | None:
 
 
 @lru_cache(maxsize=2)
-def _shared(model: str, lamps: str) -> Estimator:
-    return Estimator(model, lamps=lamps)
+def _shared(model: str) -> Estimator:
+    return Estimator(model)
 
 
 def estimate(
@@ -172,6 +184,6 @@ def estimate(
     **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
-    return _shared(model, lamps)(
+    return _shared(model).with_lamps(lamps)(
         source, fov_deg=fov_deg, normals=normals, material=material, surroundings=surroundings, **where
     )

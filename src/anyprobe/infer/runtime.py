@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from copy import copy
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -99,19 +100,28 @@ class Models:
         threads: cores for one network; None leaves it to the engine, one of infer.engines.ENGINES.
         lamps: one of LAMPS; the paper's chain knows only those that it draws.
         """
-        self.name, self.lamps = model, lamps
         folder = weights_folder(model)
-        self.stages = stages_of(folder)
-        if lamps not in LAMPS:
-            raise InputError(f"lamps {lamps!r}: expected one of {', '.join(LAMPS)}")
-        if lamps != DRAWN and self.stages != LIFT_STAGES:
-            raise InputError(
-                f"lamps {lamps}: expected a model that says how likely they are, got {model}; use {DEFAULT_MODEL}"
-            )
+        self.name, self.stages = model, stages_of(folder)
+        self.lamps = self._check_lamps(lamps)
         self._run = {}
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
             self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
+
+    def with_lamps(self, lamps: str) -> Models:
+        """The same sessions, asked for other lamps; InputError if this model does not know them."""
+        other = copy(self)
+        other.lamps = self._check_lamps(lamps)
+        return other
+
+    def _check_lamps(self, lamps: str) -> str:
+        if lamps not in LAMPS:
+            raise InputError(f"lamps {lamps!r}: expected one of {', '.join(LAMPS)}")
+        if lamps != DRAWN and self.stages != LIFT_STAGES:
+            raise InputError(
+                f"lamps {lamps}: expected a model that says how likely they are, got {self.name}; use {DEFAULT_MODEL}"
+            )
+        return lamps
 
     def __call__(
         self,

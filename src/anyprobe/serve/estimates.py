@@ -45,6 +45,8 @@ def open_photo(upload: Upload, job: Job) -> Photo:
 def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:
     """What Estimator does, with a look between decoding and computing at whether it is still wanted."""
     material = told_material(upload.material, upload.albedo)
+    if upload.lamps is not None:
+        estimator = estimator.with_lamps(upload.lamps)
     photo = open_photo(upload, job)
     job.step()
     return photo, estimator.from_photo(photo, material=material)

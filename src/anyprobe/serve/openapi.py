@@ -20,7 +20,11 @@ _KNOWN = {
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
 }
 
-_INCLUDE = {"include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides"}
+_ANSWER = {
+    "lamps": "drawn, where they most likely are, for shadows and highlights; or spread over all places as likely as "
+    "they are, which lights dull objects better",
+    "include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides",
+}
 
 
 def _error(text: str) -> dict[str, Any]:
@@ -69,7 +73,7 @@ _ANY: dict[str, Any] = {"schema": {"type": "object"}}
 _BYTES = {"schema": _FILE}
 
 ESTIMATE = _upload(
-    _OPTIONS | _KNOWN | _INCLUDE,
+    _OPTIONS | _KNOWN | _ANSWER,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
     files=_MASK | _NORMALS,

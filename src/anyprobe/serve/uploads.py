@@ -35,6 +35,7 @@ class Upload:
         clicks_off: likewise beside it.
         fov_deg: field of view of the longer side.
         material: name of the object's; albedo: its linear albedo, one number or three.
+        lamps: how they are asked for, of infer.runtime.LAMPS.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
     """
 
@@ -49,6 +50,7 @@ class Upload:
     fov_deg: float | None = None
     material: str | None = None
     albedo: tuple[float, ...] | None = None
+    lamps: str | None = None
     include: frozenset[str] = frozenset()
 
 
@@ -113,6 +115,7 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         fov_deg=option.number("fov"),
         material=option.text("material"),
         albedo=option.numbers("albedo", 1, 3),
+        lamps=option.text("lamps"),
         include=option.words("include", {"radiance", "stages", "mask"}),
     )
 

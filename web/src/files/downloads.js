@@ -18,6 +18,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
   return {
     photo,
     model,
+    lamps: result.spread ? "spread" : "drawn",
     long_fov_deg: longFovDeg,
     known: { surroundings: Number((result.known?.surroundings ?? 0).toFixed(4)) },
     frame: FRAME,

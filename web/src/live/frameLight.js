@@ -24,10 +24,10 @@ export class FrameLight {
    * @param {(picture: object, hints: object) => Promise<Float32Array>} findMask
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
-   * @param {boolean} surroundings whether what is seen beside the object is part of the light
+   * @param {import("../networks/worker.js").Asked} asked
    */
-  constructor(models, findMask, hints, longFovDeg, surroundings = false) {
-    this.surroundings = surroundings;
+  constructor(models, findMask, hints, longFovDeg, asked = { surroundings: false, spread: false }) {
+    this.asked = asked;
     this.models = models;
     this.findMask = findMask;
     this.hints = hints;
@@ -68,11 +68,12 @@ export class FrameLight {
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg, box);
     lap("crop");
-    const around = this.surroundings ? seeAround(picture, this.longFovDeg, crop) : null;
+    const { surroundings, spread } = this.asked;
+    const around = surroundings ? seeAround(picture, this.longFovDeg, crop) : null;
     lap("around");
     const phase = this.count++ % REST_EVERY;
     const withStages = phase === REST_EVERY / 2;
-    const guess = await this.models.light(crop.image, crop.tanHalf, { withStages, around });
+    const guess = await this.models.light(crop.image, crop.tanHalf, { withStages, around, spread });
     lap("network");
     const stages = around ? useSurroundings(guess, around) : guess;
     const radiance = cameraRadiance(stages, crop.cameraFromCrop);
@@ -87,7 +88,7 @@ export class FrameLight {
     lap("balls");
     ms.all = performance.now() - start;
     const known = { surroundings: around ? shareOf(around) : 0 };
-    return { light, known, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
+    return { light, known, spread, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
   }
 
   /** Mask and box of the object, found anew where they may have changed; whether they were. */

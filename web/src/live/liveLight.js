@@ -18,8 +18,8 @@ export class LiveLight {
     this.frames = [];
   }
 
-  async start(hints, longFovDeg, surroundings) {
-    await this.networks.ask("startLive", { hints, longFovDeg, surroundings });
+  async start(hints, longFovDeg, asked) {
+    await this.networks.ask("startLive", { hints, longFovDeg, asked });
     this.running = true;
     this.networks.onLive = (answer) => this.#hear(answer);
     this.#watch();
@@ -34,9 +34,9 @@ export class LiveLight {
     return this.networks.ask("markLive", { hints });
   }
 
-  /** Whether what is seen beside the object is part of the light, from the next frame on. */
-  lookAround(surroundings) {
-    return this.networks.ask("lookAroundLive", { surroundings });
+  /** Another kind of light, from the next frame on. @param {import("../networks/worker.js").Asked} asked */
+  ask(asked) {
+    return this.networks.ask("askLive", { asked });
   }
 
   /** Lights and pictures a second. */

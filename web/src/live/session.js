@@ -13,8 +13,9 @@ import { readFrame, takeFrame } from "./frames.js";
 const RATES_EVERY_MS = 500;
 
 export class LiveSession {
-  constructor({ networks, config, stage, light, stages, editor }) {
-    Object.assign(this, { networks, config, stage, light, stages, editor });
+  /** @param {object} parts of the page; asked: tells what is asked of the light now, see networks/worker.js */
+  constructor({ networks, config, stage, light, stages, editor, asked }) {
+    Object.assign(this, { networks, config, stage, light, stages, editor, asked });
     this.button = element("camera");
     this.live = null;
   }
@@ -46,7 +47,7 @@ export class LiveSession {
     const { hasMask, provider, threads } = await opening;
     if (this.live !== live) return; // stopped meanwhile
     this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
-    await live.start({ on: [], off: [], box: null }, DEFAULT_LONG_FOV_DEG, element("surroundings").checked);
+    await live.start({ on: [], off: [], box: null }, DEFAULT_LONG_FOV_DEG, this.asked());
     setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
     element("rates").hidden = false;
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
@@ -70,8 +71,9 @@ export class LiveSession {
     return this.live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
   }
 
-  lookAround(surroundings) {
-    return this.live.lookAround(surroundings);
+  /** What is asked of the light has changed. */
+  ask() {
+    return this.live.ask(this.asked());
   }
 
   #show(answer) {
@@ -83,7 +85,8 @@ export class LiveSession {
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.balls) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
-      this.light.show({ light: answer.light, balls: answer.balls, known: answer.known }, about);
+      const { light, balls, known, spread } = answer;
+      this.light.show({ light, balls, known, spread }, about);
     } else if (answer.stages) {
       this.stages.show(answer.stages, answer.light.radiance);
       this.isMaskDue = true;

@@ -65,29 +65,30 @@ export class Models {
    *
    * @param {Float32Array} image [4, 128, 128] display RGB times mask, and mask
    * @param {number} tanHalf tangent of half the angle that the crop's side takes in
-   * @param {{withStages?: boolean, around?: Float32Array | null}} [options] without stages only the radiance need be
-   *   told; around: [4, 64, 128] what is known of the map, in the crop's frame, of which the paper's chain makes no use
+   * @param {{withStages?: boolean, around?: Float32Array | null, spread?: boolean}} [options] without stages only the
+   *   radiance need be told; around: [4, 64, 128] what is known of the map, in the crop's frame; spread: lamps over all
+   *   places as likely as they are, rather than drawn where they most likely are. The paper's chain makes no use of both
    * @returns {Promise<{radiance: Float32Array, irradiance: Float32Array, ldr: Float32Array, lnRadiance: Float32Array}>}
    *   row by row, channel last: maps [64, 128, 3] in the crop's frame, irradiance [128, 128, 3] in [0, 1]
    */
-  async light(image, tanHalf, { withStages = true, around = null } = {}) {
-    return this.usesSurroundings ? this.#lift(image, tanHalf, withStages, around) : this.#chain(image);
+  async light(image, tanHalf, { withStages = true, around = null, spread = false } = {}) {
+    return this.lifts ? this.#lift(image, tanHalf, withStages, around, spread) : this.#chain(image);
   }
 
-  /** Whether it can be told what is around the object. */
-  get usesSurroundings() {
+  /** Whether it can be told what is around the object, and asked how likely lamps are. */
+  get lifts() {
     return "light" in this.sessions;
   }
 
-  async #lift(image, tanHalf, withStages, around) {
+  async #lift(image, tanHalf, withStages, around, spread) {
     const inputs = [
       [image, PHOTO_SHAPE],
       [Float32Array.of(tanHalf), [1, 1]],
       [NO_NORMALS, NORMALS_SHAPE],
       [around ?? NOTHING_AROUND, AROUND_SHAPE],
     ];
-    const [irradiance, ln] = await this.#run("light", ...inputs);
-    const lnRadiance = channelLast(ln);
+    const [irradiance, drawn, , , expected] = await this.#run("light", ...inputs);
+    const lnRadiance = channelLast(spread ? expected : drawn);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
     if (!withStages) return { radiance };

@@ -39,22 +39,24 @@ const tasks = {
     return findMask(picture, hints);
   },
 
-  async estimate({ picture, mask, longFovDeg, surroundings }) {
+  async estimate({ picture, mask, longFovDeg, asked }) {
     const start = performance.now();
     checkObject(mask, picture.width);
     const crop = cropObject(picture, mask, longFovDeg);
-    const around = surroundings && models.usesSurroundings ? seeAround(picture, longFovDeg, crop) : null;
-    const guess = await models.light(crop.image, crop.tanHalf, { around });
+    const { surroundings, spread } = usable(asked);
+    const around = surroundings ? seeAround(picture, longFovDeg, crop) : null;
+    const guess = await models.light(crop.image, crop.tanHalf, { around, spread });
     const stages = around ? useSurroundings(guess, around) : guess;
     const light = describe(cameraRadiance(stages, crop.cameraFromCrop));
     const { cameraFromCrop, centerPx, sidePx } = crop;
     const seconds = (performance.now() - start) / 1000;
     const known = { surroundings: around ? shareOf(around) : 0 };
-    return { light, stages, known, balls: drawBalls(light.radiance), cameraFromCrop, centerPx, sidePx, seconds };
+    const balls = drawBalls(light.radiance);
+    return { light, stages, known, spread, balls, cameraFromCrop, centerPx, sidePx, seconds };
   },
 
-  startLive({ hints, longFovDeg, surroundings }) {
-    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, surroundings && models.usesSurroundings);
+  startLive({ hints, longFovDeg, asked }) {
+    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, usable(asked));
     const frames = new Newest(
       (given) => tellLight(lights, given),
       ({ frame }) => letGo(frame),
@@ -70,10 +72,21 @@ const tasks = {
     live.lights.mark(hints);
   },
 
-  lookAroundLive({ surroundings }) {
-    live.lights.surroundings = surroundings && models.usesSurroundings;
+  askLive({ asked }) {
+    live.lights.asked = usable(asked);
   },
 };
+
+/**
+ * What may be asked of the light, as far as this model can do it.
+ *
+ * @param {Asked} asked
+ * @typedef {{surroundings: boolean, spread: boolean}} Asked surroundings: what is seen beside the object is part of the
+ *   light; spread: its lamps lie over all places as likely as they are
+ */
+function usable({ surroundings, spread }) {
+  return { surroundings: surroundings && models.lifts, spread: spread && models.lifts };
+}
 
 /** The light of a frame to the page, unless it has begun anew meanwhile. */
 async function tellLight(lights, { frame, time }) {

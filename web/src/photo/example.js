@@ -14,7 +14,7 @@ export async function readExample() {
   const light = describe(unpack(told.radiance));
   const { irradiance, ldr, ln_radiance: lnRadiance } = told.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
-  const result = { light, stages, known: { surroundings: 0 }, balls: drawBalls(light.radiance) };
+  const result = { light, stages, known: { surroundings: 0 }, spread: false, balls: drawBalls(light.radiance) };
   return { picture, mask, longFovDeg: told.long_fov_deg, result };
 }
 
