@@ -9,7 +9,6 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import CameraCurve, inverse_response, response
 from anyprobe.dataset.camera import (
-    FIXED_CAMERA,
     OBJECT_RANGE,
     SUBSAMPLINGS,
     Shot,
@@ -20,6 +19,7 @@ from anyprobe.dataset.camera import (
     exposure_for_clipping,
     take_photo,
 )
+from anyprobe.dataset.laboratory import CAMERA
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SIZE = 64
@@ -94,12 +94,12 @@ def test_metering_sets_the_object_or_the_scene_to_its_key():
     assert exposure(by_scene, 1e-3, 1.0) * 1e-3 == pytest.approx(OBJECT_RANGE[0])
 
 
-def test_the_fixed_camera_sees_the_scene_alone():
+def test_the_laboratory_s_camera_sees_the_scene_alone():
     """However bright or dark the object is in it."""
     for object_mean in (1e-4, 1.0, 1e4):
-        assert exposure(FIXED_CAMERA, object_mean, 5.0) == pytest.approx(0.25 / 5.0)
+        assert exposure(CAMERA, object_mean, 5.0) == pytest.approx(0.25 / 5.0)
     radiance = np.full((4, 4, 3), (0.1, 0.2, 0.4), np.float32)
-    photo = take_photo(FIXED_CAMERA, radiance, np.ones((4, 4), bool), None, np.random.default_rng(0))
+    photo = take_photo(CAMERA, radiance, np.ones((4, 4), bool), None, np.random.default_rng(0))
     np.testing.assert_array_equal(photo, to_bytes(response(radiance)))
 
 

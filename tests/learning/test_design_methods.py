@@ -15,7 +15,7 @@ from anyprobe.core.response import response  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.evaluate.panel import score_pair  # noqa: E402
 from anyprobe.light.reconstruct import THRESHOLD  # noqa: E402
-from anyprobe.train.config import designs, designs_fixed, paper  # noqa: E402
+from anyprobe.train.config import designs, designs_laboratory, paper  # noqa: E402
 from anyprobe.train.design_methods import DesignMethods, read_run  # noqa: E402
 from anyprobe.train.designs import Designs  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
@@ -104,7 +104,7 @@ def test_a_run_says_what_it_has_learned_from(tmp_path):
 
 
 def test_a_run_whose_irradiance_network_learned_shows_that_one(tmp_path):
-    path = checkpoint(tmp_path / "a.pt", smoke(designs_fixed()))
+    path = checkpoint(tmp_path / "a.pt", smoke(designs_laboratory()))
     stored = torch.load(path, weights_only=True)
     stored["nets"]["irradiance_image.head.bias"] += 0.1
     torch.save(stored, path)

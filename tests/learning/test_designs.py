@@ -19,7 +19,7 @@ from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.infer.runtime import Models  # noqa: E402
 from anyprobe.nets.design_nets import ROWS  # noqa: E402
-from anyprobe.train.config import designs, designs_fixed  # noqa: E402
+from anyprobe.train.config import designs, designs_laboratory  # noqa: E402
 from anyprobe.train.designs import (  # noqa: E402
     DESIGNS,
     IMAGE,
@@ -82,7 +82,7 @@ def test_first_quarter_sees_the_true_irradiance(learner):
 
 def test_an_irradiance_network_that_learns_learns_from_its_own_loss_alone():
     """From the shipped weights, slower than the others; the designs' losses do not reach it."""
-    learner = Designs(smoke(designs_fixed()), "cpu")
+    learner = Designs(smoke(designs_laboratory()), "cpu")
     batch = some_batch()
     for name in ("ours", IMAGE):
         learner.nets.zero_grad(set_to_none=True)

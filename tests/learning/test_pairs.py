@@ -13,7 +13,8 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  #
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import lighting, pairs  # noqa: E402
-from anyprobe.dataset.camera import FIXED_CAMERA, draw_shot, take_photo  # noqa: E402
+from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
+from anyprobe.dataset.laboratory import ALPHAS, CAMERA  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
@@ -62,12 +63,16 @@ def test_a_batch_depends_on_its_number_alone(maps, surfaces):
     assert not torch.equal(went_on.photo, make_source(maps, surfaces, seed=1).batch(3).photo)
 
 
-def test_one_camera_exposes_every_map_alike(maps, surfaces):
-    """By the scene alone: whatever lies in it, maps have one mean and photos are not balanced."""
-    batch = make_source(maps, surfaces, conditions=0, fixed_camera=True).batch(0)
+def test_a_laboratory_has_eight_materials_and_one_camera(maps, surfaces):
+    """Which exposes by the scene alone: whatever lies in it, maps have one mean and photos are not balanced."""
+    source = make_source(maps, surfaces, conditions=0, laboratory=True)
+    found = {round(float(alpha), 4) for k in range(12) for alpha in source.batch(k).alpha}
+    assert found <= set(ALPHAS)
+    assert len(found) > 3
+    batch = source.batch(0)
     weights = torch.tensor(REC709).reshape(1, 3, 1, 1)
     log_mean = (torch.exp(batch.ln_radiance) * weights).sum(dim=1).clip(min=1e-6).log().mean(dim=(1, 2))
-    torch.testing.assert_close(log_mean.exp(), torch.full((4,), FIXED_CAMERA.scene_key), rtol=0.02, atol=0)
+    torch.testing.assert_close(log_mean.exp(), torch.full((4,), CAMERA.scene_key), rtol=0.02, atol=0)
     drawn = make_source(maps, surfaces, conditions=0).batch(0)
     assert (torch.exp(drawn.ln_radiance).mean(dim=(1, 2, 3)) / log_mean.exp()).log().std() > 0.1
 

@@ -14,7 +14,7 @@ from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.infer.runtime import LIFT_INPUTS, Models, weights_folder  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.quantize import EXACT, lift_examples, quantize  # noqa: E402
+from anyprobe.train.quantize import EXACT, difference, lift_examples, quantize  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +74,18 @@ def test_the_same_answers_but_for_their_steps(graphs, pairs):
         assert np.abs(one.ldr - two.ldr).mean() < 0.02
         assert np.abs(one.irradiance - two.irradiance).mean() < 0.02
         assert (one.ldr != two.ldr).any()
+
+
+def test_steps_that_change_too_much_are_refused(graphs, pairs, tmp_path, monkeypatch):
+    """With nothing left behind, and the bound is on what is told of them."""
+    source = graphs / "float" / "light.onnx"
+    told = difference(source, graphs / "int8" / "light.onnx", lift_examples(pairs))
+    assert 0 < told < 0.02
+    assert difference(source, source, lift_examples(pairs[:2])) == 0
+    monkeypatch.setattr("anyprobe.train.quantize.TOLERANCE", 0.5 * told)
+    with pytest.raises(ModelError, match="expected 8 bits to change maps by .* got 0.0"):
+        quantize(source, tmp_path / "light.onnx", lift_examples(pairs))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_contract_stays_and_nothing_is_added(graphs):

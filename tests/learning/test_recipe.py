@@ -13,8 +13,9 @@ import pytest
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import MEAN_CURVE, inverse_response
-from anyprobe.dataset.camera import FIXED_CAMERA
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.dataset.laboratory import CAMERA, MATERIALS, material_of
+from anyprobe.dataset.material import SPECULAR_BELOW
 from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair, render_pair, shot_of
 from anyprobe.dataset.plan import balanced_recipes, full_plan
 from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
@@ -203,15 +204,23 @@ def test_photo_and_map_have_one_exposure() -> None:
         assert (ratio < 1.6).all()
 
 
-def test_another_shot_changes_the_photo_and_its_units_alone(stock) -> None:
+def test_a_laboratory_changes_the_material_and_the_camera_alone(stock) -> None:
     recipe = full_plan(stock).recipe(1)
-    drawn, fixed = render_pair(recipe, stock), render_pair(recipe, stock, shot=FIXED_CAMERA)
+    drawn, fixed = render_pair(recipe, stock), render_pair(recipe, stock, laboratory=True)
+    assert fixed.material is MATERIALS[recipe.material]
     np.testing.assert_array_equal(fixed.map_from_camera, drawn.map_from_camera)
     np.testing.assert_array_equal(fixed.normals, drawn.normals)
     np.testing.assert_allclose(fixed.radiance / fixed.gain, drawn.radiance / drawn.gain, rtol=1e-5)
     assert not np.array_equal(fixed.photo, drawn.photo)
     log_mean = np.exp(np.log(luminance(fixed.radiance)).mean())
-    assert log_mean == pytest.approx(FIXED_CAMERA.scene_key, rel=1e-3)
+    assert log_mean == pytest.approx(CAMERA.scene_key, rel=1e-3)
+
+
+def test_a_laboratory_s_materials_are_what_recipes_number() -> None:
+    for number, material in enumerate(MATERIALS):
+        assert (material.alpha >= SPECULAR_BELOW) == bool(number & 1)
+        assert (material.albedo.max() == 0) == bool(number & 2)
+        assert material_of(material.alpha) is material
 
 
 def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:

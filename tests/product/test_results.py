@@ -138,19 +138,19 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
     assert write_report(results, page).read_text() == again
 
 
-def test_a_run_of_one_fixed_camera_gets_its_section(results, tmp_path):
+def test_a_run_of_the_laboratory_gets_its_section(results, tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(results, folder)
-    assert "One camera that never changes" not in write_report(folder, tmp_path / "page.md").read_text()
+    assert "One camera and eight materials" not in write_report(folder, tmp_path / "page.md").read_text()
     table = json.loads((folder / "table1.json").read_text())
     for row in table["rows"]:
         if row["design"] == "ours":
             row |= {"irradiance_rmse": 0.0321, "irradiance_ssim": 0.9432}
-    (folder / "fixed_camera").mkdir()
-    (folder / "fixed_camera" / "table1.json").write_text(json.dumps(table))
+    (folder / "laboratory").mkdir()
+    (folder / "laboratory" / "table1.json").write_text(json.dumps(table))
     text = write_report(folder, tmp_path / "page.md").read_text()
-    section = text.split("### One camera that never changes")[1].split("\n#")[0]
-    assert "RMSE 0.0321, SSIM 0.9432; with the world's cameras" in section
+    section = text.split("### One camera and eight materials")[1].split("\n#")[0]
+    assert "RMSE 0.0321, SSIM 0.9432; with the world's cameras and materials" in section
     assert "in the paper RMSE 0.0449, SSIM 0.9502." in section
     assert "- irradiance < ours: holds in 0 of 6 figures" in section  # ours was made worse than irradiance
     assert section.count("\n| ours |") == 1

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from anyprobe.cli.need import need_torch
 from anyprobe.errors import InputError
-from anyprobe.evaluate.fixed_camera import FIXED
+from anyprobe.evaluate.laboratory import LABORATORY
 
 if TYPE_CHECKING:
     from anyprobe.train.design_methods import DesignMethods
@@ -49,11 +49,11 @@ def compare(
     ] = None,
     remark: Annotated[str | None, typer.Option(help="What else the page should say of the run.")] = None,
     figures: Annotated[int, typer.Option(min=0, help="Pairs shown in the pictures; 0 draws none.")] = 8,
-    fixed_camera: Annotated[
+    laboratory: Annotated[
         bool,
         typer.Option(
-            "--fixed-camera",
-            help="Take all photos by one camera that never changes, with exact masks; for a run of designs_fixed.",
+            "--laboratory",
+            help="Pairs of one camera, exact masks and eight materials; for a run of designs_laboratory.",
         ),
     ] = False,
     join: Annotated[
@@ -62,7 +62,6 @@ def compare(
     ] = False,
 ) -> None:
     """Score every method on the frozen test set; write table1.json, fig13.json ... and pictures for the report."""
-    from anyprobe.dataset.camera import FIXED_CAMERA
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.recipe import digest
     from anyprobe.dataset.stock import Stock
@@ -79,7 +78,7 @@ def compare(
         raise InputError(
             "--join: expected shipped models or folders of graphs alone, got --run too; leave one out"
         )
-    out = out or (RESULTS / FIXED if fixed_camera else RESULTS)
+    out = out or (RESULTS / LABORATORY if laboratory else RESULTS)
     designs = None if run is None else open_designs(run)
     methods, trained = open_methods(model or [], designs, told=True)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -90,9 +89,8 @@ def compare(
     stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     recipes = read_recipes(FROZEN)
     chosen = recipes[:pairs]
-    shot = None
-    if fixed_camera:
-        shot, kept = FIXED_CAMERA, kept and kept / FIXED
+    if laboratory:
+        kept = kept and kept / LABORATORY
         chosen = [replace(recipe, conditions=0) for recipe in chosen]
     drawn = Figures(len(chosen), figures) if figures else None
     tolerance = None if designs is None else Tolerance(designs.mixed)
@@ -109,9 +107,9 @@ def compare(
                 tolerance.add(pair, estimates["direct"].ldr)
             progress.advance(task)
 
-        result = study(until(kept_pairs(chosen, stock, kept, shot), minutes), methods, watch)
+        result = study(until(kept_pairs(chosen, stock, kept, laboratory), minutes), methods, watch)
     about = {
-        "command": _command(hdri, meshes, run, model or [], result.count("all"), join, fixed_camera),
+        "command": _command(hdri, meshes, run, model or [], result.count("all"), join, laboratory),
         "commit": commit(),
         "recipes": digest(recipes),
         **trained,
@@ -196,7 +194,7 @@ def write_result(path: Path, content: dict[str, Any]) -> None:
 
 
 def _command(
-    hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool, fixed_camera: bool
+    hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool, laboratory: bool
 ) -> str:
     parts = [f"anyprobe compare --hdri {hdri.name} --meshes {meshes.name}"]
     parts += [f"--run {run.name}"] if run is not None else []
@@ -204,7 +202,7 @@ def _command(
     parts += [
         f"--pairs {pairs}",
         *(["--join"] if join else []),
-        *(["--fixed-camera"] if fixed_camera else []),
+        *(["--laboratory"] if laboratory else []),
     ]
     return " ".join(parts)
 

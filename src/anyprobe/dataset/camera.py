@@ -11,7 +11,7 @@ from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
+from anyprobe.core.response import CameraCurve, response
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
@@ -44,17 +44,6 @@ class Shot:
     jpeg_quality: int | None = None
     jpeg_subsampling: str = SUBSAMPLINGS[0]
     object_range: tuple[float, float] = OBJECT_RANGE
-
-
-FIXED_CAMERA = Shot(
-    metering=0.0,
-    object_key=0.25,
-    scene_key=0.25,
-    white_balance=np.ones(3, np.float32),
-    curve=MEAN_CURVE,
-    object_range=(0.0, np.inf),
-)
-"""One camera for all photos: the scene's mean decides the exposure, the object has no say, no colour is balanced."""
 
 
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:

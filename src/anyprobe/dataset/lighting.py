@@ -5,6 +5,7 @@ The dear part of a training pair is here, and each one serves many pairs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -90,8 +91,8 @@ class Illuminator:
         radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
-    def draw(self, rng: np.random.Generator) -> LitMaterial:
-        """A random map, view and alpha; half of the maps mirrored."""
+    def draw(self, rng: np.random.Generator, alphas: Sequence[float] | None = None) -> LitMaterial:
+        """A random map, view and alpha, one of alphas where they are given; half of the maps mirrored."""
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(
@@ -99,7 +100,8 @@ class Illuminator:
         )
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        return self.light(which, rotation, draw_alpha(rng), elevation)
+        alpha = draw_alpha(rng) if alphas is None else float(rng.choice(alphas))
+        return self.light(which, rotation, alpha, elevation)
 
 
 def _picture(values: torch.Tensor, size: int) -> torch.Tensor:

@@ -18,6 +18,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, take_photo
+from anyprobe.dataset.laboratory import CAMERA, MATERIALS
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
@@ -91,15 +92,17 @@ def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, flo
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / count))
 
 
-def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, shot: Shot | None = None) -> Pair:
+def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, laboratory: bool = False) -> Pair:
     """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
-    shot: how the photo is taken in the place of what the recipe draws.
+    laboratory: with the camera and one of the materials of dataset.laboratory in the place of what the recipe draws.
     """
     asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
-    material, shot = drawn.material, shot or drawn.shot
+    material, shot = drawn.material, drawn.shot
+    if laboratory:
+        material, shot = MATERIALS[recipe.material], CAMERA
     camera = frame_object(shape.mesh, drawn.world_from_camera, fov_deg=drawn.fov_deg)
     surface = see(shape.mesh, camera)
     # the map turns about the shape, so that shape and light are not tied together

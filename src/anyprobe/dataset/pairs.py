@@ -18,7 +18,8 @@ from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
-from anyprobe.dataset.camera import FIXED_CAMERA, Shot, blur, compress, draw_shot, exposure
+from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
+from anyprobe.dataset.laboratory import ALPHAS, CAMERA, material_of
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
@@ -39,7 +40,7 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
-    fixed_camera: one camera takes all photos (dataset.camera.FIXED_CAMERA).
+    laboratory: the one camera and the eight materials of dataset.laboratory; wants conditions 0.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
@@ -56,7 +57,7 @@ class PairConfig:
     pool: int = 12
     lanes: int = 2
     conditions: int = 1
-    fixed_camera: bool = False
+    laboratory: bool = False
     cut_out: float = 0.0
     told: float = 0.0
     around: float = 0.0
@@ -112,7 +113,8 @@ class PairSource:
         for key in wanted:
             if key not in self._groups:
                 rng = np.random.default_rng((self.config.seed, 1, *key))
-                self._groups[key] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
+                alphas = ALPHAS if self.config.laboratory else None
+                self._groups[key] = [self.illuminator.draw(rng, alphas) for _ in range(self.config.group)]
         return [lit for key in wanted for lit in self._groups[key]]
 
     @torch.no_grad()
@@ -145,7 +147,10 @@ class PairSource:
     ) -> Batch:
         """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos."""
         count, size = len(chosen), normals.shape[-1]
-        materials = [draw_material(rng, lit.alpha) for lit in chosen]
+        if self.config.laboratory:
+            materials = [material_of(lit.alpha) for lit in chosen]
+        else:
+            materials = [draw_material(rng, lit.alpha) for lit in chosen]
 
         def column(values) -> torch.Tensor:
             return _column(values, self.device)
@@ -155,8 +160,8 @@ class PairSource:
         radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
-        if self.config.fixed_camera:
-            shots = [FIXED_CAMERA] * count
+        if self.config.laboratory:
+            shots = [CAMERA] * count
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.camera import Shot
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.stock import Stock
@@ -20,18 +19,18 @@ NAMES = ("tan_half", "map_name", "shape_name", "indoor")
 
 
 def kept_pairs(
-    recipes: list[Recipe], stock: Stock, kept: Path | None = None, shot: Shot | None = None
+    recipes: list[Recipe], stock: Stock, kept: Path | None = None, laboratory: bool = False
 ) -> Iterator[Pair]:
     """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there.
 
-    shot: how all photos are taken in the place of what the recipes draw; such pairs want a folder of their own.
+    laboratory: as in render_pair; such pairs want a folder of their own.
     """
     for recipe in recipes:
         path = None if kept is None else kept / f"{recipe.to_hex()}.npz"
         if path is not None and path.is_file():
             yield read_pair(path)
             continue
-        pair = render_pair(recipe, stock, shot=shot)
+        pair = render_pair(recipe, stock, laboratory=laboratory)
         if path is not None:
             write_pair(path, pair)
         yield pair

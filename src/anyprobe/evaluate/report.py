@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from anyprobe.errors import InputError
-from anyprobe.evaluate.fixed_camera import FIXED, fixed_camera_lines
+from anyprobe.evaluate.laboratory import LABORATORY, laboratory_lines
 from anyprobe.evaluate.paper_rows import SECONDS, TABLE1
 from anyprobe.evaluate.sheets import draw_chart, save
 from anyprobe.evaluate.tables import ARRAY, CLEAN, FIELD, LIGHTS, ORDER
@@ -57,8 +57,8 @@ def write_report(results: Path, page: Path) -> Path:
         raise InputError(
             f"{results}: expected table1.json and the other result files, found none; run anyprobe compare"
         )
-    if (results / FIXED / "table1.json").is_file():
-        found[FIXED] = read_result(results / FIXED / "table1.json")
+    if (results / LABORATORY / "table1.json").is_file():
+        found[LABORATORY] = read_result(results / LABORATORY / "table1.json")
     pictures = _charts(found, results)
     pictures |= {path.stem: path for path in results.glob("fig*.png")}
     links = {name: path.relative_to(page.parent).as_posix() for name, path in pictures.items()}
@@ -103,8 +103,8 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
     yield from limit_lines(table1)
     if "tolerance" in found:
         yield from tolerance_lines(found["tolerance"])
-    if FIXED in found:
-        yield from fixed_camera_lines(table1, found[FIXED])
+    if LABORATORY in found:
+        yield from laboratory_lines(table1, found[LABORATORY])
     if "irradiance" in found:
         yield from irradiance_lines(found["irradiance"])
     yield from _curves(found, links)

@@ -124,15 +124,12 @@ def designs() -> RunConfig:
     )
 
 
-def designs_fixed() -> RunConfig:
-    """The same where one camera takes every photo, with exact masks; the irradiance network learns this too.
-
-    What the paper says of its photos names no exposure, white balance or curve that would change.
-    """
+def designs_laboratory() -> RunConfig:
+    """The same with one camera, exact masks and eight materials; the irradiance network learns these too."""
     return replace(
         designs(),
-        name="designs_fixed",
+        name="designs_laboratory",
         steps=5_000,
         irradiance_learns=True,
-        pairs=PairConfig(seed=47, batch=16, conditions=0, fixed_camera=True),
+        pairs=PairConfig(seed=47, batch=16, conditions=0, laboratory=True),
     )

@@ -13,16 +13,23 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.errors import ModelError
 from anyprobe.evaluate.methods import surroundings, true_normals
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.graphs import open_graph
 from anyprobe.infer.runtime import lift_inputs
+from anyprobe.light.reconstruct import LN_MAX
 from anyprobe.train.export_onnx import store_half
 
 EXACT = ("/head/", "/sphere/rise.2/", "/object/first/", "/object/rise.3/")
 """Parts of the names of convolutions that stay as they are: the heads, and the scales beside the map and the irradiance
 image, where 256 steps are seen (SSIM -.005, irradiance 1 %; docs/ablation.md)."""
+TOLERANCE = 0.03
+"""In display values: how much the steps may change a map on the mean; those of the shipped weights by .0125."""
+CHECKED = 24
+"""Examples, evenly out of all, on which that is looked at."""
 
 
 def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
@@ -33,13 +40,16 @@ def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
         yield lift_inputs(pair.crop, pair.tan_half, normals, around)
 
 
-def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> None:
+def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
     """Write a graph of export_onnx.export again, with the same inputs, outputs and contract.
 
     Args:
         examples: its inputs by name, as many as there are; the ranges are theirs.
+    Returns:
+        How much its steps change the map: mean difference of display values on some of the examples.
     Raises:
-        ModelError: no example, or a graph without the convolutions of EXACT.
+        ModelError: no example, a graph without the convolutions of EXACT, or one that its steps change by more than
+            TOLERANCE.
     """
     import onnx
     from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
@@ -83,3 +93,22 @@ def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray
         onnx.helper.set_model_props(model, contract)  # without what the tools note there
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
+        changed = difference(source, temporary, given[:: -(-len(given) // CHECKED)])
+        if not changed <= TOLERANCE:
+            raise ModelError(
+                f"{source.name}: expected 8 bits to change maps by {TOLERANCE} in display values at most, got "
+                f"{changed:.3g}; keep more convolutions in EXACT"
+            )
+    return changed
+
+
+def difference(one: Path, other: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
+    """Between the maps of two graphs of the lifting model: mean over examples, in display values."""
+    sessions = [open_graph(path) for path in (one, other)]
+
+    def shown(session, example: dict[str, np.ndarray]) -> np.ndarray:
+        return response(np.exp(np.minimum(session.run(["ln_radiance"], example)[0], LN_MAX)))
+
+    return float(
+        np.mean([np.abs(np.subtract(*(shown(s, one) for s in sessions))).mean() for one in examples])
+    )

@@ -1,0 +1,54 @@
+"""Laboratory (noun): designs that learned from photos of one camera and eight materials, beside those of the world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from anyprobe.evaluate.paper_rows import TABLE1
+from anyprobe.evaluate.verdict import order_table, step_holds
+
+LABORATORY = "laboratory"
+"""The folder of its result files, in that of the others."""
+SHOWN = ("irradiance_rmse", "irradiance_ssim", "ldr_rmse", "ldr_ssim", "hdr_rmse", "hdr_ssim")
+
+
+def laboratory_lines(world: Mapping[str, Any], laboratory: Mapping[str, Any]) -> Iterable[str]:
+    """The section of the page, from both files table1.json."""
+    rows, before = ({row["design"]: row for row in one["rows"]} for one in (laboratory, world))
+    designs = laboratory["designs"]
+    yield from ("", "### One camera and eight materials: an experiment", "")
+    yield "The paper names no exposure, white balance or response curve that would differ between its photos, and"
+    yield '"8 random materials"; ours differ, as photos and materials do. So the same designs learned again in a'
+    yield "laboratory: one camera takes every photo, exposed by the scene's mean alone, no white balance, the mean"
+    yield "curve, no noise, exact masks; four metals and four dielectrics, always the same."
+    yield f"They saw {designs['pairs']:,} pairs (seed {designs['seed']}); the irradiance network, the shipped one at"
+    yield f"first, learned beside them, in all from {designs['irradiance_pairs']:,}. The {laboratory['pairs']:,}"
+    yield "test pairs are of the same maps and shapes, none of which a network has seen, in this laboratory"
+    yield f"(`{laboratory['command']}`, commit {laboratory['commit']})."
+    yield ""
+    heads = [name.replace("_", " ").replace("rmse", "RMSE").replace("ssim", "SSIM") for name in SHOWN]
+    yield "| design | " + " | ".join(heads) + " |"
+    yield "|" + "---|" * (len(heads) + 1)
+    for name, row in rows.items():
+        cells = [f"{row[figure]:.4f}" if figure in row else "-" for figure in SHOWN]
+        yield f"| {name.replace('_2', ', second seed')} | " + " | ".join(cells) + " |"
+    yield ""
+    yield from order_table(laboratory["order"])
+    yield ""
+    yield from _verdict(rows, before, laboratory["order"])
+
+
+def _verdict(rows, before, order) -> Iterable[str]:
+    ours, then, paper = (_irradiance(one) for one in (rows["ours"], before["ours"], TABLE1["ours"]))
+    yield f"- Irradiance network: {ours}; with the world's cameras and materials {then}; in the paper {paper}."
+    for step, figures in order.items():
+        verdicts = [step_holds(name, one) for name, one in figures.items()]
+        yield (
+            f"- {step}: holds in {verdicts.count('holds')} of {len(verdicts)} figures, is open in "
+            f"{verdicts.count('is open')}, reversed in {verdicts.count('is reversed')}."
+        )
+
+
+def _irradiance(row: Mapping[str, float]) -> str:
+    return f"RMSE {row['irradiance_rmse']:.4f}, SSIM {row['irradiance_ssim']:.4f}"
