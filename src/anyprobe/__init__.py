@@ -22,6 +22,7 @@ from anyprobe.errors import (
 )
 from anyprobe.infer.estimate import Estimator, estimate
 from anyprobe.infer.result import Light
+from anyprobe.infer.several import fuse_lights
 from anyprobe.light.main_light import MainLight
 
 __version__ = "0.1.0"
@@ -42,4 +43,5 @@ __all__ = [
     "OutputError",
     "ServerBusy",
     "estimate",
+    "fuse_lights",
 ]

@@ -69,6 +69,12 @@ def estimate(
     albedo: AlbedoOption = None,
     surroundings: SurroundingsOption = None,
     lamps: LampsOption = DRAWN,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            help="JSON of how the photos' cameras are turned: all show one object in one place and give one light."
+        ),
+    ] = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per photo on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -87,6 +93,9 @@ def estimate(
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
     )
+    if poses is not None:
+        done = _together(estimator, steps, poses, out, where, fov, known, as_json, listed)
+        return _report([done], talk, out)
     done = [_one(estimator, path, out, where, fov, known, as_json, listed) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
@@ -101,7 +110,7 @@ def _one(
     estimator, path: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
 ) -> Done:
     """Estimate one photo and write its files; an error of ours ends this photo alone."""
-    from anyprobe.infer.outputs import SUFFIXES, write_results
+    from anyprobe.infer.outputs import write_results
     from anyprobe.infer.photo import load_photo
 
     try:
@@ -111,12 +120,7 @@ def _one(
                 f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
             )
         told = where_for(path, where)
-        files = (*listed, told["mask"], told["depth"], told["normals"], told["surroundings"])
-        inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
-        for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
-            if target.resolve() in inputs:
-                lost = inputs[target.resolve()]
-                raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
+        _check_files(path, out, listed, told)
         photo = load_photo(path, fov_deg=fov, **told)
         light = estimator.from_photo(photo, material=known)
         written = write_results(photo, light, out, path.stem)
@@ -129,6 +133,45 @@ def _one(
         print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
     seconds = sum(light.info["seconds"].values())
     return Done(photo=path, direction=light.main_light().direction, seconds=seconds, warnings=light.warnings)
+
+
+def _together(
+    estimator, steps, poses: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
+) -> Done:
+    """One light of all photos, under the first one's name; any error ends all of it."""
+    from anyprobe.files.poses import read_poses
+    from anyprobe.infer.outputs import write_results
+    from anyprobe.infer.photo import load_photo
+    from anyprobe.infer.several import fuse_lights
+
+    turned = read_poses(poses).of(listed)
+    lights, first = [], None
+    for path in steps:
+        told = where_for(path, where)
+        _check_files(listed[0], out, [*listed, poses], told)
+        photo = load_photo(path, fov_deg=fov, **told)
+        first = first or photo
+        lights.append(estimator.from_photo(photo, material=known))
+    light = fuse_lights(lights, turned)
+    written = write_results(first, light, out, listed[0].stem)
+    if as_json:
+        files = {kind: str(target) for kind, target in written.items()}
+        print(json.dumps({**light.sidecar(), "photo": str(listed[0]), "files": files}), flush=True)
+    seconds = sum(sum(one.info["seconds"].values()) for one in lights)
+    direction = light.main_light().direction
+    return Done(photo=listed[0], direction=direction, seconds=seconds, warnings=light.warnings)
+
+
+def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:
+    """Refuse a result that would replace one of the inputs."""
+    from anyprobe.infer.outputs import SUFFIXES
+
+    files = (*listed, told["mask"], told["depth"], told["normals"], told["surroundings"])
+    inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
+    for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
+        if target.resolve() in inputs:
+            lost = inputs[target.resolve()]
+            raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:

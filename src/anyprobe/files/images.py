@@ -12,7 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +47,7 @@ class Pixels:
         rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1].
         alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
         long_fov_deg: field of view of the longer side from EXIF, or None.
+        exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
         name: what messages call the picture.
         warnings: one line each, for the user.
     """
@@ -56,6 +57,7 @@ class Pixels:
     long_fov_deg: float | None
     name: str
     warnings: tuple[str, ...] = ()
+    exposure: float | None = None
 
 
 def read_image(source: ImageSource, name: str | None = None) -> Pixels:
@@ -186,7 +188,7 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
             # a phone's MPO holds a photo and its thumbnail or depth, no animation
             num_frames = 1 if image.format == "MPO" else getattr(image, "n_frames", 1)
             image.load()
-            long_fov_deg = _exif_fov_deg(image)
+            long_fov_deg, exposure = _exif_fov_deg(image), _exif_exposure(image)
             image = ImageOps.exif_transpose(image)
             alpha = None
             if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
@@ -207,7 +209,7 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
         if num_frames > 1
         else ()
     )
-    return Pixels(rgb=pixels.rgb, alpha=pixels.alpha, long_fov_deg=long_fov_deg, name=name, warnings=notes)
+    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure)
 
 
 def _color_values(image: Image.Image) -> np.ndarray:
@@ -253,6 +255,20 @@ def _exif_fov_deg(image: Image.Image) -> float | None:
     if not 2.0 <= focal_mm <= 2000.0:  # 0 means unknown
         return None
     return float(np.degrees(2.0 * np.arctan(18.0 / focal_mm)))
+
+
+def _exif_exposure(image: Image.Image) -> float | None:
+    """Light that reached the sensor, times its gain: t S / N^2 (ISO 2720); None where EXIF lacks one of the three."""
+    exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
+    tags = (ExifTags.Base.ExposureTime, ExifTags.Base.ISOSpeedRatings, ExifTags.Base.FNumber)
+    try:
+        seconds, iso, f_number = (
+            float(value[0] if isinstance(value, tuple) else value) for value in map(exif.get, tags)
+        )
+        exposure = seconds * iso / f_number**2
+    except (TypeError, ValueError, ZeroDivisionError, IndexError):
+        return None
+    return exposure if 0.0 < exposure < np.inf else None
 
 
 @contextmanager

@@ -134,6 +134,7 @@ class Estimator:
                 "photo": photo.name,
                 "model": self.model_id,
                 "lamps": self.lamps,
+                **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
                 "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},

@@ -42,6 +42,7 @@ class Photo:
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
         around: [64, 128, 4] what is known of the map, in the camera's frame, see infer.surroundings.read_surroundings;
             True: what the photo itself shows beside the object; None: nothing.
+        exposure: how much light it took, see files.images.Pixels; None where nothing says so.
     """
 
     rgb: np.ndarray
@@ -54,6 +55,7 @@ class Photo:
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
     around: np.ndarray | bool | None = None
+    exposure: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -120,6 +122,7 @@ def load_photo(
         mask_confidence=found.confidence,
         normals=_known_normals(normals, found.mask, long_fov_deg),
         around=_known_surroundings(surroundings),
+        exposure=pixels.exposure,
     )
 
 

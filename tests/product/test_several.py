@@ -1,0 +1,203 @@
+"""Several photos of one place: maps fused, poses read, and one light of all from the command line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import made_map
+
+import anyprobe
+from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.errors import InputError
+from anyprobe.files.images import read_image
+from anyprobe.files.poses import read_poses
+from anyprobe.files.radiance import read_radiance
+from anyprobe.infer.result import Light
+from anyprobe.infer.several import UNTOLD, fuse_lights
+from anyprobe.light.environment import integral, rotate
+from anyprobe.light.fuse import OFFSET, fuse
+
+D = pixel_directions(64)
+ONE = np.ones((2, 64, 128), np.float32)
+
+
+def flat(value: float) -> np.ndarray:
+    return np.full((64, 128, 3), value, np.float32)
+
+
+def lamp(direction, width: float, radiance: float) -> np.ndarray:
+    """A cap of light over 0.2 all around, [64, 128, 3]."""
+    there = D @ np.asarray(direction) > np.cos(width)
+    return np.where(there[..., None], radiance, 0.2).astype(np.float32) * np.ones(3, np.float32)
+
+
+# Maps
+
+
+def test_fused_with_itself_a_map_stays():
+    light = made_map()
+    found = fuse(np.stack([light] * 2), np.ones((2, *light.shape[:2])))
+    np.testing.assert_allclose(found, light, rtol=1e-4, atol=1e-5)
+
+
+def test_maps_meet_at_their_weighted_geometric_mean():
+    expected = (0.1 + OFFSET) ** 0.75 * (0.5 + OFFSET) ** 0.25 - OFFSET
+    found = fuse(np.stack([flat(0.1), flat(0.5)]), np.stack([3 * ONE[0], ONE[0]]))
+    # as much light as their geometric mean has in all would be more; nothing there is bright enough to take it
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+def test_lamps_side_by_side_keep_their_light_and_one_alone_is_doubted():
+    """Two guesses of one lamp that overlap by half: it is where both say, and no weaker in all."""
+    left, right = (lamp((np.sin(a), 0, -np.cos(a)), 0.35, 60.0) for a in (-0.15, 0.15))
+    found = fuse(np.stack([left, right]), ONE)
+    np.testing.assert_allclose(integral(found), integral(left), rtol=0.02)
+    both = (left[..., 0] > 1) & (right[..., 0] > 1)
+    one = (left[..., 0] > 1) ^ (right[..., 0] > 1)
+    assert found[both].min() > 60.0
+    assert found[one].max() < 0.2 * found[both].min()
+
+
+def test_what_nobody_calls_bright_is_not_made_so():
+    found = fuse(np.stack([flat(0.05), flat(0.6)]), ONE)
+    assert found.max() < 0.6
+
+
+# Lights
+
+
+def seen_from(world: np.ndarray, pose: np.ndarray, **info) -> Light:
+    """What a camera turned so would say if it knew the half behind it, and nothing of the other."""
+    known = D[..., 2] > 0
+    radiance = np.maximum(rotate(world, pose.T), 0.0)
+    radiance = np.where(known[..., None], radiance, 0.02).astype(np.float32)
+    return Light(radiance=radiance, confidence=np.where(known, 1.0, 0.02).astype(np.float32), info=info)
+
+
+def test_each_photo_tells_of_the_side_that_its_object_faces():
+    slopes = np.array([[1.0, 0.2, 0.0], [0.0, 0.3, 1.0], [0.5, 1.0, 0.2]])
+    world = (0.25 * np.exp(0.5 * D @ slopes)).astype(np.float32)
+    poses = [rotation_x(0.2) @ rotation_y(0.4), rotation_x(0.2) @ rotation_y(0.4 + np.pi)]
+    lights = [seen_from(world, pose, photo=name) for pose, name in zip(poses, "ab", strict=True)]
+    fused = fuse_lights(lights, poses)
+    truth = rotate(world, poses[0].T)
+    off_seam = np.abs(D[..., 2]) > 0.1
+    np.testing.assert_allclose(fused.radiance[off_seam], truth[off_seam], rtol=0.03)
+    assert np.abs(lights[0].radiance - truth)[off_seam].max() > 0.2
+    assert fused.confidence[off_seam].min() > 0.95
+    assert fused.info["fused"] == ["a", "b"]
+    swapped = fuse_lights(lights[::-1], poses[::-1])  # in the other's frame
+    np.testing.assert_allclose(
+        rotate(swapped.radiance, poses[0].T @ poses[1])[off_seam], truth[off_seam], rtol=0.05
+    )
+
+
+def test_exposures_that_photos_tell_are_made_one():
+    poses = [np.eye(3), rotation_y(0.0)]
+    dark, bright = (Light(radiance=flat(0.2 * e), info={"exposure": e}) for e in (1.0, 4.0))
+    np.testing.assert_allclose(fuse_lights([dark, bright], poses).radiance, 0.2, rtol=1e-4)
+    np.testing.assert_allclose(fuse_lights([bright, dark], poses).radiance, 0.8, rtol=1e-4)
+    untold = Light(radiance=flat(0.8))
+    mixed = fuse_lights([dark, untold], poses)
+    np.testing.assert_allclose(mixed.radiance, np.sqrt(0.21 * 0.81) - OFFSET, rtol=1e-4)
+    assert mixed.warnings == (UNTOLD,)
+
+
+def test_lights_without_poses_are_refused():
+    for lights, poses in (([], []), ([Light(radiance=flat(1.0))], [])):
+        with pytest.raises(InputError, match="poses: expected one a light"):
+            fuse_lights(lights, poses)
+    with pytest.raises(InputError, match="expected a .3, 3. rotation"):
+        fuse_lights([Light(radiance=flat(1.0))] * 2, [np.eye(3), 2 * np.eye(3)])
+    assert anyprobe.fuse_lights is fuse_lights
+
+
+def test_exif_tells_the_exposure(tmp_path):
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x829A: 1 / 50, 0x829D: 2.0, 0x8827: 200})  # s, f-number, ISO
+    Image.new("RGB", (60, 40), "grey").save(tmp_path / "a.jpg", exif=exif)
+    assert read_image(tmp_path / "a.jpg").exposure == pytest.approx(200 / 50 / 4)
+    for broken in ({0x829D: 0.0}, {0x8827: 0}):
+        exif.get_ifd(0x8769).update(broken)
+        Image.new("RGB", (60, 40), "grey").save(tmp_path / "b.jpg", exif=exif)
+        assert read_image(tmp_path / "b.jpg").exposure is None
+
+
+# Poses
+
+
+def test_poses_come_as_a_list_or_by_name(tmp_path):
+    turn = rotation_y(0.5)
+    four = np.eye(4)
+    four[:3, :3], four[:3, 3] = turn, (1, 2, 3)
+    (tmp_path / "list.json").write_text(json.dumps([np.eye(3).tolist(), four.round(4).tolist()]))
+    listed = read_poses(tmp_path / "list.json").of([tmp_path / "x.png", tmp_path / "y.png"])
+    np.testing.assert_allclose(listed, [np.eye(3), turn], atol=1e-4)
+    assert np.linalg.det(listed[1]) == pytest.approx(1.0, abs=1e-12)
+    frames = [
+        {"file_path": "./images/y.png", "transform_matrix": four.tolist()},
+        {"file_path": "./images/x", "transform_matrix": np.eye(4).tolist()},
+    ]
+    (tmp_path / "named.json").write_text(json.dumps({"camera_angle_x": 0.7, "frames": frames}))
+    named = read_poses(tmp_path / "named.json")
+    np.testing.assert_allclose(named.of([tmp_path / "x.png", tmp_path / "y.png"]), [np.eye(3), turn])
+    with pytest.raises(InputError, match=r"expected a pose of z\.png, got none"):
+        named.of([tmp_path / "z.png"])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("not json", "JSON file of camera poses"),
+        ("{}", "a list of matrices"),
+        ("[]", "a list of matrices"),
+        ("[1, 2]", "pose 1: expected 3 x 3"),
+        ('[[["a"]]]', "pose 1: expected 3 x 3"),
+        ('{"frames": [{"file_path": "a"}]}', "pose 1: expected 3 x 3"),
+        ("[[[1,0,0],[0,1,0],[0,0,1]], [[2,0,0],[0,2,0],[0,0,2]]]", "pose 2: expected a rotation"),
+        ("[[[1,0,0],[0,1,0],[0,0,-1]]]", "mirrored"),
+        ("[[[NaN,0,0],[0,1,0],[0,0,1]]]", "expected a rotation"),
+    ],
+)
+def test_file_that_holds_no_poses_is_one_line(tmp_path, content, words):
+    (tmp_path / "poses.json").write_text(content)
+    with pytest.raises(InputError, match=words):
+        read_poses(tmp_path / "poses.json")
+
+
+# The command
+
+
+def test_photos_with_poses_give_one_light(command, work, photo_path):
+    other = work / "other.png"
+    other.write_bytes(photo_path.read_bytes())
+    poses = [np.eye(3).tolist(), rotation_y(2.0).tolist()]
+    (work / "poses.json").write_text(json.dumps(poses))
+    done = command("estimate", photo_path, other, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
+    assert done.status == 0, done.err
+    told = json.loads(done.out)
+    assert told["fused"] == [photo_path.name, "other.png"]
+    assert {path.name for path in (work / "one").iterdir()} == {
+        f"{photo_path.stem}.{kind}" for kind in ("exr", "hdr", "json", "png")
+    }
+    lights = [anyprobe.estimate(photo_path), anyprobe.estimate(other)]
+    expected = fuse_lights(lights, poses).radiance
+    found = read_radiance(work / "one" / f"{photo_path.stem}.exr")
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=1e-4)
+    assert np.abs(np.log((expected + 0.01) / (lights[0].radiance + 0.01))).mean() > 0.1
+
+
+@pytest.mark.parametrize("poses", ["[[[1,0,0],[0,1,0],[0,0,1]]]", "{}"])
+def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
+    other = work / "other.png"
+    other.write_bytes(photo_path.read_bytes())
+    (work / "poses.json").write_text(poses)
+    assert (
+        "poses.json: expected"
+        in command("estimate", photo_path, other, "--poses", work / "poses.json", "-o", "one").complaint
+    )
+    assert not (work / "one").exists()
