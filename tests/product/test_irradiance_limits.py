@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -195,7 +196,9 @@ def test_page_has_the_section_where_there_is_a_file(tmp_path):
 
 
 def test_designs_show_as_the_model_whose_network_they_share():
-    some_designs = object()
+    some_designs = SimpleNamespace(has_own_irradiance=False)
     assert irradiance_methods(["paper", "runs/lift"], some_designs) == ["paper", "lift"]
     assert irradiance_methods(["lift"], some_designs) == ["irradiance", "lift"]
     assert irradiance_methods(["lift"]) == ["lift"]
+    learned = SimpleNamespace(has_own_irradiance=True)
+    assert irradiance_methods(["paper"], learned) == ["irradiance", "paper"]

@@ -168,9 +168,10 @@ def open_methods(
 
 
 def irradiance_methods(models: list[str], designs: DesignMethods | None = None) -> list[str]:
-    """Those with an irradiance image of their own: all designs share that of the model `paper`."""
+    """Those with an irradiance image of their own: all designs share one, that of the model `paper` unless it learned."""
     names = [Path(name).name for name in models]
-    return names if designs is None or "paper" in names else ["irradiance", *names]
+    shown = designs is None or ("paper" in names and not designs.has_own_irradiance)
+    return names if shown else ["irradiance", *names]
 
 
 def curves(log: Path) -> dict[str, Any]:

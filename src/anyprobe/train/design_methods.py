@@ -50,7 +50,8 @@ class DesignMethods:
     def __init__(self, checkpoint: Path) -> None:
         self.run = read_run(checkpoint)
         self.nets = load_nets(checkpoint)
-        self.irradiance = self.nets[IMAGE] if IMAGE in self.nets else load_frozen_irradiance()[0]
+        self.has_own_irradiance = IMAGE in self.nets
+        self.irradiance = self.nets[IMAGE] if self.has_own_irradiance else load_frozen_irradiance()[0]
         self._of: Pair | None = None
         self._irradiance = torch.zeros(0)
 
