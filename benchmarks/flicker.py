@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sequences import FPS, Scene, Sequence, film, scenes, sequences
+from sequences import FPS, Scene, Sequence, camera_pose, film, scenes, sequences
 
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.files.atomic import atomic_path
 from anyprobe.infer.estimate import Estimator
+from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.main_light import find_main_light
 from anyprobe.light.temporal import step
@@ -119,6 +120,9 @@ def measure(
         held += state.held
         steady.append(state.radiance)
     runs = {"truth": truth, "frame by frame": found, "filtered": steady}
+    if sequence.name == "camera turns":
+        poses = [camera_pose(sequence.yaw(index / FPS)) for index in range(len(found))]
+        runs["filtered, pose known"] = filtered_in_the_world(found, poses)
     start = round(SETTLING_S * FPS)
     shown = {name: balls(run) for name, run in runs.items()}
     raw = shown["frame by frame"]
@@ -129,9 +133,18 @@ def measure(
             line["held"] = held
         if name != "truth" and sequence.jump_s is not None:
             line["followed_s"] = followed_s(shown[name], raw, round(sequence.jump_s * FPS))
-        elif name == "filtered" and sequence.name != "still":
+        elif name.startswith("filtered") and sequence.name != "still":
             line["lag_s"] = rounded(lag_s(shown[name], raw))
         yield line
+
+
+def filtered_in_the_world(found: Run[np.ndarray], poses: Run[np.ndarray]) -> list[np.ndarray]:
+    """As anyprobe video --poses does it: each light turned into the world, and back into its camera."""
+    steady, state = [], None
+    for light, pose in zip(found, poses, strict=True):
+        state = step(state, np.maximum(rotate(light, pose), 0.0), 1 / FPS)
+        steady.append(np.maximum(rotate(state.radiance, pose.T), 0.0))
+    return steady
 
 
 def summaries(lines: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:

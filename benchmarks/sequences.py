@@ -117,6 +117,11 @@ def lamp_at(scene: Scene, azimuth: float) -> np.ndarray:
     return (scene.surround + LAMP_POWER * cap * np.array([1.1, 1.0, 0.8])).astype(np.float32)
 
 
+def camera_pose(yaw: float) -> np.ndarray:
+    """world_from_camera [3, 3] of a camera that goes round the object."""
+    return world_from_camera(yaw, 0.25)
+
+
 def film(scene: Scene, sequence: Sequence, seed: int = 0) -> Iterator[Taken]:
     """The sequence's frames in order; what does not change between two frames is rendered once."""
     rng = np.random.default_rng(seed)
@@ -135,8 +140,7 @@ def film(scene: Scene, sequence: Sequence, seed: int = 0) -> Iterator[Taken]:
         at = sequence.yaw(time_s), sequence.lamp(time_s)
         if at != drawn_at:
             light, drawn_at = lamp_at(scene, at[1]), at
-            pose = world_from_camera(at[0], 0.25)
-            camera = frame_object(scene.mesh, pose, FOV_DEG, margin=MARGIN, size=SIZE)
+            camera = frame_object(scene.mesh, camera_pose(at[0]), FOV_DEG, margin=MARGIN, size=SIZE)
             drawn = draw_mesh(scene.mesh, camera, light, scene.material)
             mask = drawn[..., 3] > 0.5
             gain = gain or OBJECT_MEAN / float(luminance(drawn[mask][:, :3]).mean())

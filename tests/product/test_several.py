@@ -145,6 +145,7 @@ def test_poses_come_as_a_list_or_by_name(tmp_path):
     (tmp_path / "named.json").write_text(json.dumps({"camera_angle_x": 0.7, "frames": frames}))
     named = read_poses(tmp_path / "named.json")
     np.testing.assert_allclose(named.of([tmp_path / "x.png", tmp_path / "y.png"]), [np.eye(3), turn])
+    np.testing.assert_allclose(named.in_order(), [np.eye(3), turn])
     with pytest.raises(InputError, match=r"expected a pose of z\.png, got none"):
         named.of([tmp_path / "z.png"])
 

@@ -18,9 +18,11 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import SIZE, ball_frame, ball_mask, turned, write_clip, write_masks
 
+from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.radiance import read_radiance
+from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
 from anyprobe.relight.relight import Arrangement
 from anyprobe.render.shapes import sphere
@@ -105,6 +107,47 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     shown = ball_frame(made_map())[50, 74] / 255
     np.testing.assert_allclose(response(lights["photo"][ahead]), shown, atol=0.03)
     assert np.abs(response(lights["alone"][ahead]) - shown).max() > 0.05
+
+
+def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
+    """Told that the camera turned instead of the light, frames agree about it, also those without one of their own."""
+    poses = np.array([rotation_y(-0.05 * i) for i in range(COUNT)])
+    still, turning = begin(tmp_path / "a", every=3), begin(tmp_path / "b", every=3)
+    turning.poses = poses
+    for run in (still, turning):
+        run(lambda done: None)
+    records = turning.progress.frames
+    assert all("same_as" not in one and len(one["sh9"]) == 9 for one in records)
+    last = np.maximum(rotate(turning.progress.light.radiance, poses[-1].T), 0.0)
+    np.testing.assert_allclose(records[-1]["sh9"], project(last), atol=1e-4)
+    # the light of frame 6 as frame 8's camera sees it
+    world = [rotation_y(-0.05 * i) @ records[i]["main_light"]["direction"] for i in (6, 7, 8)]
+    np.testing.assert_allclose(world[1:], [world[0]] * 2, atol=0.02)
+    assert turning.progress.light.spread < still.progress.light.spread
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made):
+    order = (
+        "video",
+        made / "clip.mp4",
+        "-o",
+        "out",
+        "--masks",
+        made / "masks",
+        "-q",
+        "--poses",
+        "poses.json",
+    )
+    matrices = [rotation_y(-0.05 * i).tolist() for i in range(COUNT)]
+    (work / "poses.json").write_text(json.dumps(matrices[:-1]))
+    assert f"expected {COUNT} poses, one a frame, got {COUNT - 1}" in command(*order).complaint
+    (work / "poses.json").write_text(json.dumps(matrices))
+    assert command(*order).status == 0
+    assert json.loads((work / "out" / "track.json").read_text())["poses"]
+    (work / "poses.json").write_text(json.dumps(matrices[::-1]))
+    assert "another poses" in command(*order).complaint
+    assert "expected one of them" in command(*order, "--object", "ball").complaint
 
 
 def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):

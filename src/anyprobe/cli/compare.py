@@ -168,7 +168,7 @@ def open_methods(
 
 
 def irradiance_methods(models: list[str], designs: DesignMethods | None = None) -> list[str]:
-    """Those with an irradiance image of their own: all designs share one, that of the model `paper` unless it learned."""
+    """Those with an irradiance image of their own; designs share one, that of `paper` unless it went on learning."""
     names = [Path(name).name for name in models]
     shown = designs is None or ("paper" in names and not designs.has_own_irradiance)
     return names if shown else ["irradiance", *names]

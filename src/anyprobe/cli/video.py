@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shlex
 import shutil
@@ -59,6 +60,9 @@ def video(
     fov: Annotated[
         float | None, typer.Option(help="Field of view of the video's longer side, degrees.")
     ] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="JSON of how the camera is turned in each frame; see docs/video.md.")
+    ] = None,
     surroundings: SurroundingsOption = None,
     lamps: LampsOption = DRAWN,
     restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
@@ -67,6 +71,7 @@ def video(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
+    from anyprobe.files.poses import read_poses
     from anyprobe.infer.estimate import Estimator
     from anyprobe.infer.surroundings import read_surroundings
     from anyprobe.relight.objects import open_object
@@ -80,9 +85,16 @@ def video(
     foot = point(at)
     if masks is not None and told:
         raise InputError("--masks, and a box or clicks: expected one of them, got both")
+    if poses is not None and name is not None:
+        raise InputError(
+            "--poses and --object: expected one of them; relit clips need a camera that stands still"
+        )
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     header = open_clip(clip)
+    turned = None if poses is None else read_poses(poses).in_order()
+    if turned is not None and len(turned) < header.num_frames:
+        raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
     virtual = None
     if name is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
@@ -102,6 +114,7 @@ def video(
         "masks": None if masks is None else str(masks),
         "first_frame": told,
         "fov_deg": fov,
+        "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         "surroundings": surroundings,
         "lamps": lamps,
         "object": name,
@@ -116,7 +129,9 @@ def video(
             (out / left).unlink(missing_ok=True)
         for left in (".pieces", "lights"):
             shutil.rmtree(out / left, ignore_errors=True)
-    run = ClipRun(header, out, estimator, follower, settings, every=every, exr=exr, virtual=virtual)
+    run = ClipRun(
+        header, out, estimator, follower, settings, every=every, exr=exr, virtual=virtual, poses=turned
+    )
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     begun, start = run.progress.next_index, time.monotonic()
     if begun:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,12 @@ class Poses:
     path: Path
     world_from_camera: np.ndarray
     names: tuple[str, ...] | None
+
+    def in_order(self) -> np.ndarray:
+        """[N, 3, 3] of a clip's frames: as they are listed, by name where there are names (frame_2 before frame_10)."""
+        if self.names is None:
+            return self.world_from_camera
+        return self.world_from_camera[sorted(range(len(self.names)), key=lambda k: _natural(self.names[k]))]
 
     def of(self, photos: list[Path]) -> np.ndarray:
         """[len(photos), 3, 3], by name where there are names, else in order; InputError where one is missing."""
@@ -72,6 +79,10 @@ def read_poses(path: Path) -> Poses:
         )
     rotations = np.array([_rotation(path, number, matrix) for number, matrix in enumerate(matrices, start=1)])
     return Poses(path=path, world_from_camera=rotations, names=names)
+
+
+def _natural(name: str) -> list[tuple[bool, int, str]]:
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d+)", name)]
 
 
 def _rotation(path: Path, number: int, matrix: Any) -> np.ndarray:

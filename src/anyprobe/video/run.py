@@ -14,6 +14,7 @@ from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.radiance import write_exr
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import Photo
+from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.relight import Arrangement, Stage
@@ -74,14 +75,17 @@ class ClipRun:
         every: int = 1,
         exr: bool = False,
         virtual: VirtualObject | None = None,
+        poses: np.ndarray | None = None,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a folder goes on only with the same.
         every: a light for every so many frames; those between keep the last.
         exr: write lights/<index>.exr too, the steady map of every frame with a light of its own.
+        poses: world_from_camera [N, 3, 3] of the frames. The filter then works in the world, where light stands still
+            while the camera turns; what is written is in each frame's camera all the same.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
-        self.every, self.exr, self.virtual = every, exr, virtual
+        self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
         self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
         self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
@@ -133,8 +137,11 @@ class ClipRun:
         """
         done = self.progress
         record = {"index": frame.index, "time_s": round(frame.time_s, 5)}
+        if self.poses is not None and frame.index >= len(self.poses):
+            raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
+        turned = {} if self.poses is None or done.light is None else describe(self._seen(frame.index))
         if frame.index % self.every and done.light is not None:
-            return {**record, "same_as": done.frames[-1].get("same_as", frame.index - 1)}
+            return {**record, **(turned or {"same_as": done.frames[-1].get("same_as", frame.index - 1)})}
         try:
             self._photo = self.follower.photo(frame)
             light = self.estimator.from_photo(self._photo)
@@ -142,11 +149,13 @@ class ClipRun:
             if frame.index == 0 and self.follower.told:
                 raise
             self._photo = None
-            return {**record, "error": " ".join(str(error).splitlines())}
+            return {**record, "error": " ".join(str(error).splitlines()), **turned}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
+        if self.poses is not None:
+            light = light.rotate(self.poses[frame.index])
         done.light = step(done.light, light.radiance, dt_s)
         done.light_time_s, self._shown = frame.time_s, None
-        steady = done.light.radiance
+        steady = self._seen(frame.index)
         if self.exr:
             write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady)
         if self.virtual is not None:
@@ -157,6 +166,11 @@ class ClipRun:
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
+
+    def _seen(self, index: int) -> np.ndarray:
+        """The steady light in a frame's camera, [H, 2H, 3]."""
+        radiance = self.progress.light.radiance
+        return radiance if self.poses is None else np.maximum(rotate(radiance, self.poses[index].T), 0.0)
 
     def _set_up(self, photo: Photo) -> None:
         """The place of the virtual object, from the first frame with a mask, for all."""
