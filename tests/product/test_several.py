@@ -139,12 +139,12 @@ def test_poses_come_as_a_list_or_by_name(tmp_path):
     np.testing.assert_allclose(listed, [np.eye(3), turn], atol=1e-4)
     assert np.linalg.det(listed[1]) == pytest.approx(1.0, abs=1e-12)
     frames = [
-        {"file_path": "./images/y.png", "transform_matrix": four.tolist()},
-        {"file_path": "./images/x", "transform_matrix": np.eye(4).tolist()},
+        {"file_path": "./images/v_10.png", "transform_matrix": four.tolist()},
+        {"file_path": "./images/v_2", "transform_matrix": np.eye(4).tolist()},
     ]
     (tmp_path / "named.json").write_text(json.dumps({"camera_angle_x": 0.7, "frames": frames}))
     named = read_poses(tmp_path / "named.json")
-    np.testing.assert_allclose(named.of([tmp_path / "x.png", tmp_path / "y.png"]), [np.eye(3), turn])
+    np.testing.assert_allclose(named.of([tmp_path / "v_2.png", tmp_path / "v_10.png"]), [np.eye(3), turn])
     np.testing.assert_allclose(named.in_order(), [np.eye(3), turn])
     with pytest.raises(InputError, match=r"expected a pose of z\.png, got none"):
         named.of([tmp_path / "z.png"])
