@@ -16,20 +16,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from places import draw_place
 
-from anyprobe.core.color import luminance
-from anyprobe.core.frames import rotation_y, world_from_camera
-from anyprobe.dataset.camera import draw_shot, exposure, take_photo
-from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import draw_alpha, draw_material
-from anyprobe.dataset.pair import shade_surface
 from anyprobe.dataset.stock import Stock, load_left_out, load_stock
 from anyprobe.evaluate.protocol import score
 from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import Photo
 from anyprobe.infer.several import fuse_lights
-from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.render.surface import frame_object, see
 
 MOST = 8
 COUNTS = (1, 2, 4, 8)
@@ -44,58 +36,18 @@ SHOWN = (
 )
 
 
-def photograph(
-    stock: Stock, rng: np.random.Generator, arc_deg: float
-) -> tuple[np.ndarray, list[Photo], list[np.ndarray]]:
-    """The map in the first camera's frame and exposure units, the photos of one place, and map_from_camera of each."""
-    asset = list(stock.maps.values())[rng.integers(len(stock.maps))]
-    shape = list(stock.shapes.values())[rng.integers(len(stock.shapes))]
-    material = draw_material(rng, draw_alpha(rng))
-    yaw, map_yaw = rng.uniform(0, 2 * np.pi, 2)
-    elevation, fov_deg = rng.uniform(0.05, 0.6), rng.uniform(15.0, 40.0)
-    shot, step = draw_shot(rng), np.radians(arc_deg) / (MOST if arc_deg == 360 else MOST - 1)
-    photos, turns, gain, truth = [], [], None, None
-    for k in range(MOST):
-        camera = frame_object(shape.mesh, world_from_camera(yaw + k * step, elevation), fov_deg=fov_deg)
-        surface = see(shape.mesh, camera)
-        turns.append(rotation_y(map_yaw) @ camera.world_from_camera)
-        reflected = shade_surface(stock.pyramid(asset.id), surface, turns[-1], material.alpha).radiance(
-            material
-        )
-        if gain is None:
-            light = shrink(rotate(asset.radiance, turns[0].T), MAP_HEIGHT)
-            scene = float(np.exp(np.log(np.maximum(luminance(light), 1e-4)).mean()))
-            gain = exposure(shot, float(luminance(reflected).mean()), scene)
-            truth = np.maximum(light, 0.0) * np.asarray(gain * shot.white_balance, np.float32)
-        picture = np.zeros((*surface.mask.shape, 3), np.float32)
-        picture[surface.mask] = reflected * gain
-        display = take_photo(shot, picture, surface.mask, None, rng)
-        photos.append(
-            Photo(
-                rgb=display.astype(np.float32) / 255,
-                mask=disturb_mask(surface.mask, rng).astype(np.float32),
-                long_fov_deg=float(np.degrees(2 * np.arctan(camera.tan_half))),
-                fov_source="given",
-                name=f"{asset.name} {shape.name} {k}",
-                warnings=(),
-            )
-        )
-    return truth, photos, turns
-
-
 def measure(stock: Stock, places: int, arc_deg: float, estimator: Estimator) -> Iterator[dict]:
     """One line a place and number of photos."""
-    rng = np.random.default_rng(15)
-    for place in range(places):
-        truth, photos, turns = photograph(stock, rng, arc_deg)
-        lights = [estimator.from_photo(photo) for photo in photos]
+    rng, around = np.random.default_rng(15), arc_deg == 360
+    for number in range(places):
+        place = draw_place(stock, rng, MOST, arc_deg)
+        lights = [estimator.from_photo(photo) for photo in place.photos]
         for count in COUNTS:
-            last = MOST if arc_deg == 360 else MOST - 1
-            chosen = sorted(
-                {round(k * last / max(count if arc_deg == 360 else count - 1, 1)) for k in range(count)}
+            chosen = (
+                np.linspace(0, MOST if around else MOST - 1, count, endpoint=not around).round().astype(int)
             )
-            fused = fuse_lights([lights[k] for k in chosen], [turns[k] for k in chosen])
-            yield {"place": place, "photos": count, **score(fused.radiance, truth)}
+            fused = fuse_lights([lights[k] for k in chosen], place.map_from_camera[chosen])
+            yield {"place": number, "photos": count, **score(fused.radiance, place.radiance)}
 
 
 def main() -> None:
