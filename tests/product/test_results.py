@@ -150,6 +150,20 @@ def test_a_run_of_the_laboratory_gets_its_section(results, tmp_path):
     (folder / "laboratory" / "table1.json").write_text(json.dumps(table))
     text = write_report(folder, tmp_path / "page.md").read_text()
     section = text.split("### One camera and eight materials")[1].split("\n#")[0]
+    assert "Given a mixture" not in section
+    rows = [
+        {"share": share, "irradiance_rmse": error, "irradiance_ssim": 0.9}
+        | {f"{name}_{figure}": value for name in ("irradiance", "ours") for figure, value in each.items()}
+        for share, error, each in (
+            (0.0, 0.05, {"ldr_rmse": 0.20, "ldr_ssim": 0.2}),
+            (1.0, 0.0, {"ldr_rmse": 0.10, "ldr_ssim": 0.4}),
+        )
+    ]
+    tolerance = {"note": "", "direct": {"ldr_rmse": 0.25, "ldr_ssim": 0.3}, "rows": rows}
+    (folder / "laboratory" / "tolerance.json").write_text(json.dumps(tolerance))
+    text = write_report(folder, tmp_path / "page.md").read_text()
+    assert "  - ours, RMSE: ahead of direct as it is, on the mean, with an irradiance RMSE of 0.050." in text
+    assert "  - ours, SSIM: level with direct at an irradiance RMSE of 0.025" in text
     assert "RMSE 0.0321, SSIM 0.9432; with the world's cameras and materials" in section
     assert "in the paper RMSE 0.0449, SSIM 0.9502." in section
     assert "- irradiance < ours: holds in 0 of 6 figures" in section  # ours was made worse than irradiance

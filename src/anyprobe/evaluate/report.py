@@ -57,8 +57,9 @@ def write_report(results: Path, page: Path) -> Path:
         raise InputError(
             f"{results}: expected table1.json and the other result files, found none; run anyprobe compare"
         )
-    if (results / LABORATORY / "table1.json").is_file():
-        found[LABORATORY] = read_result(results / LABORATORY / "table1.json")
+    laboratory = {path.stem: read_result(path) for path in sorted((results / LABORATORY).glob("*.json"))}
+    if "table1" in laboratory:
+        found[LABORATORY] = laboratory
     pictures = _charts(found, results)
     pictures |= {path.stem: path for path in results.glob("fig*.png")}
     links = {name: path.relative_to(page.parent).as_posix() for name, path in pictures.items()}
@@ -104,7 +105,7 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
     if "tolerance" in found:
         yield from tolerance_lines(found["tolerance"])
     if LABORATORY in found:
-        yield from laboratory_lines(table1, found[LABORATORY])
+        yield from laboratory_lines(table1, found[LABORATORY]["table1"], found[LABORATORY].get("tolerance"))
     if "irradiance" in found:
         yield from irradiance_lines(found["irradiance"])
     yield from _curves(found, links)
