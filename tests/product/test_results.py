@@ -162,7 +162,7 @@ def test_a_run_of_the_laboratory_gets_its_section(results, tmp_path):
     tolerance = {"note": "", "direct": {"ldr_rmse": 0.25, "ldr_ssim": 0.3}, "rows": rows}
     (folder / "laboratory" / "tolerance.json").write_text(json.dumps(tolerance))
     text = write_report(folder, tmp_path / "page.md").read_text()
-    assert "  - ours, RMSE: ahead of direct as it is, on the mean, with an irradiance RMSE of 0.050." in text
+    assert "  - ours, RMSE: on the mean ahead of direct as it is, irradiance RMSE 0.050." in text
     assert "  - ours, SSIM: level with direct at an irradiance RMSE of 0.025" in text
     assert "RMSE 0.0321, SSIM 0.9432; with the world's cameras and materials" in section
     assert "in the paper RMSE 0.0449, SSIM 0.9502." in section

@@ -121,7 +121,7 @@ def level_lines(tolerance: Mapping[str, Any]) -> Iterable[str]:
             if level is None:
                 yield f"- {name}, {title}: behind direct even with true irradiance."
             elif level == tolerance["rows"][0]["irradiance_rmse"]:
-                yield f"- {name}, {title}: ahead of direct as it is, on the mean, with an irradiance RMSE of {level:.3f}."
+                yield f"- {name}, {title}: on the mean ahead of direct as it is, irradiance RMSE {level:.3f}."
             else:
                 yield f"- {name}, {title}: level with direct at an irradiance RMSE of {level:.3f} (the paper's: 0.045)."
 
