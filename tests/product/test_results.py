@@ -161,7 +161,13 @@ def test_a_run_of_the_laboratory_gets_its_section(results, tmp_path):
     ]
     tolerance = {"note": "", "direct": {"ldr_rmse": 0.25, "ldr_ssim": 0.3}, "rows": rows}
     (folder / "laboratory" / "tolerance.json").write_text(json.dumps(tolerance))
+    numbers = dict.fromkeys(("rmse", "ssim", "gain_rmse", "gain_ssim", "gain_stops", "gain_explained"), 0.5)
+    row = {"design": "irradiance", "channel_explained": 0.6} | numbers
+    groups = {name: {"pairs": 1, "rows": [row]} for name in ("all", "metal, alpha 0.5-1")}
+    groups["dielectric, alpha 0-0.1"] = {"pairs": 1, "rows": [row | {"ssim": 0.97}]}
+    (folder / "laboratory" / "irradiance.json").write_text(json.dumps({"groups": groups}))
     text = write_report(folder, tmp_path / "page.md").read_text()
+    assert "it meets the paper's SSIM on dielectric, alpha 0-0.1, not on metal, alpha 0.5-1." in text
     assert "  - ours, RMSE: on the mean ahead of direct as it is, irradiance RMSE 0.050." in text
     assert "  - ours, SSIM: level with direct at an irradiance RMSE of 0.025" in text
     assert "RMSE 0.0321, SSIM 0.9432; with the world's cameras and materials" in section

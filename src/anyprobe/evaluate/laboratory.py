@@ -6,17 +6,17 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from anyprobe.evaluate.paper_rows import TABLE1
-from anyprobe.evaluate.verdict import level_lines, order_table, step_holds
+from anyprobe.evaluate.verdict import level_lines, limits_of, order_table, step_holds
 
 LABORATORY = "laboratory"
 """The folder of its result files, in that of the others."""
 SHOWN = ("irradiance_rmse", "irradiance_ssim", "ldr_rmse", "ldr_ssim", "hdr_rmse", "hdr_ssim")
 
 
-def laboratory_lines(
-    world: Mapping[str, Any], laboratory: Mapping[str, Any], tolerance: Mapping[str, Any] | None = None
-) -> Iterable[str]:
-    """The section of the page, from both files table1.json and the laboratory's tolerance.json."""
+def laboratory_lines(world: Mapping[str, Any], found: Mapping[str, Mapping[str, Any]]) -> Iterable[str]:
+    """The section of the page, from the world's table1.json and the laboratory's files by name: table1, and perhaps
+    irradiance and tolerance."""
+    laboratory = found["table1"]
     rows, before = ({row["design"]: row for row in one["rows"]} for one in (laboratory, world))
     designs = laboratory["designs"]
     yield from ("", "### One camera and eight materials: an experiment", "")
@@ -39,9 +39,15 @@ def laboratory_lines(
     yield from order_table(laboratory["order"])
     yield ""
     yield from _verdict(rows, before, laboratory["order"])
-    if tolerance is not None:
+    if "tolerance" in found:
         yield "- Given a mixture of estimated and true irradiance, as above:"
-        yield from (f"  {line}" for line in level_lines(tolerance))
+        yield from (f"  {line}" for line in level_lines(found["tolerance"]))
+    if "irradiance" in found:
+        surfaces = {
+            group: {row["design"]: row for row in one["rows"]}["irradiance"]
+            for group, one in found["irradiance"]["groups"].items()
+        }
+        yield from limits_of("irradiance image (as in the next section)", surfaces)
 
 
 def _verdict(rows, before, order) -> Iterable[str]:

@@ -105,7 +105,7 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
     if "tolerance" in found:
         yield from tolerance_lines(found["tolerance"])
     if LABORATORY in found:
-        yield from laboratory_lines(table1, found[LABORATORY]["table1"], found[LABORATORY].get("tolerance"))
+        yield from laboratory_lines(table1, found[LABORATORY])
     if "irradiance" in found:
         yield from irradiance_lines(found["irradiance"])
     yield from _curves(found, links)

@@ -148,12 +148,12 @@ def irradiance_lines(limits: Mapping[str, Any]) -> Iterable[str]:
     of = {group: {row["design"]: row for row in one["rows"]} for group, one in groups.items()}
     for method in of["all"]:
         if method != PHOTO:
-            yield from _limits_of(method, {group: rows[method] for group, rows in of.items()})
+            yield from limits_of(method, {group: rows[method] for group, rows in of.items()})
             yield from _beside_photo(method, of["all"])
 
 
-def _limits_of(method: str, rows: Mapping[str, Mapping[str, float]]) -> Iterable[str]:
-    """One method's row of each group."""
+def limits_of(method: str, rows: Mapping[str, Mapping[str, float]]) -> Iterable[str]:
+    """What an irradiance image's error is made of; rows: of one method, by group."""
     whole, paper = rows["all"], TABLE1["irradiance"]
     yield f"- {method}: one gain a picture, {whole['gain_stops']:.2f} stops on average, explains"
     yield f"  {whole['gain_explained']:.0%} of the squared error, a gain a channel {whole['channel_explained']:.0%}."
