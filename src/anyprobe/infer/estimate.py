@@ -48,17 +48,12 @@ class Estimator:
             dull objects better and is not sharp; see infer.runtime.LAMPS.
         """
         self.models = Models(model, threads, engine, lamps)
-        self.model_id = model_id(model)
-
-    @property
-    def lamps(self) -> str:
-        """How lamps are asked for."""
-        return self.models.lamps
+        self.model_id, self.lamps = model_id(model), lamps
 
     def with_lamps(self, lamps: str) -> Estimator:
         """The same networks, opened once, asked for other lamps."""
         other = copy(self)
-        other.models = self.models.with_lamps(lamps)
+        other.models, other.lamps = self.models.with_lamps(lamps), lamps
         return other
 
     def __call__(
