@@ -6,9 +6,8 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.light.environment import integral
+from anyprobe.light.temporal import OFFSET
 
-OFFSET = 0.01
-"""Added before the logarithm: what is much darker hardly lights anything."""
 BRIGHT = 0.8
 """Radiance above which light may be lamps; white is 1."""
 LEAST_FLUX = 0.01
