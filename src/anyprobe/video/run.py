@@ -139,9 +139,9 @@ class ClipRun:
         record = {"index": frame.index, "time_s": round(frame.time_s, 5)}
         if self.poses is not None and frame.index >= len(self.poses):
             raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
-        turned = {} if self.poses is None or done.light is None else describe(self._seen(frame.index))
         if frame.index % self.every and done.light is not None:
-            return {**record, **(turned or {"same_as": done.frames[-1].get("same_as", frame.index - 1)})}
+            same = {"same_as": done.frames[-1].get("same_as", frame.index - 1)}
+            return {**record, **(self._turned(frame.index) or same)}
         try:
             self._photo = self.follower.photo(frame)
             light = self.estimator.from_photo(self._photo)
@@ -149,7 +149,7 @@ class ClipRun:
             if frame.index == 0 and self.follower.told:
                 raise
             self._photo = None
-            return {**record, "error": " ".join(str(error).splitlines()), **turned}
+            return {**record, "error": " ".join(str(error).splitlines()), **self._turned(frame.index)}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         if self.poses is not None:
             light = light.rotate(self.poses[frame.index])
@@ -171,6 +171,10 @@ class ClipRun:
         """The steady light in a frame's camera, [H, 2H, 3]."""
         radiance = self.progress.light.radiance
         return radiance if self.poses is None else np.maximum(rotate(radiance, self.poses[index].T), 0.0)
+
+    def _turned(self, index: int) -> dict:
+        """What a frame without a light of its own sees of the last one, where its pose is known."""
+        return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
 
     def _set_up(self, photo: Photo) -> None:
         """The place of the virtual object, from the first frame with a mask, for all."""
