@@ -21,12 +21,11 @@ from anyprobe.render.surface import frame_object, see
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Place:
     """radiance [64, 128, 3]: the light in the first camera's frame and exposure units; photos, and of each camera
-    map_from_camera [N, 3, 3]; alpha of the material."""
+    map_from_camera [N, 3, 3]."""
 
     radiance: np.ndarray
     photos: tuple[Photo, ...]
     map_from_camera: np.ndarray
-    alpha: float
 
 
 def draw_place(stock: Stock, rng: np.random.Generator, count: int, arc_deg: float = 360.0) -> Place:
@@ -67,6 +66,4 @@ def draw_place(stock: Stock, rng: np.random.Generator, count: int, arc_deg: floa
                 warnings=(),
             )
         )
-    return Place(
-        radiance=radiance, photos=tuple(photos), map_from_camera=np.array(turns), alpha=material.alpha
-    )
+    return Place(radiance=radiance, photos=tuple(photos), map_from_camera=np.array(turns))
