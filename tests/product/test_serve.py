@@ -401,9 +401,14 @@ def test_openapi_describes_every_address(client):
     assert set(paths) == {
         "/healthz",
         "/v1/estimate",
+        "/v1/fuse",
         "/v1/mask",
         "/v1/photo",
         "/v1/export/{target}",
         "/v1/targets",
     }
-    assert {"200", "413", "422", "429"} <= set(paths["/v1/estimate"]["post"]["responses"])
+    for address in ("/v1/estimate", "/v1/fuse"):
+        assert {"200", "413", "422", "429"} <= set(paths[address]["post"]["responses"])
+    fused = paths["/v1/fuse"]["post"]
+    assert [one["name"] for one in fused["parameters"]] == ["format"]
+    assert fused["requestBody"]["content"]["multipart/form-data"]["schema"]["required"] == ["photo", "poses"]

@@ -18,9 +18,10 @@ TOLERANCE = 0.01
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Poses:
-    """world_from_camera [N, 3, 3]; names of the photos without folders, or None where the file has none."""
+    """world_from_camera [N, 3, 3]; names of the photos without folders, or None where the file has none; its own name,
+    for messages."""
 
-    path: Path
+    file: str
     world_from_camera: np.ndarray
     names: tuple[str, ...] | None
 
@@ -35,7 +36,7 @@ class Poses:
         if self.names is None:
             if len(photos) != len(self.world_from_camera):
                 raise InputError(
-                    f"{self.path}: expected {len(photos)} poses, one a photo in order, got "
+                    f"{self.file}: expected {len(photos)} poses, one a photo in order, got "
                     f"{len(self.world_from_camera)}"
                 )
             return self.world_from_camera
@@ -43,25 +44,36 @@ class Poses:
         found = [known.get(photo.name, known.get(photo.stem)) for photo in photos]  # some write no suffix
         for photo, one in zip(photos, found, strict=True):
             if one is None:
-                raise InputError(f"{self.path}: expected a pose of {photo.name}, got none of that name")
+                raise InputError(f"{self.file}: expected a pose of {photo.name}, got none of that name")
         return np.array(found)
 
 
 def read_poses(path: Path) -> Poses:
+    """parse_poses of a file; InputError too where there is none."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: expected a JSON file of camera poses, got none that can be read"
+        ) from error
+    return parse_poses(data, str(path))
+
+
+def parse_poses(data: bytes, file: str) -> Poses:
     """Camera poses: the camera looks along its -Z and +Y is up in its picture; the world's axes may be any.
 
-    The file is JSON: a list of matrices, or an object with "frames" whose entries have "transform_matrix", as in the
+    The data are JSON: a list of matrices, or an object with "frames" whose entries have "transform_matrix", as in the
     transforms.json of instant-ngp and nerfstudio, and perhaps "file_path". A matrix takes a point of the camera to the
     world: 3 x 3, 3 x 4 or 4 x 4 numbers, row by row; only its rotation counts.
 
     Raises:
-        InputError: no such file, another content, or a matrix that is no rotation; names which.
+        InputError: another content, or a matrix that is no rotation; names which, and the file.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        content = json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
         raise InputError(
-            f"{path}: expected a JSON file of camera poses, got none that can be read"
+            f"{file}: expected a JSON file of camera poses, got none that can be read"
         ) from error
     frames = content.get("frames") if isinstance(content, dict) else None
     names = None
@@ -74,30 +86,30 @@ def read_poses(path: Path) -> Poses:
         matrices = content if isinstance(content, list) else []
     if not matrices:
         raise InputError(
-            f'{path}: expected a list of matrices, or "frames" with "transform_matrix", got neither; '
+            f'{file}: expected a list of matrices, or "frames" with "transform_matrix", got neither; '
             "write one matrix a photo"
         )
-    rotations = np.array([_rotation(path, number, matrix) for number, matrix in enumerate(matrices, start=1)])
-    return Poses(path=path, world_from_camera=rotations, names=names)
+    rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
+    return Poses(file=file, world_from_camera=rotations, names=names)
 
 
 def _natural(name: str) -> list[tuple[bool, int, str]]:
     return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d+)", name)]
 
 
-def _rotation(path: Path, number: int, matrix: Any) -> np.ndarray:
+def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:
     """The nearest rotation to the matrix's."""
     try:
         values = np.array(matrix, dtype=np.float64)
     except (TypeError, ValueError):
         values = np.zeros(0)
     if values.shape not in ((3, 3), (3, 4), (4, 4)):
-        raise InputError(f"{path}: pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else")
+        raise InputError(f"{file}: pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else")
     rotation = values[:3, :3]
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not (off <= TOLERANCE and np.linalg.det(rotation) > 0):  # NaN fails too
         raise InputError(
-            f"{path}: pose {number}: expected a rotation, got a matrix that is scaled, sheared or mirrored; "
+            f"{file}: pose {number}: expected a rotation, got a matrix that is scaled, sheared or mirrored; "
             "leave the scale out"
         )
     u, _, vh = np.linalg.svd(rotation)

@@ -26,6 +26,7 @@ from anyprobe.serve.guards import BodyLimit, OwnPagesOnly, SecureHeaders
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, WorkerPool
+from anyprobe.serve.several import estimate_several, read_several
 from anyprobe.serve.uploads import read_upload, take_unread
 
 log = logging.getLogger("anyprobe.serve")
@@ -108,6 +109,23 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 photo, light = estimates.estimate_light(estimator, upload, job)
                 job.step()
                 return answers.light_response(light, media, upload.include, photo)
+
+            return await pool.run(work, _leaving(request))
+
+    @app.post("/v1/fuse", openapi_extra=openapi.FUSE, tags=["light"], response_class=Response)
+    async def fuse(request: Request) -> Response:
+        """Estimate one light from several photos of an object whose cameras' poses are known.
+
+        The light is in the first photo's camera frame; object and light must not have moved between the photos.
+        """
+        media = answers.choose_type(request, answers.LIGHT_TYPES)
+        async with pool.place():
+            several = await read_several(request, limits)
+
+            def work(job: Job) -> Response:
+                photo, light = estimate_several(estimator, several, job)
+                job.step()
+                return answers.light_response(light, media, several.uploads[0].include, photo)
 
             return await pool.run(work, _leaving(request))
 

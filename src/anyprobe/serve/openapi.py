@@ -78,6 +78,28 @@ ESTIMATE = _upload(
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
     files=_MASK | _NORMALS,
 )
+
+
+def _several() -> dict[str, Any]:
+    """As ESTIMATE, of several photos in a form."""
+    texts = {"fov": _OPTIONS["fov"], **_KNOWN, **_ANSWER}
+    fields: dict[str, Any] = {name: {"type": "string", "description": text} for name, text in texts.items()}
+    fields["photo"] = {"type": "array", "items": _FILE, "description": "1 to 16 photos of one object"}
+    fields["mask"] = {"type": "array", "items": _FILE, "description": "none, or one a photo in their order"}
+    fields["box"] = {"type": "array", "items": {"type": "string"}, "description": "none, or one a photo"}
+    fields["poses"] = {
+        **_FILE,
+        "description": "JSON: camera to world, a list of matrices, or transforms.json",
+    }
+    form = {"schema": {"type": "object", "required": ["photo", "poses"], "properties": fields}}
+    return {
+        "parameters": ESTIMATE["parameters"][-1:],
+        "requestBody": {"required": True, "content": {"multipart/form-data": form}},
+        "responses": ESTIMATE["responses"],
+    }
+
+
+FUSE = _several()
 MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_MASK)
 PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
 EXPORT = {

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import PurePosixPath
+from typing import Any
 
 from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
@@ -72,37 +75,24 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         HTTPException: 408 too slow, 413 too many pixels.
         InvalidPhoto, InvalidMask: no photo came, or an option cannot be read.
     """
-    form, name, mask, normals, around = FormData(), "photo", b"", b"", b""
-    try:
-        async with asyncio.timeout(limits.upload_s):
-            if request.headers.get("content-type", "").startswith(FORM):
-                form = await request.form(max_files=4, max_fields=32)
-                photo, name = await _file(form, "photo")
-                mask, _ = await _file(form, "mask")
-                if not isinstance(form.get("normals"), str):
-                    normals, _ = await _file(form, "normals")
-                if not isinstance(form.get("surroundings"), str):
-                    around, _ = await _file(form, "surroundings")
-            else:
-                photo = await request.body()
-    except TimeoutError as error:
-        raise HTTPException(
-            408, f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
-        ) from error
-    finally:
-        await form.close()
+    name, mask, normals, around = "photo", b"", b"", b""
+    async with read_form(request, limits, max_files=4) as form:
+        if request.headers.get("content-type", "").startswith(FORM):
+            photo, name = await _file(form, "photo")
+            mask, _ = await _file(form, "mask")
+            if not isinstance(form.get("normals"), str):
+                normals, _ = await _file(form, "normals")
+            if not isinstance(form.get("surroundings"), str):
+                around, _ = await _file(form, "surroundings")
+        else:
+            photo = await request.body()
     if not photo:
         raise InvalidPhoto(
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
         )
-    pictures = ((photo, name), (mask, "mask"), (normals, "normals"), (around, "surroundings"))
-    for picture, called in pictures:
-        if picture and declared_pixels(picture) > limits.max_pixels:
-            raise HTTPException(
-                413,
-                f"{called}: expected at most {limits.max_pixels / 1e6:g} million pixels; shrink it first",
-            )
-    option = _Options(form, request.query_params)
+    for picture, called in ((photo, name), (mask, "mask"), (normals, "normals"), (around, "surroundings")):
+        check_pixels(picture, called, limits)
+    option = Options(form, request.query_params)
     return Upload(
         photo=photo,
         name=name,
@@ -112,18 +102,46 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
-        fov_deg=option.number("fov"),
-        material=option.text("material"),
-        albedo=option.numbers("albedo", 1, 3),
-        lamps=option.text("lamps"),
-        include=option.words("include", {"radiance", "stages", "mask"}),
+        **option.of_light(),
     )
+
+
+@asynccontextmanager
+async def read_form(request: Request, limits: Limits, max_files: int) -> AsyncIterator[FormData]:
+    """The request's form, an empty one where it has another body; what is read within is timed too.
+
+    Raises:
+        HTTPException: 408 too slow.
+    """
+    form = FormData()
+    try:
+        async with asyncio.timeout(limits.upload_s):
+            if request.headers.get("content-type", "").startswith(FORM):
+                form = await request.form(max_files=max_files, max_fields=32)
+            yield form
+    except TimeoutError as error:
+        raise HTTPException(
+            408, f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
+        ) from error
+    finally:
+        await form.close()
+
+
+def check_pixels(picture: bytes, called: str, limits: Limits) -> None:
+    """HTTPException 413 where a picture's header tells of too many pixels."""
+    if picture and declared_pixels(picture) > limits.max_pixels:
+        raise HTTPException(
+            413, f"{called}: expected at most {limits.max_pixels / 1e6:g} million pixels; shrink it first"
+        )
 
 
 async def _file(form: FormData, field: str) -> tuple[bytes, str]:
     part = form.get(field)
-    if part is None:
-        return b"", field
+    return (b"", field) if part is None else await read_part(part, field)
+
+
+async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
+    """A file part's bytes and its name without folders; InvalidPhoto or InvalidMask if it is text."""
     if not isinstance(part, UploadFile):
         fault = InvalidMask if field == "mask" else InvalidPhoto
         raise fault(f"{field}: expected a file, got text; send it as a file part (curl -F {field}=@FILE)")
@@ -131,7 +149,7 @@ async def _file(form: FormData, field: str) -> tuple[bytes, str]:
     return await part.read(), "".join(c for c in name if c.isprintable())[:120] or field
 
 
-class _Options:
+class Options:
     """Text fields by name, read as what they mean."""
 
     def __init__(self, form: FormData, query: QueryParams) -> None:
@@ -157,10 +175,10 @@ class _Options:
 
     def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
         text = self.text(name)
-        return None if text is None else _numbers(name, text, *counts)
+        return None if text is None else parse_numbers(name, text, *counts)
 
     def points(self, name: str) -> tuple[tuple[float, float], ...]:
-        return tuple(_numbers(name, text, 2) for text in self.texts(name))
+        return tuple(parse_numbers(name, text, 2) for text in self.texts(name))
 
     def words(self, name: str, known: set[str]) -> frozenset[str]:
         found = {word.strip() for text in self.texts(name) for word in text.split(",")}
@@ -168,8 +186,19 @@ class _Options:
             raise InvalidPhoto(f"{name}: expected any of {', '.join(sorted(known))}, got {found - known}")
         return frozenset(found)
 
+    def of_light(self) -> dict[str, Any]:
+        """What concerns the light and not where the object is, as Upload has it."""
+        return {
+            "fov_deg": self.number("fov"),
+            "material": self.text("material"),
+            "albedo": self.numbers("albedo", 1, 3),
+            "lamps": self.text("lamps"),
+            "include": self.words("include", {"radiance", "stages", "mask"}),
+        }
 
-def _numbers(name: str, text: str, *counts: int) -> tuple[float, ...]:
+
+def parse_numbers(name: str, text: str, *counts: int) -> tuple[float, ...]:
+    """So many finite numbers with commas between; InvalidPhoto if they are not."""
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:

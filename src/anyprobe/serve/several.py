@@ -1,0 +1,88 @@
+"""Several photos of one object in one request, with the poses of their cameras: one light of all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from starlette.requests import Request
+
+from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.files.poses import parse_poses
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.known_normals import BALL
+from anyprobe.infer.photo import Photo
+from anyprobe.infer.result import Light
+from anyprobe.infer.several import fuse_lights
+from anyprobe.infer.surroundings import PHOTO
+from anyprobe.serve.estimates import estimate_light
+from anyprobe.serve.limits import Limits
+from anyprobe.serve.pool import Job
+from anyprobe.serve.uploads import Options, Upload, check_pixels, parse_numbers, read_form, read_part
+
+MOST = 16
+"""Photos in one request."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Several:
+    """Photos, and world_from_camera [N, 3, 3] of each."""
+
+    uploads: tuple[Upload, ...]
+    world_from_camera: np.ndarray
+
+
+async def read_several(request: Request, limits: Limits) -> Several:
+    """Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
+
+    Raises:
+        HTTPException: 408 too slow, 413 too many pixels.
+        InputError: no photos or too many, no poses or not theirs, or an option that cannot be read.
+    """
+    async with read_form(request, limits, max_files=2 * MOST + 1) as form:
+        photos = [await read_part(part, "photo") for part in form.getlist("photo")]
+        masks = [(await read_part(part, "mask"))[0] for part in form.getlist("mask")]
+        told = form.get("poses", "null")
+        poses = told.encode() if isinstance(told, str) else await told.read()
+        files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
+    if not 1 <= len(photos) <= MOST:
+        raise InvalidPhoto(f"photo: expected 1 to {MOST} file parts of this name, got {len(photos)}")
+    option = Options(form, request.query_params)
+    unused = [name for name in files if name not in ("photo", "mask", "poses")]
+    unused += [name for name in ("click", "click_off") if option.texts(name)]
+    if unused:
+        raise InvalidPhoto(
+            f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have"
+        )
+    boxes = [parse_numbers("box", text, 4) for text in option.texts("box")]
+    for name, given in (("mask", masks), ("box", boxes)):
+        if len(given) not in (0, len(photos)):
+            raise InvalidMask(
+                f"{name}: expected none or one a photo, got {len(given)} for {len(photos)} photos"
+            )
+    for data, name in photos:
+        check_pixels(data, name, limits)
+    for mask in masks:
+        check_pixels(mask, "mask", limits)
+    normals, around = option.word("normals", BALL), option.word("surroundings", PHOTO)
+    turned = parse_poses(poses, "poses").of([Path(name) for _, name in photos])
+    uploads = tuple(
+        Upload(
+            photo=data,
+            name=name,
+            mask=masks[k] if masks else None,
+            box=boxes[k] if boxes else None,
+            normals=normals,
+            surroundings=around,
+            **option.of_light(),
+        )
+        for k, (data, name) in enumerate(photos)
+    )
+    return Several(uploads=uploads, world_from_camera=turned)
+
+
+def estimate_several(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
+    """The first photo and the light of all, in its camera's frame."""
+    found = [estimate_light(estimator, upload, job) for upload in several.uploads]
+    return found[0][0], fuse_lights([light for _, light in found], several.world_from_camera)
