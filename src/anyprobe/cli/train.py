@@ -114,7 +114,7 @@ def weights(
         ),
     ] = False,
 ) -> None:
-    """Export a trained run as ONNX and check it against torch."""
+    """Export a trained run as ONNX and check it against torch; keep one of designs as it is, half as large."""
     for option, asked in (
         ("--calibrated", calibrated),
         ("--int8", int8),
@@ -125,10 +125,23 @@ def weights(
         if asked and data is None and option != "--mean-with":
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
+    from anyprobe.train.runs import RUNS as NAMED
+    from anyprobe.train.start import WITHOUT_GRAPHS, keep_run, mean_checkpoint, save_start
+
+    if run in NAMED and NAMED[run]().model in WITHOUT_GRAPHS:
+        for option, asked in (
+            ("--calibrated", calibrated),
+            ("--int8", int8),
+            ("--mean-with", mean_with),
+            ("--mean-map", mean_map),
+            ("--start", start),
+        ):
+            if asked:
+                raise InputError(f"{option}: expected a run that becomes graphs, got {run}; leave it out")
+        typer.echo(keep_run(runs / run, to))
+        return
     from anyprobe.train.export_mask import export_mask
     from anyprobe.train.mean_map import write_mean_map
-    from anyprobe.train.runs import RUNS as NAMED
-    from anyprobe.train.start import mean_checkpoint, save_start
     from anyprobe.train.supply import make_pairs
 
     checkpoint = runs / run / "checkpoint.pt"

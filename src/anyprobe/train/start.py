@@ -1,7 +1,9 @@
-"""Start (noun): a finished run's weights alone, small enough to keep, for another run to begin from."""
+"""Start (noun): a finished run's weights alone, small enough to keep, to be scored or begun from."""
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
@@ -10,6 +12,8 @@ from torch import nn
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 
+WITHOUT_GRAPHS = ("designs", "tiny_designs")
+"""Models that are compared and never shipped: what is kept of them is all there is."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
 
@@ -19,17 +23,40 @@ def save_start(checkpoint: Path, path: Path) -> None:
     if not checkpoint.is_file():
         raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
-    state = stored["nets"] if "nets" in stored else stored["net"]
-    kept = {
+    with atomic_path(path) as temporary:
+        torch.save(_halved(stored["nets"] if "nets" in stored else stored["net"]), temporary)
+
+
+def keep_run(run: Path, to: Path) -> Path:
+    """Keep a run's folder: its networks as save_start has them with what they have seen, and its log.
+
+    Returns:
+        The checkpoint in the folder `to`: it can be scored and begun from, but not gone on with exactly.
+    Raises:
+        ModelError: no checkpoint.
+    """
+    checkpoint, log = run / "checkpoint.pt", run / "log.csv"
+    if not checkpoint.is_file():
+        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    kept = {name: stored[name] for name in ("step", "pairs", "config")} | {"nets": _halved(stored["nets"])}
+    with atomic_path(to / checkpoint.name) as temporary:
+        torch.save(kept, temporary)
+    if log.is_file():
+        with atomic_path(to / log.name) as temporary:
+            shutil.copyfile(log, temporary)
+    return to / checkpoint.name
+
+
+def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    return {
         name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
         for name, value in state.items()
     }
-    with atomic_path(path) as temporary:
-        torch.save(kept, temporary)
 
 
 def load_start(nets: nn.Module, path: Path) -> None:
-    """Give networks the weights that save_start kept; ModelError if they are none of theirs."""
+    """Give networks the weights that save_start or keep_run kept; ModelError if they are none of theirs."""
     kept = _read_start(path)
     try:
         nets.load_state_dict(
@@ -66,7 +93,8 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
 
 def _read_start(path: Path) -> dict[str, torch.Tensor]:
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        kept = torch.load(path, map_location="cpu", weights_only=True)
+        return kept.get("nets", kept)
     except Exception as error:  # torch raises many kinds for a damaged file
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
