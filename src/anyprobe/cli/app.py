@@ -17,6 +17,7 @@ from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.relight import relight
 from anyprobe.cli.report import report, timing
+from anyprobe.cli.scaling import scaling
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
 from anyprobe.cli.trials import trials
@@ -46,6 +47,7 @@ for command in (
     train,
     weights,
     trials,
+    scaling,
 ):
     app.command()(command)
 app.add_typer(data, name="data")

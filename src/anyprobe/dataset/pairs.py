@@ -25,7 +25,7 @@ from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.reshaped import join_some, reshape_some
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
 from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady
 from anyprobe.render.reflectance import stand_ins
 from anyprobe.render.surface import pixel_rays
@@ -41,6 +41,7 @@ class PairConfig:
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     laboratory: the one camera and the eight materials of dataset.laboratory; wants conditions 0.
+    every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
@@ -58,6 +59,7 @@ class PairConfig:
     lanes: int = 2
     conditions: int = 1
     laboratory: bool = False
+    every: int = 1
     cut_out: float = 0.0
     told: float = 0.0
     around: float = 0.0
@@ -96,7 +98,8 @@ class PairSource:
     """Endless fresh batches; `batch(k)` for consecutive k is fast."""
 
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
-        self.config, self.illuminator, self.surfaces = config, illuminator, surfaces
+        self.config, self.illuminator = config, illuminator
+        self.surfaces = thinned(surfaces, config.every)
         self.device = illuminator.device
         self._places, self._tone = illuminator.wrap(stand_ins), illuminator.wrap(response)
         self._groups: dict[tuple[int, int], list[LitMaterial]] = {}

@@ -32,10 +32,10 @@ class RunConfig:
 
     name: of the run's folder.
     model: "paper", the chain of three networks, "lift", the one that lifts pixels to the map, "normals",
-        the part of it that guesses normals, or "designs", every design of the paper's Table 1 and two rivals
-        at half size;
+        the part of it that guesses normals, "designs", every design of the paper's Table 1 and two rivals
+        at half size, or "tiny_designs", some of them at a quarter;
         truth_share, gradual and hdr_share concern the first, lift the second, truth_share and
-        hdr_share the third.
+        hdr_share the designs.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
     gradual: whether the LDR targets sharpen as in Eq. 6.

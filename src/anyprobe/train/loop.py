@@ -24,6 +24,7 @@ from anyprobe.train.normals import Normals
 from anyprobe.train.start import load_start
 from anyprobe.train.supply import open_batches
 from anyprobe.train.team import Team
+from anyprobe.train.tiny_designs import TinyDesigns
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -46,10 +47,16 @@ def parameter_groups(nets: torch.nn.ModuleDict) -> list[dict]:
     return groups
 
 
-LEARNERS = {"paper": Chain, "lift": Lift, "normals": Normals, "designs": Designs}
+LEARNERS = {
+    "paper": Chain,
+    "lift": Lift,
+    "normals": Normals,
+    "designs": Designs,
+    "tiny_designs": TinyDesigns,
+}
 
 
-def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Designs:
+def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Designs | TinyDesigns:
     """What trains: networks, and their losses by name."""
     return LEARNERS[config.model](config.lift if config.model == "lift" else config, device)
 

@@ -1,0 +1,131 @@
+"""Scaling (noun): how far the paper's designs are from one another after few pairs and after many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from anyprobe.evaluate.metrics import rmse, ssim
+from anyprobe.evaluate.verdict import step_holds
+
+DESIGNS = ("direct", "irradiance", "ours")
+SECOND = "_2"
+TOLD = ", told"
+"""Given the true irradiance image; "ours, told" is the paper's Ideal."""
+STEPS = {
+    "direct -> irradiance": ("irradiance", "direct"),
+    "irradiance -> ours": ("ours", "irradiance"),
+    "ours -> ideal": (f"ours{TOLD}", "ours"),
+    "direct -> irradiance told": (f"irradiance{TOLD}", "direct"),
+    "irradiance told -> ours told": (f"ours{TOLD}", f"irradiance{TOLD}"),
+}
+"""What is compared: the better by the paper, and the worse."""
+FIGURES = ("ldr_rmse", "ldr_ssim")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shown:
+    """What the tiny designs make of one pair, and the truth: maps [16, 32, 3] and irradiance images [32, 32, 3]."""
+
+    maps: Mapping[str, np.ndarray]
+    irradiance: np.ndarray
+    true_map: np.ndarray
+    true_irradiance: np.ndarray
+
+
+@dataclass(kw_only=True)
+class ScalingScores:
+    """One run's figures on every pair: design -> figure -> one number a pair; the irradiance image's beside them."""
+
+    designs: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    irradiance: dict[str, list[float]] = field(default_factory=lambda: {"rmse": [], "ssim": []})
+
+    def add(self, shown: Shown) -> None:
+        """One pair."""
+        for name, ldr in shown.maps.items():
+            columns = self.designs.setdefault(name, {figure: [] for figure in FIGURES})
+            columns["ldr_rmse"].append(rmse(ldr, shown.true_map))
+            columns["ldr_ssim"].append(ssim(ldr, shown.true_map, wrap_longitude=True))
+        self.irradiance["rmse"].append(rmse(shown.irradiance, shown.true_irradiance))
+        self.irradiance["ssim"].append(ssim(shown.irradiance, shown.true_irradiance))
+
+    def result(self) -> dict[str, Any]:
+        """Means of every design and of the irradiance image, and the paper's steps pair by pair."""
+        return {
+            "irradiance": {name: _mean(values) for name, values in self.irradiance.items()},
+            "rows": [
+                {"design": name, **{figure: _mean(values) for figure, values in columns.items()}}
+                for name, columns in self.designs.items()
+            ],
+            "order": {
+                step: {figure: self._difference(*sides, figure) for figure in FIGURES}
+                for step, sides in STEPS.items()
+            },
+        }
+
+    def _difference(self, better: str, worse: str, figure: str) -> dict[str, Any]:
+        """Mean of better minus worse over both first weights and all pairs, its standard error over pairs, and what
+        each first weights alone give."""
+        each = [
+            np.subtract(self._column(better, k, figure), self._column(worse, k, figure)) for k in ("", SECOND)
+        ]
+        d = np.mean(each, axis=0)
+        error = d.std(ddof=1) / np.sqrt(len(d)) if len(d) > 1 else 0.0
+        return {
+            "mean": _mean(d),
+            "standard_error": round(float(error), 5),
+            "seeds": [_mean(one) for one in each],
+        }
+
+    def _column(self, design: str, which: str, figure: str) -> list[float]:
+        name, told, _ = design.partition(TOLD)
+        return self.designs[f"{name}{which}{told}"][figure]
+
+
+def _mean(values: Iterable[float]) -> float:
+    return round(float(np.mean(values)), 5)
+
+
+def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:
+    """The section of the page, from scaling.json."""
+    runs = content["runs"]
+    yield from ("", "### More pairs: an experiment", "")
+    yield "What would more pairs change? Direct, Irradiance and Ours learned once more on pictures of 32 x 32 pixels"
+    yield "and maps of 16 x 32, where a core can show them many; clean photos and exact masks; each design from two"
+    yield "first weights, an irradiance network for all learning beside them from nothing. Each run has a whole"
+    yield "schedule of its own. *world*: cameras and materials as they come; *laboratory*: one camera and eight"
+    yield f"materials, as above. The {content['pairs']:,} test pairs are of maps and shapes that no network has seen"
+    yield f"(`{content['command']}`, commit {content['commit']})."
+    yield ""
+    yield "| run | pairs | irradiance RMSE | SSIM | direct: ldr RMSE | SSIM | irradiance | | ours | | ideal | |"
+    yield "|" + "---|" * 12
+    for name, run in runs.items():
+        rows = {row["design"]: row for row in run["rows"]}
+        cells = [name.partition("_")[0], f"{run['pairs']:,}"]
+        cells += [f"{run['irradiance'][figure]:.4f}" for figure in ("rmse", "ssim")]
+        for design in (*DESIGNS, f"ours{TOLD}"):
+            cells += [f"{_of_both(rows, design, figure):.4f}" for figure in FIGURES]
+        yield "| " + " | ".join(cells) + " |"
+    yield ""
+    yield "The paper's steps, pair by pair, means of both first weights with their standard errors; *told* is given the"
+    yield "true irradiance image:"
+    yield ""
+    yield "| run | pairs | figure | " + " | ".join(STEPS) + " |"
+    yield "|" + "---|" * (len(STEPS) + 3)
+    for name, run in runs.items():
+        for figure in FIGURES:
+            cells = [name.partition("_")[0], f"{run['pairs']:,}", figure.replace("_", " ")]
+            for step in STEPS:
+                one = run["order"][step][figure]
+                verdict = step_holds(figure, one)
+                cells.append(f"{one['mean']:+.4f} +- {one['standard_error']:.4f}, {verdict}")
+            yield "| " + " | ".join(cells) + " |"
+
+
+def _of_both(rows: Mapping[str, Mapping[str, float]], design: str, figure: str) -> float:
+    """Mean of both first weights."""
+    name, told, _ = design.partition(TOLD)
+    return (rows[design][figure] + rows[f"{name}{SECOND}{told}"][figure]) / 2

@@ -1,0 +1,41 @@
+"""Scaling (noun): the same tiny designs after 64,000 and 640,000 pairs, so that it can be told what pairs change.
+
+Each run has a whole schedule of its own. `world_*` has cameras and materials as they come, `laboratory_*` one camera
+and eight materials (dataset.laboratory); photos are clean and masks exact in both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from anyprobe.train.config import RunConfig, designs
+
+
+def world_64k() -> RunConfig:
+    """64,000 pairs."""
+    return _tiny("world_64k", 1_000)
+
+
+def world_640k() -> RunConfig:
+    """640,000 pairs."""
+    return _tiny("world_640k", 10_000)
+
+
+def laboratory_64k() -> RunConfig:
+    """64,000 pairs."""
+    return _tiny("laboratory_64k", 1_000, laboratory=True)
+
+
+def laboratory_640k() -> RunConfig:
+    """640,000 pairs."""
+    return _tiny("laboratory_640k", 10_000, laboratory=True)
+
+
+SCALING = (world_64k, world_640k, laboratory_64k, laboratory_640k)
+
+
+def _tiny(name: str, steps: int, laboratory: bool = False) -> RunConfig:
+    pairs = replace(
+        designs().pairs, batch=64, seed=53, reuse=24, conditions=0, laboratory=laboratory, every=4
+    )
+    return replace(designs(), name=name, model="tiny_designs", steps=steps, pairs=pairs)
