@@ -103,17 +103,8 @@ def test_steps_are_paired_and_mean_both_first_weights():
     scores = ScalingScores()
     rest = {"irradiance, told": 0.0, "irradiance_2, told": 0.0, "ours, told": 0.0, "ours_2, told": 0.0}
     for extra in (0.0, 0.02):
-        scores.add(
-            shown(
-                direct=0.5,
-                direct_2=0.3,
-                irradiance=0.4 + extra,
-                irradiance_2=0.3,
-                ours=0.2,
-                ours_2=0.3,
-                **rest,
-            )
-        )
+        ours = {"ours": 0.2, "ours_2": 0.3, "irradiance": 0.4 + extra, "irradiance_2": 0.3}
+        scores.add(shown(direct=0.5, direct_2=0.3, **ours, **rest), f"map {extra}")
     found = scores.result()
     assert found["irradiance"]["rmse"] == pytest.approx(0.25)
     step = found["order"]["direct -> irradiance"]["ldr_rmse"]

@@ -49,11 +49,21 @@ def test_means_go_by_group():
 def test_difference_is_paired():
     result = invented(ours=(0.2, 0.4, 0.6, 1.0), direct=(0.1, 0.3, 0.5, 0.9))
     one = result.difference("ours", "direct", "ldr_ssim")
-    assert one == {"mean": pytest.approx(0.1), "standard_error": pytest.approx(0.0), "share_above": 1.0}
+    assert one == {"mean": pytest.approx(0.1), "standard_error": pytest.approx(0.0)}
     d = np.array([0.1, 0.1, 0.1, 0.5])
     shifted = invented(ours=(0.2, 0.4, 0.6, 1.4), direct=(0.1, 0.3, 0.5, 0.9))
     error = shifted.difference("ours", "direct", "ldr_ssim")["standard_error"]
     assert error == pytest.approx(d.std(ddof=1) / 2, abs=1e-5)
+    shifted.maps = [
+        "a",
+        "b",
+        "a",
+        "b",
+    ]  # pairs under one map may err together: two numbers, .2 and .6 of four pairs
+    error = shifted.difference("ours", "direct", "ldr_ssim")["standard_error"]
+    assert error == pytest.approx(np.sqrt(2 * (0.2**2 + 0.2**2)) / 4, abs=1e-5)
+    shifted.maps = ["a"] * 4
+    assert shifted.difference("ours", "direct", "ldr_ssim")["standard_error"] == 0.0
 
 
 def test_a_step_holds_only_beyond_two_standard_errors():
@@ -189,7 +199,7 @@ def test_a_kept_pair_comes_back_as_it_was(tmp_path):
     write_pair(tmp_path / "a.npz", pair)
     back = read_pair(tmp_path / "a.npz")
     assert back.recipe == pair.recipe
-    assert (back.tan_half, back.indoor, back.map_name) == (0.25, True, "drawn")
+    assert (back.tan_half, back.indoor, back.map_name) == (0.25, True, "drawn 3")
     assert back.material.alpha == pair.material.alpha
     for name in ("photo", "irradiance", "radiance", "normals", "gain"):
         np.testing.assert_array_equal(getattr(back, name), getattr(pair, name))

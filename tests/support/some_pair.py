@@ -31,7 +31,7 @@ def ball_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: 
         tan_half=0.1,
         normals=seen,
         material=Material(albedo=np.full(3, 0.8), f0=np.full(3, 0.04), alpha=alpha),
-        map_name="drawn",
+        map_name=f"drawn {seed}",
         shape_name="ball",
         indoor=indoor,
     )

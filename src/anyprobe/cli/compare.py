@@ -6,7 +6,6 @@ import json
 import subprocess
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -91,7 +90,6 @@ def compare(
     chosen = recipes[:pairs]
     if laboratory:
         kept = kept and kept / LABORATORY
-        chosen = [replace(recipe, conditions=0) for recipe in chosen]
     drawn = Figures(len(chosen), figures) if figures else None
     tolerance = None if designs is None else Tolerance(designs.mixed)
     limits = IrradianceLimits(irradiance_methods(model or [], designs))
@@ -197,8 +195,8 @@ def write_result(path: Path, content: dict[str, Any]) -> None:
 def _command(
     hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool, laboratory: bool
 ) -> str:
-    parts = [f"anyprobe compare --hdri {hdri.name} --meshes {meshes.name}"]
-    parts += [f"--run {run.name}"] if run is not None else []
+    parts = [f"anyprobe compare --hdri {tail(hdri)} --meshes {tail(meshes)}"]
+    parts += [f"--run {tail(run)}"] if run is not None else []
     parts += [f"--model {Path(name).name}" for name in models]
     parts += [
         f"--pairs {pairs}",
@@ -206,6 +204,11 @@ def _command(
         *(["--laboratory"] if laboratory else []),
     ]
     return " ".join(parts)
+
+
+def tail(path: Path) -> str:
+    """The end of a path, as far as it says what is there and not where."""
+    return Path(*path.resolve().parts[-2:]).as_posix()
 
 
 def commit() -> str:

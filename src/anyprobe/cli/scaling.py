@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.cli.compare import RESULTS, commit, write_result
+from anyprobe.cli.compare import RESULTS, commit, tail, write_result
 from anyprobe.cli.need import need_torch
 from anyprobe.cli.train import RUNS
 from anyprobe.errors import InputError
@@ -50,7 +49,7 @@ def scaling(
 
     stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     recipes = read_recipes(FROZEN)
-    chosen = [replace(recipe, conditions=0) for recipe in recipes[:pairs]]
+    chosen = recipes[:pairs]  # all of them clean
     methods = {name: TinyMethods(path) for name, path in found.items()}
     scores = {name: ScalingScores() for name in found}
     kinds = {name: name.startswith(LABORATORY) for name in found}
@@ -59,13 +58,13 @@ def scaling(
         task = progress.add_task("", total=len(chosen) * len(set(kinds.values())))
         for laboratory in sorted(set(kinds.values())):
             of_kind = [name for name, kind in kinds.items() if kind == laboratory]
-            folder = kept and kept / (LABORATORY if laboratory else "clean")
+            folder = kept and (kept / LABORATORY if laboratory else kept)
             for pair in kept_pairs(chosen, stock, folder, laboratory):
                 for name in of_kind:
-                    scores[name].add(methods[name](pair))
+                    scores[name].add(methods[name](pair), pair.map_name)
                 progress.advance(task)
     content = {
-        "command": f"anyprobe scaling --hdri {hdri.name} --meshes {meshes.name} --pairs {len(chosen)}",
+        "command": f"anyprobe scaling --hdri {tail(hdri)} --meshes {tail(meshes)} --pairs {len(chosen)}",
         "commit": commit(),
         "recipes": digest(recipes),
         "pairs": len(chosen),

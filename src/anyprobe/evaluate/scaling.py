@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.evaluate.metrics import rmse, ssim
+from anyprobe.evaluate.study import clustered_error
 from anyprobe.evaluate.verdict import step_holds
 
 DESIGNS = ("direct", "irradiance", "ours")
@@ -42,9 +43,11 @@ class ScalingScores:
 
     designs: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     irradiance: dict[str, list[float]] = field(default_factory=lambda: {"rmse": [], "ssim": []})
+    maps: list[str] = field(default_factory=list)
 
-    def add(self, shown: Shown) -> None:
+    def add(self, shown: Shown, map_name: str) -> None:
         """One pair."""
+        self.maps.append(map_name)
         for name, ldr in shown.maps.items():
             columns = self.designs.setdefault(name, {figure: [] for figure in FIGURES})
             columns["ldr_rmse"].append(rmse(ldr, shown.true_map))
@@ -67,16 +70,15 @@ class ScalingScores:
         }
 
     def _difference(self, better: str, worse: str, figure: str) -> dict[str, Any]:
-        """Mean of better minus worse over both first weights and all pairs, its standard error over pairs, and what
+        """Mean of better minus worse over both first weights and all pairs, its standard error (by map), and what
         each first weights alone give."""
         each = [
             np.subtract(self._column(better, k, figure), self._column(worse, k, figure)) for k in ("", SECOND)
         ]
         d = np.mean(each, axis=0)
-        error = d.std(ddof=1) / np.sqrt(len(d)) if len(d) > 1 else 0.0
         return {
             "mean": _mean(d),
-            "standard_error": round(float(error), 5),
+            "standard_error": round(clustered_error(d, self.maps), 5),
             "seeds": [_mean(one) for one in each],
         }
 
@@ -110,8 +112,8 @@ def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:
             cells += [f"{_of_both(rows, design, figure):.4f}" for figure in FIGURES]
         yield "| " + " | ".join(cells) + " |"
     yield ""
-    yield "The paper's steps, pair by pair, means of both first weights with their standard errors; *told* is given the"
-    yield "true irradiance image:"
+    yield "The paper's steps, pair by pair, means of both first weights with their standard errors (by map); *told* is"
+    yield "given the true irradiance image:"
     yield ""
     yield "| run | pairs | figure | " + " | ".join(STEPS) + " |"
     yield "|" + "---|" * (len(STEPS) + 3)

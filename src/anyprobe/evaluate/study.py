@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,24 +21,28 @@ MEDIANS = (
     "flux_stops",
 )
 """Figures whose median is given beside the mean."""
+SOMETIMES = ("lights_deg", "lights_published_deg")
+"""Figures that only pairs have in which both maps show lights that can be counted."""
 
 
 @dataclass(kw_only=True)
 class Study:
-    """rows: method -> one dict of figures a pair; groups: each pair's; seconds: method -> in all."""
+    """rows: method -> one dict of figures a pair; groups: each pair's; maps: the name of each pair's map."""
 
     rows: dict[str, list[dict[str, float]]] = field(default_factory=dict)
     groups: list[set[str]] = field(default_factory=list)
-    seconds: dict[str, float] = field(default_factory=dict)
+    maps: list[str] = field(default_factory=list)
 
     def add(self, pair: Pair, scores: Mapping[str, dict[str, float]]) -> None:
         """One pair's figures."""
         self.groups.append(groups_of(pair))
+        self.maps.append(pair.map_name)
         for method, row in scores.items():
             self.rows.setdefault(method, []).append(row)
 
     def means(self, method: str, group: str = "all") -> dict[str, float]:
-        """Mean of every figure over the group's pairs that have it; "<name>_median" of MEDIANS."""
+        """Mean of every figure over the group's pairs that have it; "<name>_median" of MEDIANS, and "<name>_pairs", how
+        many have it, of SOMETIMES."""
         chosen = [row for row, member in zip(self.rows[method], self.groups, strict=True) if group in member]
         names = dict.fromkeys(name for row in chosen for name in row)
         result = {}
@@ -48,6 +51,8 @@ class Study:
             result[name] = round(float(np.mean(values)), 5)
             if name in MEDIANS:
                 result[f"{name}_median"] = round(float(np.median(values)), 5)
+            if name in SOMETIMES:
+                result[f"{name}_pairs"] = len(values)
         return result
 
     def count(self, group: str) -> int:
@@ -55,15 +60,26 @@ class Study:
         return sum(group in member for member in self.groups)
 
     def difference(self, better: str, worse: str, name: str) -> dict[str, float]:
-        """Mean of better minus worse over pairs, its standard error, and the share of pairs where it is above 0."""
-        both = zip(self.rows[better], self.rows[worse], strict=True)
-        d = np.array([a[name] - b[name] for a, b in both if name in a and name in b])
-        error = d.std(ddof=1) / np.sqrt(len(d)) if len(d) > 1 else 0.0
+        """Mean of better minus worse over pairs, and its standard error (clustered_error, by map)."""
+        both = zip(self.rows[better], self.rows[worse], self.maps, strict=True)
+        found = [(a[name] - b[name], where) for a, b, where in both if name in a and name in b]
+        d, maps = np.array([one for one, _ in found]), [where for _, where in found]
         return {
             "mean": round(float(d.mean()), 5),
-            "standard_error": round(float(error), 5),
-            "share_above": round(float((d > 0).mean()), 3),
+            "standard_error": round(clustered_error(d, maps), 5),
         }
+
+
+def clustered_error(d: np.ndarray, clusters: Sequence[str]) -> float:
+    """Standard error of the mean of d [N], where those of one cluster may err together: pairs under one map do.
+
+    sqrt( G / (G - 1) sum over the G clusters of (sum of d - mean)^2 ) / N (Liang and Zeger 1986); 0 for one cluster.
+    """
+    _, which = np.unique(np.asarray(clusters), return_inverse=True)
+    sums = np.bincount(which, weights=d - d.mean())
+    if len(sums) < 2:
+        return 0.0
+    return float(np.sqrt(len(sums) / (len(sums) - 1) * np.square(sums).sum()) / len(d))
 
 
 def study(
@@ -72,13 +88,9 @@ def study(
     watch: Callable[[int, Pair, dict[str, Estimate]], None] | None = None,
 ) -> Study:
     """Score every method on every pair; watch sees each pair with the estimates as it is done."""
-    result = Study(seconds=dict.fromkeys(methods, 0.0))
+    result = Study()
     for index, pair in enumerate(pairs):
-        estimates = {}
-        for name, method in methods.items():
-            start = time.perf_counter()
-            estimates[name] = method(pair)
-            result.seconds[name] += time.perf_counter() - start
+        estimates = {name: method(pair) for name, method in methods.items()}
         result.add(pair, score_pair(pair, estimates))
         if watch is not None:
             watch(index, pair, estimates)

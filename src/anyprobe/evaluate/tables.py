@@ -30,6 +30,8 @@ LIGHTS = (
     "main_light_deg_median",
     "lights_deg",
     "lights_published_deg",
+    "lights_deg_pairs",
+    "lights_published_deg_pairs",
     "sh9_irradiance",
     "flux_stops",
     "flux_r_stops",
@@ -65,7 +67,8 @@ NOTES = {
     "field": "Three balls by the field's published arithmetic (field_...), in linear radiance (clean_..., in units of "
     "the true ball's mean), and nine spheres on a plane (median over pairs).",
     "lights": "Angles in degrees. peak: after a mean over 5 degrees; lights: matched as EnvMapNet does, with luminance "
-    "put right and as published; sh9_irradiance: relative RMS; flux in stops.",
+    "put right and as published, over those pairs alone whose maps both have lights that can be counted (how many is "
+    "given; rows do not compare); sh9_irradiance: relative RMS; flux in stops.",
     "splits": "Means over groups of pairs, median where a name says so; seen is the half of the map behind the camera; "
     f"one light: the main light sends {ONE_LIGHT:.0%} of all light or more; shiny: alpha below {SHINY:g}.",
 }

@@ -6,7 +6,7 @@
     georgoulis  photo -> picture of a mirror ball, of which the map is unwrapped
     meka        photo and true normals -> grey mirror image, unwrapped by the normals
     hdr         LDR map -> ln radiance, one network for all: it learns from true maps and from
-                those of direct, irradiance and ours in equal shares
+                those of direct, irradiance and ours (with 16 pairs a batch two, one and one of each)
 
 "irradiance" and "ours" exist twice, from other first weights; those of the first of each and
 of direct are the same. The estimated irradiance is that of the shipped network, which stays as it is or,
