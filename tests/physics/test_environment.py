@@ -6,7 +6,7 @@ import pytest
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.errors import InvalidEnvironment
-from anyprobe.light.environment import check_radiance, integral, rotate, shrink
+from anyprobe.light.environment import SEARCH_ROWS, check_radiance, integral, reduced, rotate, shrink
 
 
 @pytest.fixture
@@ -135,3 +135,24 @@ def test_torch_maps_differ(noise):
     np.testing.assert_allclose(rotate(tensor, rotation).numpy(), rotate(noise, rotation), atol=1e-6)
     np.testing.assert_allclose(shrink(tensor, 8).numpy(), shrink(noise, 8), atol=1e-6)
     np.testing.assert_allclose(integral(tensor).numpy(), integral(noise), rtol=1e-5)
+
+
+@pytest.mark.parametrize("height", [150, 257, 512])
+def test_a_reduced_map_has_another_integral(height):
+    """Whole or broken pixels become one; what is even stays even."""
+    radiance = np.random.default_rng(1).random((height, 2 * height, 3)).astype(np.float32)
+    small = reduced(radiance)
+    assert small.shape == (SEARCH_ROWS, 2 * SEARCH_ROWS, 3)
+    np.testing.assert_allclose(integral(small), integral(radiance), rtol=2e-4)
+    np.testing.assert_allclose(reduced(np.full_like(radiance, 0.3)), 0.3, rtol=1e-5)
+    if height % SEARCH_ROWS == 0:
+        np.testing.assert_allclose(small, shrink(radiance, SEARCH_ROWS), rtol=1e-4)
+
+
+def test_a_small_map_is_reduced(noise):
+    assert reduced(noise) is noise
+
+
+def test_an_empty_map_is_taken():
+    with pytest.raises(InvalidEnvironment, match="got shape"):
+        check_radiance(np.zeros((0, 0, 3)))

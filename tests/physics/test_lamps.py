@@ -12,7 +12,7 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import integral
-from anyprobe.light.lamps import WIDENING
+from anyprobe.light.lamps import WIDENING, take_pixels
 from anyprobe.light.octahedral import build_pyramid, lookup
 from anyprobe.render.integrate import (
     NUM_LAMPS,
@@ -191,3 +191,12 @@ def test_irradiance_is_the_mean_under_the_samples_density(rng, alpha):
     pyramid = build_pyramid(radiance, lamps=NUM_LAMPS)
     estimate = shade(pyramid, n, wo, alpha, hammersley(1024)).irradiance
     assert np.sqrt(((estimate - truth) ** 2).mean()) / truth.mean() < 0.03
+
+
+@pytest.mark.parametrize("height", [1, 2, 4])
+def test_a_tiny_map_has_fewer_pixels_than_lamps(height):
+    """What is taken and what is left are all there was."""
+    radiance = np.random.default_rng(2).random((height, 2 * height, 3)).astype(np.float32)
+    rest, _, flux = take_pixels(radiance, 16)
+    np.testing.assert_allclose(integral(rest) + flux.sum(axis=0), integral(radiance), rtol=1e-5)
+    assert np.isfinite(shading_pyramid(radiance).texels).all()

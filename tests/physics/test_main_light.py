@@ -6,7 +6,7 @@ import pytest
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import shrink
-from anyprobe.light.main_light import connected, dilate, find_main_light
+from anyprobe.light.main_light import connected, dilate, find_main_light, split_main_light
 
 FINE = pixel_directions(256)
 CENTRES = {
@@ -130,3 +130,16 @@ def test_dilation_stops_at_the_seam_or_pole():
     grown = dilate(mask)
     assert grown[7].all()
     assert grown.sum() == 17
+
+
+@pytest.mark.parametrize("height", [200, 512])
+def test_a_large_map_has_another_main_light(height):
+    """Maps of thousands of rows are searched at a hundred, and summed as they are."""
+    radiance = np.full((height, 2 * height, 3), 0.3, np.float32)
+    cosine = pixel_directions(height) @ normalize(np.asarray(CENTRES["left"], np.float64)).astype(np.float32)
+    radiance[cosine >= np.cos(np.radians(6.0))] += (80.0, 40.0, 20.0)
+    _, truth = disc(CENTRES["left"], 6.0, (8.0, 4.0, 2.0))
+    found, rest = split_main_light(radiance)
+    np.testing.assert_allclose(found.irradiance, 10 * truth, rtol=0.06)
+    np.testing.assert_allclose(found.direction, normalize(np.asarray(CENTRES["left"])), atol=0.01)
+    assert np.abs(rest - 0.3).mean() < 0.01

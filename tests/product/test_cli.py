@@ -18,8 +18,8 @@ from support.folders import names, snapshot
 from support.scenes import ball_photo
 
 import anyprobe
+from anyprobe.files import atomic
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer import outputs
 
 SUFFIXES = {".exr", ".hdr", ".json", ".png"}
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -286,7 +286,7 @@ def test_disk_full_leaves_what_was_there(work, command, monkeypatch, where):
     before = snapshot(work)
     broken = {
         "mkdir": (Path, "mkdir"),
-        "scratch": (outputs.tempfile, "TemporaryDirectory"),
+        "scratch": (atomic.tempfile, "TemporaryDirectory"),
         "hdr": (Path, "write_bytes"),
         "json": (Path, "write_text"),
         "png": (Image.Image, "save"),
@@ -308,6 +308,31 @@ def test_disk_full_leaves_what_was_there(work, command, monkeypatch, where):
     assert ".anyprobe-" not in outcome.complaint
     assert snapshot(work) == before
     assert names("out") <= {"other.exr"}
+
+
+def test_failed_result_leaves_the_older_one(work, command, monkeypatch):
+    save_ball("vase.png")
+    assert command("estimate", "vase.png", "-o", "out").status == 0
+    before, rename = snapshot(work), os.replace
+
+    def replace(source, target):
+        fails = str(target).endswith("out/vase.json") and "new" in str(source)
+        return no_space() if fails else rename(source, target)
+
+    monkeypatch.setattr(os, "replace", replace)
+    assert "No space left" in command("estimate", "vase.png", "-o", "out").complaint
+    monkeypatch.undo()
+    assert snapshot(work) == before
+
+
+def test_what_the_system_forbids_is_one_line(work, command, monkeypatch):
+    save_ball("vase.png")
+
+    def forbidden(path):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_dir", forbidden)
+    assert "vase.png: cannot be used (Permission denied)" in command("estimate", "vase.png").complaint
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of file size")

@@ -16,16 +16,18 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
+from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.fitted import fit_map
 from anyprobe.infer.known_material import MAX_STOPS, fit_gain
 from anyprobe.infer.known_normals import normals_from_outline, read_normals
 from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.light.environment import rotate
 from anyprobe.render.balls import ball_normals
 from anyprobe.render.integrate import shade, shading_pyramid
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import Camera, pixel_rays, see
 from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS
+from anyprobe.scatter.presets import MATERIALS, material_named
 
 MATTE = MATERIALS["matte"]
 
@@ -51,8 +53,10 @@ def test_a_normal_map_is_read_from_arrays_pictures_and_files(tmp_path):
     picture = to_bytes(normals / 2 + 0.5) * on[..., None]
     Image.fromarray(picture).save(tmp_path / "n.png")
     np.save(tmp_path / "n.npy", normals)
+    np.save(tmp_path / "bytes.npy", picture)
     exact = [normals, 3.0 * normals, tmp_path / "n.npy"]
-    for source, error in [(one, 1e-6) for one in exact] + [(picture, 0.02), (tmp_path / "n.png", 0.02)]:
+    pictures = [picture, tmp_path / "n.png", tmp_path / "bytes.npy"]
+    for source, error in [(one, 1e-6) for one in exact] + [(one, 0.02) for one in pictures]:
         read = read_normals(source, shape)
         np.testing.assert_allclose(read, normals, atol=error)
         assert (read[~on] == 0).all()
@@ -88,6 +92,13 @@ def test_a_damaged_array_is_refused(tmp_path):
     (tmp_path / "n.npy").write_bytes(b"\x93NUMPY\x01\x00")
     with pytest.raises(InputError, match=r"n\.npy: expected an array"):
         read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
+    with (tmp_path / "n.npy").open("wb") as stream:
+        np.savez(stream, a=ball_map())
+    with pytest.raises(InputError, match=r"n\.npy: expected one array"):
+        read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
+    (tmp_path / "n.npy").write_bytes((tmp_path / "n.npy").read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"n\.npy: expected an array"):
+        read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
 
 
 def test_normals_come_to_the_networks_in_the_crops_frame():
@@ -113,6 +124,14 @@ def test_known_normals_change_the_light_and_are_noted():
     assert alone.sidecar()["known"] == {"normals": False}
     assert told.sidecar()["known"] == {"normals": True}
     assert np.abs(told.radiance - alone.radiance).mean() > 1e-3
+
+
+@pytest.mark.parametrize("material", ["matte", "chrome"])
+def test_stages_are_of_the_map_that_a_known_material_gave(material):
+    light = Estimator()(ball_photo(), normals=ball_map(), material=material_named(material))
+    expected = np.maximum(rotate(np.exp(light.stages["ln_radiance"]), light.camera_from_crop), 0.0)
+    np.testing.assert_allclose(expected, light.radiance, atol=1e-4, rtol=1e-4)
+    np.testing.assert_allclose(light.stages["ldr"], response(np.exp(light.stages["ln_radiance"])), atol=1e-5)
 
 
 # Balls

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import OpenEXR
@@ -284,3 +286,11 @@ def test_full_disk_is_one_clear_error(tmp_path, monkeypatch):
         write_exr(tmp_path / "map.exr", draw_map(4))
     assert_one_line(caught, "map.exr", "No space left")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_threads_that_read_give_the_output_back(tmp_path):
+    write_exr(tmp_path / "a.exr", np.ones((4, 8, 3), np.float32))
+    before = sys.stdout
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: read_radiance(tmp_path / "a.exr"), range(200)))
+    assert sys.stdout is before

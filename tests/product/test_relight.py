@@ -12,6 +12,7 @@ from support.scenes import ball_photo, made_map
 
 import anyprobe
 from anyprobe.core.response import response
+from anyprobe.errors import InputError
 from anyprobe.files.images import read_image
 from anyprobe.infer.photo import load_photo
 from anyprobe.light.filtering import irradiance_map
@@ -105,7 +106,12 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
     assert (pixels >= -0.5).all()
     assert (pixels <= np.array([WIDTH, HEIGHT]) + 0.5).all()
     assert np.ptp(pixels, axis=0).max() > 0.1 * diameter * min(stretch)
-    put = Stage(photo, mesh, Arrangement(size=size, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15))
+    corner = Arrangement(size=size, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15)
+    if diameter * size * max(stretch[1:]) > 500 and stretch[2] == 1 and stretch[1] == 1:
+        with pytest.raises(InputError, match="reaches behind it"):
+            Stage(photo, mesh, corner)
+        return
+    put = Stage(photo, mesh, corner)
     assert put.view.pixels(put.placement.mesh.positions)[:, 0].max() > WIDTH
 
 
@@ -248,6 +254,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
         (("--at", "60,2"), ("above the horizon",)),
         (("--size", "0"), ("0.02 to 20",)),
+        (("--turn", "nan"), ("--turn", "degrees")),
         (("--pitch", "-50"), ("below the horizon",)),
         (("-o", "out.jpg"), (".png", ".jpg")),
     ],

@@ -20,6 +20,7 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 
 from fastapi.testclient import TestClient
 
+from anyprobe.cli.serve import is_loopback
 from anyprobe.scatter.brdf import Material
 from anyprobe.serve.app import CLIENT_GONE, create_app
 from anyprobe.serve.limits import Limits
@@ -412,3 +413,20 @@ def test_openapi_describes_every_address(client):
     fused = paths["/v1/fuse"]["post"]
     assert [one["name"] for one in fused["parameters"]] == ["format"]
     assert fused["requestBody"]["content"]["multipart/form-data"]["schema"]["required"] == ["photo", "poses"]
+
+
+def test_faults_and_warnings_name_the_photo(client, photo):
+    for name, data in (("broken.jpg", b"\xff\xd8\xff"), ("words.txt", b"hello")):
+        answer = client.post("/v1/estimate", files={"photo": (name, data)})
+        assert complaint(answer, 422).startswith(f"{name}: ")
+
+
+def test_a_map_s_size_is_read_from_its_header(client):
+    header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4000 +X 8000\n"
+    complaint(client.post("/v1/export/three", content=header), 413)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "localhost", "::1", "[::1]"])
+def test_a_loopback_is_known(host):
+    assert is_loopback(host)
+    assert not is_loopback({"127.0.0.1": "0.0.0.0", "::1": "::"}.get(host, "192.168.1.2"))

@@ -111,8 +111,11 @@ def test_lights_without_poses_are_refused():
     for lights, poses in (([], []), ([Light(radiance=flat(1.0))], [])):
         with pytest.raises(InputError, match="poses: expected one a light"):
             fuse_lights(lights, poses)
-    with pytest.raises(InputError, match="expected a .3, 3. rotation"):
+    with pytest.raises(InputError, match="expected rotations .3, 3., got another matrix for photo 2"):
         fuse_lights([Light(radiance=flat(1.0))] * 2, [np.eye(3), 2 * np.eye(3)])
+    mirrored = np.diag([1.0, 1.0, -1.0])  # two of them make a rotation, and yet are none
+    with pytest.raises(InputError, match="for photo 1"):
+        fuse_lights([Light(radiance=flat(1.0))] * 2, [mirrored, mirrored])
     assert anyprobe.fuse_lights is fuse_lights
 
 
@@ -148,6 +151,12 @@ def test_poses_come_as_a_list_or_by_name(tmp_path):
     np.testing.assert_allclose(named.in_order(), [np.eye(3), turn])
     with pytest.raises(InputError, match=r"expected a pose of z\.png, got none"):
         named.of([tmp_path / "z.png"])
+    with pytest.raises(InputError, match=r"got two photos v_2\.png"):
+        named.of([tmp_path / "left" / "v_2.png", tmp_path / "right" / "v_2.png"])
+    frames[1]["file_path"] = "right/v_10.png"
+    (tmp_path / "twice.json").write_text(json.dumps({"frames": frames}))
+    with pytest.raises(InputError, match=r"got two poses of v_10\.png"):
+        read_poses(tmp_path / "twice.json").of([tmp_path / "v_10.png"])
 
 
 @pytest.mark.parametrize(
@@ -161,6 +170,7 @@ def test_poses_come_as_a_list_or_by_name(tmp_path):
         ('{"frames": [{"file_path": "a"}]}', "pose 1: expected 3 x 3"),
         ("[[[1,0,0],[0,1,0],[0,0,1]], [[2,0,0],[0,2,0],[0,0,2]]]", "pose 2: expected a rotation"),
         ("[[[1,0,0],[0,1,0],[0,0,-1]]]", "mirrored"),
+        (f"[[[1,0,0],[0,1,0],[0,0,{10**400}]]]", "pose 1: expected 3 x 3"),
         ("[[[NaN,0,0],[0,1,0],[0,0,1]]]", "expected a rotation"),
     ],
 )

@@ -156,15 +156,36 @@ def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
     assert [one.get("same_as") for one in run.progress.frames] == [None, 0, 0, None, 3, 3, None, 6, 6, None]
 
 
-def test_frame_without_object_keeps_the_light_and_is_named(begin, made, tmp_path):
+@pytest.mark.parametrize("relit", [False, True])
+def test_frame_without_object_keeps_the_light_and_is_named(begin, tmp_path, relit):
     masks = write_masks(tmp_path / "masks", COUNT)
     Image.fromarray(0 * ball_mask()).save(masks / "0004.png")
-    run = begin(tmp_path / "out")
+    run = begin(tmp_path / "out", relit=relit, every=2)
     run.follower = MaskFollower(masks, {}, None)
     outcome = run(lambda done: None)
     assert [index for index, _ in outcome.bad] == [4]
     assert "empty mask" in outcome.bad[0][1]
-    assert "sh9" in run.progress.frames[5]
+    assert "sh9" in run.progress.frames[6]
+    assert [one.get("same_as") for one in run.progress.frames[2:7]] == [None, 2, 2, 2, None]
+
+
+def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    for number in range(COUNT + 1):  # 0 ... 10
+        Image.fromarray(ball_mask() if number < COUNT else 0 * ball_mask()).save(folder / f"m{number}.png")
+    follower = MaskFollower(folder, {}, None)
+    for frame in read_frames(open_clip(made / "clip.mp4"), []):
+        assert follower.photo(frame).mask.any()  # m10, which is empty, comes last
+
+
+@pytest.mark.parametrize("cut", [0, 100])
+def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
+    begin(tmp_path / "out")(lambda done: None)
+    state = tmp_path / "out" / ".state.npz"
+    state.write_bytes(state.read_bytes()[:cut])
+    with pytest.raises(InputError, match="another or damaged file; --restart"):
+        begin(tmp_path / "out")
 
 
 @pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])

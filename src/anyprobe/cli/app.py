@@ -75,6 +75,12 @@ def main() -> None:
     except AnyprobeError as error:
         print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:  # a folder that may not be looked into, a disk that is full
+        where = error.filename or "a file"
+        print(
+            f"anyprobe: {where}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr
+        )
+        sys.exit(2)
     except SystemExit as end:  # what typer makes of Ctrl-C
         if end.code == 130:
             print("anyprobe: interrupted", file=sys.stderr)

@@ -15,7 +15,10 @@ import typer
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1", "[::1]")
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+"""What browsers call a server of their own machine."""
+EVERYWHERE = ("0.0.0.0", "::", "")
+"""Hosts that stand for all addresses of this machine."""
 
 
 def serve(
@@ -67,15 +70,15 @@ def _listen(estimator, page, limits, host: str, port: int, https: bool, origins:
     from anyprobe.serve.certificate import write_certificate
 
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
-        only_here = host in LOOPBACK
-        hosts = [*LOOPBACK[:2], LOOPBACK[3]] if only_here else ["*"]
+        shown = own_address() if host in EVERYWHERE else host
+        only_here = is_loopback(host)
+        hosts = [host, *LOOPBACK] if only_here else ["*"]
         app = create_app(estimator, limits, page=page, hosts=hosts, origins=origins)
         encrypted = {}
         if https:
-            names = ["localhost", "127.0.0.1", *([] if only_here else [own_address()])]
+            names = ["localhost", "127.0.0.1", shown]
             certificate, key = write_certificate(Path(folder), list(dict.fromkeys(names)))
             encrypted = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
-        shown = host if only_here else own_address()
         place = f"[{shown}]" if ":" in shown else shown
         address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
         print(f"anyprobe: {address} (API: {address}api/), Ctrl-C ends it", file=sys.stderr, flush=True)
@@ -101,6 +104,16 @@ def _open_port(host: str, port: int) -> socket.socket:
             f"{host}:{port}: cannot be listened on ({error.strerror or error}); choose another --host or --port"
         ) from error
     return listening
+
+
+def is_loopback(host: str) -> bool:
+    """Whether other machines cannot reach it."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:  # another name
+        return False
 
 
 def own_address() -> str:

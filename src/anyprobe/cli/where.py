@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.files.names import natural_order
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
@@ -82,13 +83,14 @@ def where_for(photo: Path, where: dict) -> dict:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, sorted, without NAME_mask pictures."""
+    """Files as given; folders as the photos in them, in the order one counts in, without NAME_mask pictures."""
     listed: list[Path] = []
     for path in photos:
         if not path.is_dir():
             listed.append(path)
             continue
-        found = sorted(p for p in path.iterdir() if p.suffix.lower() in PHOTO_SUFFIXES)
+        found = [p for p in path.iterdir() if p.suffix.lower() in PHOTO_SUFFIXES]
+        found.sort(key=lambda p: natural_order(p.name))
         stems = {p.stem for p in found}
         found = [p for p in found if not (p.stem.endswith("_mask") and p.stem[:-5] in stems)]
         if not found:

@@ -95,3 +95,13 @@ def turn_towards(direction: np.ndarray) -> np.ndarray:
         return rotation_y(np.pi)
     k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     return np.eye(3) + k + k @ k / (1.0 + cosine)
+
+
+def is_rotation(matrix: np.ndarray) -> bool:
+    """Whether a matrix is [3, 3] and turns without mirroring or scaling, to a thousandth."""
+    matrix = np.asarray(matrix, dtype=np.float64)
+    return (
+        matrix.shape == (3, 3)
+        and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3)
+        and bool(np.linalg.det(matrix) > 0)
+    )

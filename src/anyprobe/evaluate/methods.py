@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -51,8 +50,6 @@ def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
     outputs = models(pair.crop, pair.tan_half, normals, around)
     if "material" in told:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
-        ln_radiance = np.log(np.maximum(outputs.radiance, 1e-6))
-        outputs = replace(outputs, ldr=response(outputs.radiance), ln_radiance=ln_radiance)
     return outputs if around is None else use_surroundings(outputs, around, tint="material" not in told)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.export.frames import Frame
 from anyprobe.export.sh_layouts import webxr
@@ -82,9 +83,7 @@ def prepare(
     if not abs(exposure_ev) <= 30:
         raise InputError(f"exposure: expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light")
     turn = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, dtype=np.float64)
-    if turn.shape != (3, 3) or not (
-        np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) and np.linalg.det(turn) > 0
-    ):
+    if not is_rotation(turn):
         raise InputError(
             f"world_from_camera: expected a [3, 3] rotation matrix, got {' '.join(str(turn).split())}; "
             "a mirrored or scaled one would bend the light"

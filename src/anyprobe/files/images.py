@@ -22,7 +22,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.radiance import exr_pixels, read_exr
+from anyprobe.files.radiance import HDR_MAGIC, exr_pixels, hdr_pixels, read_exr
 
 MAX_PIXELS = 100_000_000
 """Largest photo that is decoded; the header is looked at first."""
@@ -99,13 +99,15 @@ def read_image(source: ImageSource, name: str | None = None) -> Pixels:
 
 
 def declared_pixels(data: bytes) -> int:
-    """Width times height that a file's header tells, nothing decoded; 0 where it is no picture.
+    """Width times height that a file's header tells, nothing decoded; 0 where it is no picture or map.
 
     What a header tells beyond Pillow's own bound counts as just above MAX_PIXELS.
     """
     if data.startswith(EXR_MAGIC):
         with _exr_file(data) as path:
             return exr_pixels(path)
+    if data.startswith(HDR_MAGIC):
+        return hdr_pixels(data)
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
         _register_heic("photo")
     Image.init()

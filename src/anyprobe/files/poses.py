@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
+from anyprobe.files.names import natural_order
 
 TOLERANCE = 0.01
 """By how much R R^T may differ from 1: files carry a few digits."""
@@ -29,7 +29,9 @@ class Poses:
         """[N, 3, 3] of a clip's frames: as they are listed, by name where there are names (frame_2 before frame_10)."""
         if self.names is None:
             return self.world_from_camera
-        return self.world_from_camera[sorted(range(len(self.names)), key=lambda k: _natural(self.names[k]))]
+        return self.world_from_camera[
+            sorted(range(len(self.names)), key=lambda k: natural_order(self.names[k]))
+        ]
 
     def of(self, photos: list[Path]) -> np.ndarray:
         """[len(photos), 3, 3], by name where there are names, else in order; InputError where one is missing."""
@@ -40,6 +42,12 @@ class Poses:
                     f"{len(self.world_from_camera)}"
                 )
             return self.world_from_camera
+        for what, names in (("poses of", self.names), ("photos", [photo.name for photo in photos])):
+            twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+            if twice is not None:
+                raise InputError(
+                    f"{self.file}: expected names that differ, got two {what} {twice}; rename one"
+                )
         known = dict(zip(self.names, self.world_from_camera, strict=True))
         found = [known.get(photo.name, known.get(photo.stem)) for photo in photos]  # some write no suffix
         for photo, one in zip(photos, found, strict=True):
@@ -93,15 +101,11 @@ def parse_poses(data: bytes, file: str) -> Poses:
     return Poses(file=file, world_from_camera=rotations, names=names)
 
 
-def _natural(name: str) -> list[tuple[bool, int, str]]:
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d+)", name)]
-
-
 def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:
     """The nearest rotation to the matrix's."""
     try:
         values = np.array(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.zeros(0)
     if values.shape not in ((3, 3), (3, 4), (4, 4)):
         raise InputError(f"{file}: pose {number}: expected 3 x 3, 3 x 4 or 4 x 4 numbers, got something else")

@@ -8,8 +8,9 @@ from __future__ import annotations
 import io
 import os
 import re
-from collections.abc import Mapping
-from contextlib import redirect_stdout
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,14 +43,16 @@ MIN_RUN = 4
 HEADER_BYTES = 1 << 16
 """The header of a .hdr ends within these."""
 
+HDR_MAGIC = b"#?"
 KINDS = {
-    b"#?": ".hdr",
+    HDR_MAGIC: ".hdr",
     b"\x76\x2f\x31\x01": ".exr",
     b"\x89PNG": "PNG",
     b"\xff\xd8\xff": "JPEG",
 }
 """First bytes of files that are mistaken for one another."""
 
+_QUIET = threading.Lock()
 _RESOLUTION = re.compile(rb"-Y (\d+) \+X (\d+)")
 
 
@@ -172,7 +175,7 @@ def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], m
         [H, W, 3] or [H, W, 4] float32 as stored: colour is premultiplied by A.
     """
     try:
-        with redirect_stdout(io.StringIO()):  # the package prints its complaints
+        with _quietly():
             with OpenEXR.File(str(path), header_only=True) as file:
                 header = dict(file.header())  # emptied when the file closes
             low, high = (np.asarray(v, dtype=np.int64) for v in header["displayWindow"])
@@ -217,12 +220,25 @@ def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], m
 def exr_pixels(path: str | os.PathLike[str]) -> int:
     """The larger of a header's two windows, width times height; 0 where there is no such header."""
     try:
-        with redirect_stdout(io.StringIO()), OpenEXR.File(str(path), header_only=True) as file:
+        with _quietly(), OpenEXR.File(str(path), header_only=True) as file:
             header = file.header()
             windows = [np.asarray(header[name], dtype=np.int64) for name in ("displayWindow", "dataWindow")]
             return max(int(np.prod(high - low + 1)) for low, high in windows)
     except (RuntimeError, ValueError, KeyError, TypeError):
         return 0
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Without what OpenEXR prints of damaged files. One thread at a time: stdout is the whole process's."""
+    with _QUIET, redirect_stdout(io.StringIO()):
+        yield
+
+
+def hdr_pixels(data: bytes) -> int:
+    """Width times height of a .hdr by its first bytes; 0 where they do not tell."""
+    size = _RESOLUTION.search(data[:HEADER_BYTES])
+    return 0 if size is None else int(size[1]) * int(size[2])
 
 
 def _float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
@@ -293,7 +309,7 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
 def _read_header(data: bytes, name: str) -> _Header:
     """The header of a .hdr from the file's first bytes."""
     header, blank, body = data.partition(b"\n\n")
-    if not data.startswith(b"#?") or not blank:
+    if not data.startswith(HDR_MAGIC) or not blank:
         raise InvalidEnvironment(
             f"{name}: expected a Radiance .hdr file, got other or no data; save it again"
         )

@@ -6,8 +6,6 @@ that of a dark one in strong light. The networks decide by what is likely; a kno
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from anyprobe.core.response import response
@@ -49,15 +47,12 @@ def use_material(
         confidence = outputs.confidence
         if confidence is not None:
             confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
-        return replace(outputs, radiance=radiance, confidence=confidence), {
-            "material": done,
-            "measured": True,
-        }
+        return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
     told = np.zeros_like(outputs.normals) if known_normals is None else known_normals
     known = np.linalg.norm(told, axis=-1) > 0.5
     radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, known)
-    return replace(outputs, radiance=radiance), {"material": done, "gain": _list(gain)}
+    return outputs.with_map(radiance, outputs.confidence), {"material": done, "gain": _list(gain)}
 
 
 def _list(values: np.ndarray) -> list[float]:

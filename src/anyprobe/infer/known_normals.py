@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -111,9 +112,13 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str]:
         raise InputError(f"{path}: expected a normal map, got no such file; check the path")
     if path.suffix.lower() == ".npy":
         try:
-            return np.load(path, allow_pickle=False), path.name
-        except (ValueError, OSError, EOFError) as error:
+            with path.open("rb") as stream:
+                values = np.load(stream, allow_pickle=False)
+        except (ValueError, OSError, EOFError, BadZipFile) as error:
             raise InputError(f"{path.name}: expected an array in a .npy file, got a damaged one") from error
+        if not isinstance(values, np.ndarray):
+            raise InputError(f"{path.name}: expected one array in a .npy file, got an .npz of several")
+        return (values if values.dtype.kind == "f" else _from_picture(values)), path.name
     with path.open("rb") as stream:
         is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
     if is_exr:

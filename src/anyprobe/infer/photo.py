@@ -88,6 +88,7 @@ def load_photo(
     fov_deg: float | None = None,
     normals: NormalsSource | None = None,
     surroundings: SurroundingsSource | None = None,
+    name: str | None = None,
     **where: Unpack[Where],
 ) -> Photo:
     """Read a photo and find its object.
@@ -98,12 +99,13 @@ def load_photo(
         normals: known ones, see infer.known_normals.read_normals; or "ball", where the object is one.
         surroundings: a panorama, as far as it is known, see infer.surroundings.read_surroundings; or "photo", for what
             the photo itself shows beside the object.
+        name: what messages call the photo; None: its file's name, or what it is.
         where: what is told about the object: mask, depth with near and far, click, click_off,
             box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
     if fov_deg is not None and not 1.0 < fov_deg < 170.0:
         raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
-    pixels = read_image(source)
+    pixels = read_image(source, name)
     found = find_mask(pixels, **where)
     if fov_deg is not None:
         long_fov_deg, fov_source = float(fov_deg), "given"

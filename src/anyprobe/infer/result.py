@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
 from anyprobe.export.light import origin_of
@@ -76,9 +77,7 @@ class Light:
             InputError: not a rotation; a mirrored or scaled matrix would bend the light.
         """
         rotation = np.asarray(rotation, dtype=np.float64)
-        if rotation.shape != (3, 3) or not (
-            np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) and np.linalg.det(rotation) > 0
-        ):
+        if not is_rotation(rotation):
             raise InputError(
                 f"rotation: expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
                 "build it with anyprobe.core.frames"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
@@ -59,6 +59,16 @@ class Outputs:
     ln_radiance: np.ndarray
     confidence: np.ndarray | None = None
     normals: np.ndarray | None = None
+
+    def with_map(self, radiance: np.ndarray, confidence: np.ndarray | None) -> Outputs:
+        """The same with another map, LDR and ln maps that are this one's, and its confidence."""
+        return replace(
+            self,
+            radiance=radiance,
+            ldr=response(radiance),
+            ln_radiance=np.log(np.maximum(radiance, 1e-6)),
+            confidence=confidence,
+        )
 
 
 def bundled_models() -> list[str]:
@@ -212,6 +222,9 @@ def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) 
 def file_hashes(model: str) -> dict[str, str]:
     """First 12 hexadecimal digits of SHA-256 of each graph: the model's identity."""
     folder = weights_folder(model)
+    missing = next((stage for stage in stages_of(folder) if not (folder / f"{stage}.onnx").is_file()), None)
+    if missing is not None:
+        raise ModelError(f"{folder}: expected {missing}.onnx in it, found none; get the whole model")
     return {
         stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12]
         for stage in stages_of(folder)

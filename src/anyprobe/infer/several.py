@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.infer.result import Light
 from anyprobe.light.fuse import fuse
@@ -37,12 +38,13 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         raise InputError(
             f"poses: expected one a light, got {len(world_from_camera)} for {len(lights)} lights"
         )
+    turns = [np.asarray(world_from_camera[0]).T @ pose for pose in world_from_camera]
+    for number, pose in enumerate(world_from_camera, start=1):
+        if not is_rotation(pose):
+            raise InputError(f"poses: expected rotations [3, 3], got another matrix for photo {number}")
     first, told = lights[0], [light.info.get("exposure") for light in lights]
     gains = [told[0] / one for one in told] if all(told) else [1.0] * len(told)
-    turned = [first] + [
-        light.rotate(np.asarray(world_from_camera[0]).T @ pose)
-        for light, pose in zip(lights[1:], world_from_camera[1:], strict=True)
-    ]
+    turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
     sure = np.stack(
         [np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned]

@@ -6,13 +6,11 @@ the surroundings tells a small part of the map, but that exactly.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from PIL import Image, ImageFilter
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.core.response import inverse_response, response
+from anyprobe.core.response import inverse_response
 from anyprobe.errors import InputError, InvalidPhoto
 from anyprobe.files.images import ImageSource, read_image
 from anyprobe.infer.runtime import Outputs
@@ -108,13 +106,7 @@ def use_surroundings(outputs: Outputs, around: np.ndarray, *, tint: bool = True)
     confidence = outputs.confidence
     if confidence is not None:
         confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
-    return replace(
-        outputs,
-        radiance=radiance,
-        ldr=response(radiance),
-        ln_radiance=np.log(np.maximum(radiance, 1e-6)),
-        confidence=confidence,
-    )
+    return outputs.with_map(radiance, confidence)
 
 
 def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarray:

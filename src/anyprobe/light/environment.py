@@ -10,14 +10,17 @@ from anyprobe.errors import InvalidEnvironment
 
 MAP_HEIGHT = 64
 """Rows of every estimated map; the paper leaves the size open."""
+SEARCH_ROWS = 128
+"""Rows at which a larger map is searched for its main light, and blurred."""
 
 
 def check_radiance(radiance: np.ndarray, name: str = "map") -> np.ndarray:
     """Return the map as float32 [H, 2H, 3], or raise InvalidEnvironment."""
     radiance = np.asarray(radiance)
-    if radiance.ndim != 3 or radiance.shape[2] != 3 or radiance.shape[1] != 2 * radiance.shape[0]:
+    shape = radiance.shape
+    if radiance.ndim != 3 or shape[2] != 3 or shape[1] != 2 * shape[0] or shape[0] == 0:
         raise InvalidEnvironment(
-            f"{name}: expected width = 2 x height and 3 channels, got shape {radiance.shape}; "
+            f"{name}: expected width = 2 x height and 3 channels, got shape {shape}; "
             "convert a cube map or mirror ball to latitude-longitude first"
         )
     if not np.isfinite(radiance).all():
@@ -47,6 +50,31 @@ def shrink(radiance, height: int):
     blocks = xp.reshape(radiance * weights, (height, k, 2 * height, k, radiance.shape[2]))
     total = xp.sum(xp.sum(blocks, axis=3), axis=1)
     return total / (xp.sum(xp.reshape(weights, (height, k, 1, 1)), axis=1) * k)
+
+
+def reduced(radiance: np.ndarray, rows: int = SEARCH_ROWS) -> np.ndarray:
+    """A map [H, 2H, C] of any height with at most so many rows, the integral over the sphere kept.
+
+    For what costs H^3, as a blur by an angle does, and needs no detail: maps of thousands of rows are common.
+    """
+    height = radiance.shape[0]
+    if height <= rows:
+        return radiance
+    weights = pixel_solid_angles(height).astype(np.float64)  # [H, 1]
+    down, across = _overlap(height, rows), _overlap(2 * height, 2 * rows)
+    total = np.stack(
+        [down @ (radiance[..., c] * weights) @ across.T for c in range(radiance.shape[2])], axis=-1
+    )
+    return (total / ((down @ weights) * (height / rows))[..., None]).astype(radiance.dtype)
+
+
+def _overlap(old: int, new: int) -> np.ndarray:
+    """[new, old]: how much of each old cell lies in each new one, in old cells."""
+    borders = np.linspace(0.0, old, new + 1)
+    cells = np.arange(old)
+    return np.clip(
+        np.minimum(borders[1:, None], cells + 1) - np.maximum(borders[:-1, None], cells), 0.0, None
+    )
 
 
 def rotate(radiance, rotation):

@@ -21,6 +21,7 @@ def take_pixels(radiance, count: int) -> tuple[Any, Any, Any]:
     height = radiance.shape[0]
     flat = xp.reshape(radiance, (-1, 3))
     order = xp.flip(xp.argsort(luminance(flat)), axis=0)
+    count = min(count, len(order) - 1)
     chosen, cap = order[:count], luminance(flat)[order[count]]
     bright = xp.take(flat, chosen, axis=0)
     excess = bright * (1.0 - cap / xp.clip(luminance(bright), 1e-12, None))[:, None]
@@ -51,6 +52,7 @@ def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any
     highest = np.zeros(int(patch.max()) + 1)
     np.maximum.at(highest, patch, bright)
     order = np.argsort(-highest, kind="stable")
+    count = min(count, len(order) - 1)
     cap = highest[order[count]]
     pixels = np.flatnonzero(bright > cap)  # all of them lie in the chosen patches
     lamp = np.argsort(order, kind="stable")[patch[pixels]]

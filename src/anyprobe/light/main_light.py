@@ -16,6 +16,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cap
 
 BLUR_RADIUS = np.radians(5.0)
@@ -73,6 +74,26 @@ def connected(mask: np.ndarray, row: int, column: int) -> np.ndarray:
             return region
 
 
+def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of luminance [H, 2H]: the lobe, it with the pixels that touch it, and the ring around; in pixels of SEARCH_ROWS
+    rows where there are more."""
+    height = len(bright)
+    small = reduced(bright[..., None])
+    blurred = blur_cap(small, BLUR_RADIUS)[..., 0]
+    row, column = np.unravel_index(np.argmax(blurred), blurred.shape)
+    lobe = connected(blurred >= LOBE_LEVEL * blurred[row, column], row, column)
+    source = dilate(lobe)
+    ring = source
+    for _ in range(RING_PX):
+        ring = dilate(ring)
+    ring = ring & ~source
+    around = ring if ring.any() else source  # the lobe is the whole sphere: no light stands out
+    if len(small) == height:
+        return lobe, source, around
+    rows, columns = (((np.arange(n * height) + 0.5) * len(small) / height).astype(int) for n in (1, 2))
+    return tuple(mask[np.ix_(rows, columns)] for mask in (lobe, source, around))
+
+
 def find_main_light(radiance: np.ndarray) -> MainLight:
     """The brightest lobe of a map [H, 2H, 3] as a directional light.
 
@@ -99,15 +120,7 @@ def split_main_light(radiance: np.ndarray) -> tuple[MainLight, np.ndarray]:
     total = float(power.sum())
     confidence = float(np.linalg.norm(np.einsum("hw,hwc->c", power, d))) / total if total > 0 else 0.0
 
-    blurred = blur_cap(bright[..., None], BLUR_RADIUS)[..., 0]
-    row, column = np.unravel_index(np.argmax(blurred), blurred.shape)
-    lobe = connected(blurred >= LOBE_LEVEL * blurred[row, column], row, column)
-    source = dilate(lobe)
-    ring = source
-    for _ in range(RING_PX):
-        ring = dilate(ring)
-    ring = ring & ~source
-    around = ring if ring.any() else source  # the lobe is the whole sphere: no light stands out
+    lobe, source, around = _find_lobe(bright)
     surrounding = np.average(radiance[around], axis=0, weights=solid_angles[around])
 
     excess = radiance[source] - surrounding  # [K, 3]

@@ -51,7 +51,7 @@ class Proposal:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Letterbox:
     """A window of a photo in the network's square. origin x, y and size w, h of the window in the photo's
-    pixels; the square's pixels inside it: left, top, width, height; scale: square's pixels per photo's."""
+    pixels; the square's pixels inside it: left, top, width, height."""
 
     origin: tuple[int, int]
     size: tuple[int, int]

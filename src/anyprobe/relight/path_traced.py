@@ -15,6 +15,7 @@ import numpy as np
 from anyprobe.core.frames import normalize, orthonormal_basis
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import MissingExtra
+from anyprobe.export.mitsuba import pole_to_pole
 from anyprobe.relight import mitsuba_material
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
@@ -151,12 +152,8 @@ def _shape(mi, mesh: Mesh, material: Material):
 
 
 def _environment(mi, radiance: np.ndarray) -> dict:
-    """Our map [H, 2H, 3], exactly: Mitsuba's rows run from pole to pole, so 2H + 1 of them, read
-    between ours, hold the same bilinear function."""
-    height = radiance.shape[0]
-    rows = np.clip(np.arange(2 * height + 1) / 2.0 - 0.5, 0, height - 1)
-    low, high = np.floor(rows).astype(int), np.ceil(rows).astype(int)
-    bitmap = mi.Bitmap(np.ascontiguousarray((radiance[low] + radiance[high]) / 2.0, np.float32))
+    """Our map [H, 2H, 3], exactly."""
+    bitmap = mi.Bitmap(np.ascontiguousarray(pole_to_pole(radiance), np.float32))
     to_world = np.eye(4)
     to_world[:3, :3] = TURN
     return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(to_world)}

@@ -51,9 +51,16 @@ class Stage:
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg)
+        if not np.isfinite(arrangement.turn_deg):
+            raise InputError(f"--turn: expected degrees, got {arrangement.turn_deg}")
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
         )
+        if self.placement.mesh.positions[:, 2].max() >= 0:
+            raise InputError(
+                "--size: expected an object in front of the camera, got one that reaches behind it; make it smaller "
+                "or stand it farther away with --at"
+            )
         self.window: Window = window_around(self.placement, self.view)
 
     def on(self, photo: Photo) -> Stage:
@@ -106,8 +113,8 @@ class Stage:
     def _behind(self) -> bool:
         """Whether the real object's base is nearer to the camera, that is lower in the picture."""
         foot_row = self.view.pixels(self.placement.mesh.positions)[:, 1].max()
-        base_row = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))[-1] + 1
-        return bool(foot_row < base_row - 1)
+        rows = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))
+        return len(rows) > 0 and bool(foot_row < rows[-1])  # a video's frame may have no mask
 
     def _ground(self, radiance: np.ndarray) -> Ground:
         """A ground whose radiance under the map is what the photo shows around the object's foot."""

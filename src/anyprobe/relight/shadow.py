@@ -15,6 +15,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.sampling import hammersley
+from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
@@ -42,6 +43,7 @@ def sample_sky(
         directions: [N, 3]. weights: [N, 3], each direction's share of the ground's irradiance a
         channel; they sum to 1, and to 0 where a channel is black.
     """
+    radiance = reduced(radiance)
     height = radiance.shape[0]
     # pixels cut into 4 x 4, so that cos and the horizon are right in those the horizon crosses
     v, u = ((np.arange(4 * n) + 0.5) / (4 * n) for n in (height, 2 * height))
@@ -127,4 +129,4 @@ class GroundShadow:
 
 def sky_irradiance(radiance: np.ndarray, up: np.ndarray) -> np.ndarray:
     """E [3] on the ground of a map, its normal up."""
-    return bilinear(irradiance_map(radiance), direction_to_uv(np.asarray(up, np.float32)[None]))[0]
+    return bilinear(irradiance_map(reduced(radiance)), direction_to_uv(np.asarray(up, np.float32)[None]))[0]

@@ -13,6 +13,7 @@ import numpy as np
 from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.sampling import hammersley
+from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_LAMPS, shade_specular
@@ -63,7 +64,7 @@ def _picture(values: np.ndarray, size: int) -> np.ndarray:
 def diffuse(radiance: np.ndarray, size: int = BALL_SIZE) -> np.ndarray:
     """A Lambert ball of albedo 1, Lo = E(n) / pi: [H, 2H, 3] -> [S, S, 3]."""
     _, uv_normal, _ = _lookups(size)
-    return _picture(bilinear(irradiance_map(radiance), uv_normal) / np.pi, size)
+    return _picture(bilinear(irradiance_map(reduced(radiance)), uv_normal) / np.pi, size)
 
 
 def silver(radiance: np.ndarray, size: int = BALL_SIZE) -> np.ndarray:

@@ -161,8 +161,8 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     async def export(request: Request, target: str, exposure: float = 0.0) -> Response:
         """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
         find_target(target)
-        if not math.isfinite(exposure) or abs(exposure) > 32:
-            raise InputError(f"exposure: expected stops from -32 to 32, got {exposure:g}")
+        if not math.isfinite(exposure) or abs(exposure) > 30:
+            raise InputError(f"exposure: expected stops from -30 to 30, got {exposure:g}")
         async with pool.place():
             upload = await read_upload(request, limits)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +27,9 @@ MAP_MAX_ROWS = 2048
 def open_photo(upload: Upload, job: Job) -> Photo:
     """The photo with its object marked, under the name it was sent with."""
     job.step()
-    photo = load_photo(
+    return load_photo(
         upload.photo,
+        name=upload.name,
         mask=upload.mask,
         click=upload.clicks or None,
         click_off=upload.clicks_off or None,
@@ -38,8 +38,6 @@ def open_photo(upload: Upload, job: Job) -> Photo:
         normals=upload.normals,
         surroundings=upload.surroundings,
     )
-    renamed = tuple(note.replace("bytes:", f"{upload.name}:", 1) for note in photo.warnings)
-    return replace(photo, name=upload.name, warnings=renamed)
 
 
 def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:

@@ -84,5 +84,9 @@ async def read_several(request: Request, limits: Limits) -> Several:
 
 def estimate_several(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
     """The first photo and the light of all, in its camera's frame."""
-    found = [estimate_light(estimator, upload, job) for upload in several.uploads]
-    return found[0][0], fuse_lights([light for _, light in found], several.world_from_camera)
+    first, lights = None, []
+    for upload in several.uploads:
+        photo, light = estimate_light(estimator, upload, job)
+        lights.append(light)
+        first = first or photo  # the others are large, and done with
+    return first, fuse_lights(lights, several.world_from_camera)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.files.names import natural_order
 from anyprobe.infer.photo import Photo, load_photo, object_box
 from anyprobe.infer.surroundings import SurroundingsSource
 from anyprobe.video.clip import Frame
@@ -48,7 +49,10 @@ class MaskFollower:
         if masks is not None:
             if not masks.is_dir():
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
-            self._files = sorted(path for path in masks.iterdir() if path.suffix.lower() in MASK_SUFFIXES)
+            self._files = sorted(
+                (path for path in masks.iterdir() if path.suffix.lower() in MASK_SUFFIXES),
+                key=lambda path: natural_order(path.name),
+            )
         self.told = where
         self._every = {"fov_deg": fov_deg, "surroundings": surroundings}
         self.last: list[float] | None = None

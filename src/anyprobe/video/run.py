@@ -140,8 +140,7 @@ class ClipRun:
         if self.poses is not None and frame.index >= len(self.poses):
             raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
         if frame.index % self.every and done.light is not None:
-            same = {"same_as": done.frames[-1].get("same_as", frame.index - 1)}
-            return {**record, **(self._turned(frame.index) or same)}
+            return {**record, **(self._turned(frame.index) or self._same())}
         try:
             self._photo = self.follower.photo(frame)
             light = self.estimator.from_photo(self._photo)
@@ -149,7 +148,8 @@ class ClipRun:
             if frame.index == 0 and self.follower.told:
                 raise
             self._photo = None
-            return {**record, "error": " ".join(str(error).splitlines()), **self._turned(frame.index)}
+            kept = self._turned(frame.index) or self._same()
+            return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         if self.poses is not None:
             light = light.rotate(self.poses[frame.index])
@@ -175,6 +175,11 @@ class ClipRun:
     def _turned(self, index: int) -> dict:
         """What a frame without a light of its own sees of the last one, where its pose is known."""
         return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
+
+    def _same(self) -> dict:
+        """Which frame's light one without its own has; nothing before the first."""
+        lit = next((one["index"] for one in reversed(self.progress.frames) if "held" in one), None)
+        return {} if lit is None else {"same_as": lit}
 
     def _set_up(self, photo: Photo) -> None:
         """The place of the virtual object, from the first frame with a mask, for all."""

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -75,24 +76,27 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path) as kept:
+        with path.open("rb") as stream, np.load(stream) as kept:
             words = json.loads(str(kept["words"]))
             numbers = words.pop("filter", None)
             light = None
             if numbers is not None:
                 light = Steadied(**{name: kept[name] for name in MAPS}, **numbers)
-    except (OSError, ValueError, KeyError) as error:
+        found = Progress(light=light, **words)
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
-            f"{path}: expected what a run left, got a damaged file; delete the folder"
+            f"{path}: expected what a run of this version left, got another or damaged file; --restart, or another "
+            "folder with -o"
         ) from error
     now = json.loads(json.dumps(settings))
-    if words["settings"] != now:
-        changed = [key for key in {**words["settings"], **now} if words["settings"].get(key) != now.get(key)]
+    then = found.settings
+    if then != now:
+        changed = [key for key in {**then, **now} if then.get(key) != now.get(key)]
         raise InputError(
             f"{folder}: expected the settings it was begun with, got another {', '.join(changed)}; "
             "choose another folder with -o, or --restart"
         )
-    return Progress(light=light, **words)
+    return found
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:
