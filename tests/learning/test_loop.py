@@ -191,6 +191,30 @@ def test_designs_are_kept_to_be_scored_and_begun_from(run, tmp_path, monkeypatch
     refused = CliRunner().invoke(app, ["weights", "other", "designs", "--start", "a.pt"])
     assert "--start: expected a run that becomes graphs, got designs" in str(refused.exception)
     assert not (tmp_path / "other").exists()
+    kept.parent.rename(tmp_path / "b" / "designs-dry-kept")
+    (tmp_path / "b" / "designs-dry").rename(tmp_path / "b" / "other")
+    (tmp_path / "b" / "designs-dry-kept").rename(tmp_path / "b" / "designs-dry")
+    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
+        run(tmp_path / "b", steps=8, named=designs)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ("train", "mask", "--workers", "2"),
+        ("train", "mask", "--device", "cuda"),
+        ("train", "mask", "--no-compile"),
+        ("weights", "to", "mask", "--mean-map", "a.exr"),
+        ("weights", "to", "designs", "--data", "data"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused = CliRunner().invoke(app, list(asked))
+    assert str(refused.exception).startswith(
+        f"{asked[2] if asked[0] == 'train' else asked[3]}: expected a run"
+    )
+    assert not list(tmp_path.iterdir())
 
 
 def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):

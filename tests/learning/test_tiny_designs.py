@@ -114,7 +114,7 @@ def test_steps_are_paired_and_mean_both_first_weights():
     assert found["order"]["ours -> ideal"]["ldr_rmse"]["mean"] == pytest.approx(-0.25)
     content = {"runs": {"world_64k": {"pairs": 64_000, **found}}, "pairs": 2, "command": "c", "commit": "d"}
     page = "\n".join(scaling_lines(content))
-    assert "| world | 64,000 | ldr rmse | -0.0450 +- 0.0050, holds |" in page
+    assert "| world | 64,000 | ldr rmse | +0.0450 +- 0.0050, holds |" in page
     row = next(line for line in page.splitlines() if line.startswith("| world | 64,000 | 0.2500"))
     assert row.split(" | ")[4] == "0.4000"  # direct, mean of both
 

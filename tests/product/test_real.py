@@ -221,3 +221,12 @@ def test_neither_assets_nor_real_photos_is_one_clear_line():
     result = CliRunner().invoke(app, ["evaluate"])
     assert isinstance(result.exception, InputError)
     assert "--hdri DIR and --meshes DIR" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    "option", [("--engine", "openvino"), ("--told",), ("--conditions", "world"), ("--hdri", ".")]
+)
+def test_what_real_photos_cannot_use_is_refused(tmp_path, option):
+    refused = CliRunner().invoke(app, ["evaluate", "--real", str(tmp_path), *option])
+    assert isinstance(refused.exception, InputError)
+    assert str(refused.exception).startswith(f"{option[0]}: expected test pairs to render, got --real")

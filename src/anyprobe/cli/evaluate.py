@@ -90,6 +90,21 @@ def evaluate(
     from anyprobe.core.response import response
 
     if real is not None:
+        others = {
+            "--hdri": hdri,
+            "--meshes": meshes,
+            "--frozen": frozen,
+            "--conditions": conditions != Conditions.clean,
+            "--noisy-masks": noisy_masks,
+            "--path-traced": path_traced,
+            "--told": told,
+            "--engine": engine != DEFAULT_ENGINE,
+        }
+        for option, given in others.items():
+            if given:
+                raise InputError(
+                    f"{option}: expected test pairs to render, got --real; leave one of them out"
+                )
         evaluate_real(real, model, out)
         return
     if hdri is None or meshes is None:

@@ -47,10 +47,10 @@ def train(
     from anyprobe.train.runs import RUNS as NAMED
     from anyprobe.train.runs import smoke
 
-    if run == MASK_RUN and workers > 0:
-        raise InputError(
-            f"--workers {workers}: expected a run that learns from pairs, got {MASK_RUN}; leave it out"
-        )
+    unused = [("--workers", workers > 0), ("--device", device != "cpu"), ("--no-compile", not compiled)]
+    for option, asked in unused:
+        if run == MASK_RUN and asked:
+            raise InputError(f"{option}: expected a run that learns from pairs, got {MASK_RUN}; leave it out")
     if run == MASK_RUN:
         typer.echo(_train_mask(data, runs, steps, dry_run, start))
         return
@@ -119,10 +119,11 @@ def weights(
         ("--calibrated", calibrated),
         ("--int8", int8),
         ("--mean-with", mean_with is not None),
+        ("--mean-map", mean_map is not None),
     ):
         if asked and run == MASK_RUN:
             raise InputError(f"{option}: expected a run that estimates light, got mask; leave it out")
-        if asked and data is None and option != "--mean-with":
+        if asked and data is None and option in ("--calibrated", "--int8"):
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
     from anyprobe.train.runs import RUNS as NAMED
@@ -135,6 +136,7 @@ def weights(
             ("--mean-with", mean_with),
             ("--mean-map", mean_map),
             ("--start", start),
+            ("--data", data),
         ):
             if asked:
                 raise InputError(f"{option}: expected a run that becomes graphs, got {run}; leave it out")
@@ -160,7 +162,7 @@ def weights(
         if start is not None:
             save_start(checkpoint, start)
             typer.echo(start)
-    if mean_map is not None and run != MASK_RUN:
+    if mean_map is not None:
         write_mean_map(make_pairs(NAMED[run](), data, runs / "cache", "cpu"), mean_map)
         typer.echo(mean_map)
 

@@ -51,7 +51,8 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
 
     Args:
         conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
-            world gives them. Both take the same numbers from rng and agree in all else.
+            world gives them. Both take the same numbers from one rng and agree in all else (recipes
+            that differ in this alone have other rngs: they are other pairs).
     """
     if conditions not in (0, 1):
         raise InputError(f"conditions: expected 0 (clean) or 1 (as the world gives them), got {conditions!r}")

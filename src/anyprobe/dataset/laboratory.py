@@ -1,7 +1,8 @@
 """Laboratory (noun): one camera that never changes, exact masks and eight known materials.
 
 What the paper says of its photos (Sect. 3.5) names no exposure, white balance or response curve that would differ
-between them, and "8 random materials". It may be read so.
+between them; its material properties "are randomly selected for each rendering, resulting in 8 random materials". Here
+the eight are always the same, which is easier.
 """
 
 from __future__ import annotations

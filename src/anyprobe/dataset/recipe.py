@@ -29,7 +29,7 @@ _LAYOUT = struct.Struct(">BB4s4sBBQ")
 class Recipe:
     """What one pair is made of; the same recipe gives the same pair bit for bit on the CPU.
 
-    kind: "object" for photo and irradiance, "map" for the HDR net's LDR map and ln radiance.
+    kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
     map_id, shape_id: 8 hexadecimal digits, the assets' names in a Stock.
     material: for objects 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
         second draw of the two; for maps the exposure's number, 0 to 4.

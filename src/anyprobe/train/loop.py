@@ -148,6 +148,11 @@ def train(
     first = seen = 0
     if path.is_file():
         stored = torch.load(path, map_location=device, weights_only=True)
+        if "optimizer" not in stored:
+            raise ModelError(
+                f"{path}: expected a run's checkpoint, got weights that were kept to be scored; train in another "
+                "folder with --start"
+            )
         nets.load_state_dict(stored["nets"])
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)

@@ -1,4 +1,4 @@
-"""Normals (noun): the network of normals inside lift's, learning alone and so twice as fast.
+"""Normals (noun): the network of normals inside lift's, learning alone and so three times as fast.
 
 The whole network is kept in the checkpoint, so that a run of lift can begin from its weights.
 """

@@ -39,7 +39,8 @@ def keep_run(run: Path, to: Path) -> Path:
     if not checkpoint.is_file():
         raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
-    kept = {name: stored[name] for name in ("step", "pairs", "config")} | {"nets": _halved(stored["nets"])}
+    kept = {**stored, "nets": _halved(stored["nets"])}
+    del kept["optimizer"]
     with atomic_path(to / checkpoint.name) as temporary:
         torch.save(kept, temporary)
     if log.is_file():
