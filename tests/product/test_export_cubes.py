@@ -290,6 +290,14 @@ def test_gltf_holds_faces_coefficients_and_the_main_light(tmp_path):
     np.testing.assert_allclose(matrix @ (0, 0, -1, 0), (*-main.direction, 0), atol=1e-5)
 
 
+def test_gltf_of_a_large_map_is_no_larger_than_it_must_be(tmp_path, monkeypatch):
+    monkeypatch.setattr("anyprobe.export.gltf.LARGEST_SIDE", 16)
+    document, _ = parse_glb(file_of("gltf", tmp_path, lit_map(), ".glb"))
+    (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
+    assert light["specularImageSize"] == 16
+    assert len(light["specularImages"]) == 1
+
+
 def assert_same_side(blurred: np.ndarray, radiance: np.ndarray) -> None:
     """What is blurred by roughness 1 is brighter in red where E / pi is, mirrored or turned it is not."""
     sh = prepare(radiance, "x").sh_full

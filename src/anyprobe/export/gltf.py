@@ -34,6 +34,9 @@ GAMMA = 2.2
 SMALLEST_SIDE = 16
 """Side of the last mip, which holds roughness 1."""
 
+LARGEST_SIDE = 256
+"""Side of the first mip at most, as fine as a map of 512 rows: filtering larger ones takes many minutes."""
+
 NUM_SAMPLES = 256
 
 
@@ -66,7 +69,7 @@ def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
 
 def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.glb: the light without its main lobe as an image-based light, the lobe as a directional one."""
-    levels = prefiltered(light.ambient, face_size(light.radiance.shape[0]))
+    levels = prefiltered(light.ambient, min(face_size(light.radiance.shape[0]), LARGEST_SIDE))
     pictures = [_png(pack_rgbd(face)) for level in levels for face in level]
     views, blob = [], bytearray()
     for picture in pictures:
