@@ -10,7 +10,7 @@ import numpy as np
 
 from anyprobe.evaluate.metrics import rmse, ssim
 from anyprobe.evaluate.study import clustered_error
-from anyprobe.evaluate.verdict import gain_cell
+from anyprobe.evaluate.verdict import gain_cell, step_holds
 
 DESIGNS = ("direct", "irradiance", "ours")
 SECOND = "_2"
@@ -100,8 +100,8 @@ def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:
     yield "first weights, an irradiance network for all learning beside them from nothing. Each run has a whole"
     yield "schedule of its own. *world*: cameras and materials as they come; *laboratory*: one camera and eight"
     yield f"materials, as above. The {content['pairs']:,} test pairs are of maps and shapes that no network has seen"
-    yield f"(`{content['command']}`, commit {content['commit']}). SSIM of maps this small goes around their seam, and"
-    yield "does not compare with that of other tables."
+    yield f"(`{content['command']}`, commit {content['commit']})."
+    yield "SSIM of maps this small goes around their seam, and does not compare with that of other tables."
     yield ""
     heads = [f"{name}: ldr RMSE | SSIM" for name in (*DESIGNS, "ideal")]
     yield "| run | pairs | irradiance image: RMSE | SSIM | " + " | ".join(heads) + " |"
@@ -114,9 +114,8 @@ def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:
             cells += [f"{_of_both(rows, design, figure):.4f}" for figure in FIGURES]
         yield "| " + " | ".join(cells) + " |"
     yield ""
-    yield "The gain of each of the paper's steps (positive is better), pair by pair, mean of both first weights, and"
-    yield "its"
-    yield "standard error (by map); *told* is given the true irradiance image:"
+    yield "The gain of each of the paper's steps (positive is better), pair by pair, mean of both first weights, with"
+    yield "its standard error (by map); *told* is given the true irradiance image:"
     yield ""
     yield "| run | pairs | figure | " + " | ".join(STEPS) + " |"
     yield "|" + "---|" * (len(STEPS) + 3)
@@ -126,6 +125,29 @@ def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:
             for step in STEPS:
                 cells.append(gain_cell(figure, run["order"][step][figure]))
             yield "| " + " | ".join(cells) + " |"
+    yield ""
+    yield from _reading(runs)
+
+
+def _reading(runs: Mapping[str, Any]) -> Iterable[str]:
+    """What follows: by camera and materials what more pairs do to the irradiance image, and to each step."""
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for name, run in runs.items():
+        kinds.setdefault(name.partition("_")[0], []).append(run)
+    for kind, found in kinds.items():
+        of_pairs = " and ".join(f"{run['pairs']:,}" for run in found)
+        errors = " and ".join(f"{run['irradiance']['rmse']:.3f}" for run in found)
+        alike = " and ".join(f"{run['irradiance']['ssim']:.3f}" for run in found)
+        yield f"- {kind}, after {of_pairs} pairs: irradiance image RMSE {errors}, SSIM {alike}."
+        for step in list(STEPS)[:3]:
+            verdicts = [
+                [
+                    f"{figure.removeprefix('ldr_').upper()} {step_holds(figure, run['order'][step][figure])}"
+                    for figure in FIGURES
+                ]
+                for run in found
+            ]
+            yield f"  {step}: {'; then '.join(', '.join(one) for one in verdicts)}."
 
 
 def _of_both(rows: Mapping[str, Mapping[str, float]], design: str, figure: str) -> float:

@@ -32,11 +32,10 @@ def order_lines(table1: Mapping[str, Any]) -> Iterable[str]:
         return
     yield from ("", "### Does the paper's order hold?", "")
     yield "The gain of the second design over the first, pair by pair: positive is better in every column (RMSE with"
-    yield "its"
-    yield "sign turned). A step *holds* where the gain is more than two standard errors above zero, *is reversed*"
-    yield "where it"
-    yield "is more than two below, and *is open* else. Standard errors take the pairs of one map together; what another"
-    yield "training would give, they do not cover: where both seeds agree, it is a little surer."
+    yield "its sign turned). A step *holds* where the gain is more than two standard errors above zero, *is"
+    yield "reversed* where it is more than two below, and *is open* else. Standard errors take the pairs of one map"
+    yield "together; what another training would give, they do not cover: where both seeds agree, it is a little"
+    yield "surer."
     yield ""
     names = list(next(iter(table1["order"].values())))
     yield from order_table(table1["order"])
@@ -99,18 +98,18 @@ def limit_lines(table1: Mapping[str, Any]) -> Iterable[str]:
     yield f"  {change('hdr_ssim')}, {change('hdr_rmse')}."
     if "paper" in rows:
         yield "- Size and other pairs: the shipped chain `paper`, wider and of larger pictures and maps, after"
-        yield "  320,000 older"
-        yield f"  pairs, takes {change('ldr_ssim', rows['paper'])}, {change('ldr_rmse', rows['paper'])}."
+        yield f"  320,000 older pairs, takes {change('ldr_ssim', rows['paper'])},"
+        yield f"  {change('ldr_rmse', rows['paper'])}."
 
 
 def tolerance_lines(tolerance: Mapping[str, Any]) -> Iterable[str]:
     """How true the irradiance image must be before the paper's order holds."""
     direct = tolerance["direct"]
     yield from ("", "### How true the irradiance image must be: an experiment", "")
-    yield "The estimated image is replaced by (1 - s) x estimate + s x truth, without training again, to see from which"
-    yield "error on Irradiance and Ours are ahead of Direct in the mean. The paper's network, whose errors are no"
-    yield "mixtures"
-    yield f"with the truth, has an RMSE of {TABLE1['irradiance']['irradiance_rmse']:.3f}, so that this is a guide only."
+    yield "The estimated image is replaced by (1 - s) x estimate + s x truth, without training again, to see from"
+    yield "which error on Irradiance and Ours are ahead of Direct in the mean. The paper's network, whose errors are"
+    yield f"no mixtures with the truth, has an RMSE of {TABLE1['irradiance']['irradiance_rmse']:.3f}, so that this is"
+    yield "a guide only."
     yield from ("", tolerance["note"], "")
     yield "| share of truth | irradiance RMSE | SSIM | irradiance: ldr RMSE | SSIM | ours: ldr RMSE | SSIM |"
     yield "|---|---|---|---|---|---|---|"
@@ -169,8 +168,7 @@ def limits_of(method: str, rows: Mapping[str, Mapping[str, float]]) -> Iterable[
     """What an irradiance image's error is made of; rows: of one method, by group."""
     whole, paper = rows["all"], TABLE1["irradiance"]
     yield f"- {method}: each image times its own best gain (chosen with the truth; {whole['gain_stops']:.2f} stops up"
-    yield "  or"
-    yield f"  down in the mean) has {whole['gain_explained']:.0%} less squared error, with a gain for each channel"
+    yield f"  or down in the mean) has {whole['gain_explained']:.0%} less squared error, with a gain for each channel"
     yield f"  {whole['channel_explained']:.0%} less; what remains is shape. With the one gain RMSE goes from"
     yield f"  {whole['rmse']:.4f} to {whole['gain_rmse']:.4f} and SSIM from {whole['ssim']:.4f} to"
     yield f"  {whole['gain_ssim']:.4f} (the paper's: {paper['irradiance_rmse']:.4f}, {paper['irradiance_ssim']:.4f})."
