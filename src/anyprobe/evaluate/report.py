@@ -99,10 +99,11 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
         yield "blur, JPEG and mask errors; test photos are clean, their masks exact, exposure, white balance and"
         yield "response curve random. The irradiance network, that of the shipped `paper`, is the same for all and"
         yield f"stays as it is; it learned from {designs['irradiance_pairs']:,} older pairs without blur, JPEG and"
-        yield "rough masks, less exactly lit, which may put Irradiance and Ours at a disadvantage to Direct. The paper's"
-        yield "illumination network has seen some 25 million (2.3 million pairs, 11 epochs). Designs see 64 x 64 pictures"
-        yield "and give 32 x 64 maps, at about half of the paper chain's widths; maps are scaled up to 64 x 128 before they"
-        yield "are scored. One HDR network serves all; half of the estimated maps it learns from are Direct's."
+        yield "rough masks, less exactly lit, which may put Irradiance and Ours at a disadvantage to Direct. The"
+        yield "paper's illumination network has seen some 25 million (2.3 million pairs, 11 epochs). Designs see"
+        yield "64 x 64 pictures and give 32 x 64 maps, at about half of the paper chain's widths; maps are scaled up to"
+        yield "64 x 128 before they are scored. One HDR network serves all; half of the estimated maps it learns from"
+        yield "are Direct's."
         yield "[training.md](training.md) says how to train them further."
     if table1.get("remark"):
         yield from ("", table1["remark"])
