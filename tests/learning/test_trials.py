@@ -170,10 +170,3 @@ def test_the_command_writes_what_it_prints(trained, tmp_path, monkeypatch):
     refused = CliRunner().invoke(app, asked)
     assert isinstance(refused.exception, InputError)
     assert "lift_trial" in str(refused.exception)
-
-
-def test_a_run_without_pairs_refuses_workers(tmp_path):
-    refused = CliRunner().invoke(app, ["train", "mask", "--workers", "2", "--runs", str(tmp_path)])
-    assert isinstance(refused.exception, InputError)
-    assert "--workers 2" in str(refused.exception)
-    assert not list(tmp_path.iterdir())

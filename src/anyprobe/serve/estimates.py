@@ -20,8 +20,8 @@ from anyprobe.serve.uploads import Upload
 PAGE_LONG_PX = 2048
 """Longer side of what /v1/photo sends back: more than a page shows."""
 
-MAP_MAX_ROWS = 2048
-"""Largest map that is exported; ours have 64."""
+MAP_MAX_ROWS = 1024
+"""Largest map that is exported, in 0.8 GB at most; ours have 64."""
 
 
 def open_photo(upload: Upload, job: Job) -> Photo:
