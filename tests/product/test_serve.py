@@ -22,17 +22,12 @@ from fastapi.testclient import TestClient
 
 from anyprobe.cli.serve import is_loopback
 from anyprobe.scatter.brdf import Material
+from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import CLIENT_GONE, create_app
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.pool import Busy, Cancelled, WorkerPool
 
 LIMITS = Limits(max_bytes=200_000, max_pixels=20_000, workers=1, waiting=1, upload_s=5.0)
-
-
-def as_png(picture: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(picture).save(stream, format="PNG")
-    return stream.getvalue()
 
 
 @pytest.fixture(scope="module")

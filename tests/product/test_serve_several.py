@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
 
 import numpy as np
 import pytest
-from PIL import Image
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")
@@ -18,18 +16,13 @@ from fastapi.testclient import TestClient
 from anyprobe.core.frames import rotation_y
 from anyprobe.infer.several import fuse_lights
 from anyprobe.scatter.presets import told_material
+from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import create_app
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.several import MOST
 
 LIMITS = Limits(max_bytes=400_000, max_pixels=20_000, workers=1, waiting=1)
 TURNS = [np.eye(3), rotation_y(0.8)]
-
-
-def as_png(picture: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(picture).save(stream, format="PNG")
-    return stream.getvalue()
 
 
 @pytest.fixture(scope="module")

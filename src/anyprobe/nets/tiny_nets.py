@@ -1,28 +1,18 @@
-"""Tiny networks: the paper's first two on pictures of so few pixels that they can see very many pairs."""
+"""Tiny networks, for pictures of so few pixels that they can see very many pairs: the paper's second one."""
 
 from __future__ import annotations
 
 import torch
 from torch import nn
 
-from anyprobe.nets.blocks import UNet, Unwrap, Up, Wrap, conv
+from anyprobe.nets.blocks import Unwrap, Up, Wrap, conv
 
 SIZE = 32
 """Side of photo and irradiance image."""
 ROWS = 16
 """Rows of the maps."""
-
-
-class TinyIrradianceNet(nn.Module):
-    """Paper Fig. 5: photo [N, 4, 32, 32] (display RGB times mask, mask) -> display irradiance [N, 3, 32, 32]."""
-
-    def __init__(self, widths: tuple[int, ...] = (16, 32, 64, 96)) -> None:
-        super().__init__()
-        self.body = UNet(4, widths)
-        self.head = nn.Conv2d(widths[0], 3, 1)
-
-    def forward(self, photo: torch.Tensor) -> torch.Tensor:
-        return (photo[:, :3] + self.head(self.body(photo))) * photo[:, 3:]
+IRRADIANCE_WIDTHS = (16, 32, 64, 96)
+"""Of the first, which is nets.irradiance_net's: it takes pictures of any size."""
 
 
 class TinyMapNet(nn.Module):

@@ -14,7 +14,8 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.dataset.pairs import Batch
-from anyprobe.nets.tiny_nets import ROWS, TinyIrradianceNet, TinyMapNet
+from anyprobe.nets.irradiance_net import IrradianceNet
+from anyprobe.nets.tiny_nets import IRRADIANCE_WIDTHS, ROWS, TinyMapNet
 from anyprobe.train.chain import irradiance_loss
 from anyprobe.train.designs import DESIGNS, Design
 from anyprobe.train.gradual import gradual_target
@@ -48,7 +49,7 @@ class TinyDesigns:
                 torch.manual_seed(design.seed)
                 nets[name] = TinyMapNet()
             torch.manual_seed(0)
-            nets[IMAGE] = TinyIrradianceNet()
+            nets[IMAGE] = IrradianceNet(IRRADIANCE_WIDTHS)
         return nn.ModuleDict(nets)
 
     def _run(self, name: str, x: torch.Tensor) -> torch.Tensor:
