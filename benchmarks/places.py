@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anyprobe.core.color import luminance
-from anyprobe.core.frames import rotation_y, world_from_camera
-from anyprobe.dataset.camera import draw_shot, exposure, take_photo
+from anyprobe.core.color import luminance, to_bytes
+from anyprobe.core.frames import normalize, rotation_y, world_from_camera
+from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.response import response
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, take_photo
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.pair import shade_surface
@@ -16,6 +18,9 @@ from anyprobe.dataset.stock import Stock
 from anyprobe.infer.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.surface import frame_object, see
+
+PHONE_FOV_DEG, PHONE_ASPECT = 65.0, 0.75
+"""The photos that show more than the object: its middle is theirs."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -28,12 +33,16 @@ class Place:
     map_from_camera: np.ndarray
 
 
-def draw_place(stock: Stock, rng: np.random.Generator, count: int, arc_deg: float = 360.0) -> Place:
-    """A random map, shape, material and camera, as the world gives them but for what is behind the object: black.
+def draw_place(
+    stock: Stock, rng: np.random.Generator, count: int, arc_deg: float = 360.0, room: float | None = None
+) -> Place:
+    """A random map, shape, material and camera, as the world gives them.
 
     Args:
         count: photos; the camera goes round the object, evenly.
         arc_deg: by so much from the first photo to the last, all round at 360, where the last is not the first again.
+        room: the camera's distance from the object over that of all that lights it, behind which the photos then show
+            it: walls that are not infinitely far look displaced. None: black behind the object.
     """
     maps, shapes = list(stock.maps.values()), list(stock.shapes.values())
     asset, shape = maps[rng.integers(len(maps))], shapes[rng.integers(len(shapes))]
@@ -56,14 +65,54 @@ def draw_place(stock: Stock, rng: np.random.Generator, count: int, arc_deg: floa
         picture = np.zeros((*surface.mask.shape, 3), np.float32)
         picture[surface.mask] = reflected * gain
         display = take_photo(shot, picture, surface.mask, None, rng)
+        mask, tan_half = disturb_mask(surface.mask, rng), camera.tan_half
+        if room is not None:
+            rays = _phone_rays(display.shape[0], tan_half)
+            behind = _photo_of_room(
+                asset.radiance * gain, rays @ turns[-1].T, turns[-1] @ [0, 0, room], shot, rng
+            )
+            display, mask = (
+                _in_the_middle(display, surface.mask, behind),
+                _in_the_middle(mask, mask, rays[..., 0] > 2),
+            )
+            tan_half = np.tan(np.radians(PHONE_FOV_DEG) / 2)
         photos.append(
             Photo(
                 rgb=display.astype(np.float32) / 255,
-                mask=disturb_mask(surface.mask, rng).astype(np.float32),
-                long_fov_deg=float(np.degrees(2 * np.arctan(camera.tan_half))),
+                mask=mask.astype(np.float32),
+                long_fov_deg=float(np.degrees(2 * np.arctan(tan_half))),
                 fov_source="given",
                 name=f"{asset.name}, {shape.name}, photo {k}",
                 warnings=(),
             )
         )
     return Place(radiance=radiance, photos=tuple(photos), map_from_camera=np.array(turns))
+
+
+def _phone_rays(size: int, tan_half: float) -> np.ndarray:
+    """[H, W, 3] camera frame, of a phone's photo whose middle size x size pixels take in tan_half to either side."""
+    step = 2 * tan_half / size
+    half = np.tan(np.radians(PHONE_FOV_DEG) / 2)
+    width, height = (max(size, 2 * round(side * half / step)) for side in (1.0, PHONE_ASPECT))
+    x, y = (np.arange(width) + 0.5 - width / 2) * step, (height / 2 - np.arange(height) - 0.5) * step
+    return normalize(np.stack([*np.meshgrid(x, y), np.full((height, width), -1.0)], axis=-1))
+
+
+def _photo_of_room(
+    radiance: np.ndarray, rays: np.ndarray, eye: np.ndarray, shot: Shot, rng: np.random.Generator
+) -> np.ndarray:
+    """A map as a unit sphere around the object, seen from a point [3] in it: uint8."""
+    along = rays @ eye
+    away = np.sqrt(along**2 + 1 - eye @ eye) - along
+    seen = bilinear(radiance, direction_to_uv(eye + away[..., None] * rays).astype(np.float32))
+    display = response(seen * shot.white_balance, shot.curve)
+    return to_bytes(display + rng.standard_normal(display.shape, np.float32) * shot.noise)
+
+
+def _in_the_middle(small: np.ndarray, mask: np.ndarray, large: np.ndarray) -> np.ndarray:
+    """A large picture with what a mask marks of a small one in its middle."""
+    whole, size = large.copy(), small.shape[0]
+    top, left = (large.shape[0] - size) // 2, (large.shape[1] - size) // 2
+    part = whole[top : top + size, left : left + size]
+    part[mask] = small[mask]
+    return whole

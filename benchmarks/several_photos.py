@@ -1,11 +1,12 @@
 """What more photos of the same object add: one light of 1, 2, 4 and 8 photos whose cameras' poses are known.
 
-    python benchmarks/several_photos.py [--data DATA] [--left-out] [--places 40] [--arc 360] [--json]
+    python benchmarks/several_photos.py [--data DATA] [--left-out] [--places 40] [--arc 360] [--room 0.2] [--json]
 
 Each place has a map, a shape and a material; the camera goes round the object, evenly over --arc degrees, with its
 exposure and white balance locked. DATA: held-out maps and shapes of DATA/hdri/test and DATA/meshes/test, or with
---left-out the training assets that no shipped weights learn from; without --data all are our own. docs/known.md has
-the figures.
+--left-out the training assets that no shipped weights learn from; without --data all are our own. With --room the
+photos show the light behind the object too, as walls so much farther than the camera, and three lights are compared:
+told nothing of it, each photo told its own, and all told what any shows. docs/known.md has the figures.
 """
 
 from __future__ import annotations
@@ -13,18 +14,23 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from places import draw_place
 
 from anyprobe.dataset.stock import Stock, load_left_out, load_stock
+from anyprobe.errors import InputError
 from anyprobe.evaluate.protocol import score
 from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.several import fuse_lights
+from anyprobe.infer.photo import Photo, crop_object
+from anyprobe.infer.several import estimate_together, fuse_lights
 
 MOST = 8
 COUNTS = (1, 2, 4, 8)
+ALONE, OWN, GATHERED = "not told", "each its own", "gathered"
 SHOWN = (
     "ldr_rmse",
     "ldr_ssim",
@@ -36,18 +42,37 @@ SHOWN = (
 )
 
 
-def measure(stock: Stock, places: int, arc_deg: float, estimator: Estimator) -> Iterator[dict]:
-    """One line a place and number of photos."""
+def measure(
+    stock: Stock, places: int, arc_deg: float, room: float | None, estimator: Estimator
+) -> Iterator[dict]:
+    """One line a place, number of photos and what is told of the surroundings."""
     rng, around = np.random.default_rng(15), arc_deg == 360
     for number in range(places):
-        place = draw_place(stock, rng, MOST, arc_deg)
-        lights = [estimator.from_photo(photo) for photo in place.photos]
+        place = draw_place(stock, rng, MOST, arc_deg, room)
+        lights = {ALONE: [estimator.from_photo(photo) for photo in place.photos]}
+        told = [] if room is None else [seen(photo) for photo in place.photos]
+        if told:
+            lights[OWN] = [estimator.from_photo(photo) for photo in told]
         for count in COUNTS:
             chosen = (
                 np.linspace(0, MOST if around else MOST - 1, count, endpoint=not around).round().astype(int)
             )
-            fused = fuse_lights([lights[k] for k in chosen], place.map_from_camera[chosen])
-            yield {"place": number, "photos": count, **score(fused.radiance, place.radiance)}
+            poses = place.map_from_camera[chosen]
+            fused = {name: fuse_lights([few[k] for k in chosen], poses) for name, few in lights.items()}
+            if told:
+                fused[GATHERED] = estimate_together(estimator, [told[k] for k in chosen], poses)
+            for name, light in fused.items():
+                line = {"place": number, "photos": count, "surroundings": name}
+                yield line | score(light.radiance, place.radiance)
+
+
+def seen(photo: Photo) -> Photo:
+    """The photo, told that what it shows beside the object lights it; as it is where that is all black."""
+    try:
+        crop_object(replace(photo, around=True))
+    except InputError:
+        return photo
+    return replace(photo, around=True)
 
 
 def main() -> None:
@@ -58,6 +83,7 @@ def main() -> None:
     )
     parser.add_argument("--places", type=int, default=40)
     parser.add_argument("--arc", type=float, default=360.0, help="degrees that the camera goes round")
+    parser.add_argument("--room", type=float, help="the camera's distance over the walls', below 1")
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     options = parser.parse_args()
     if options.left_out:
@@ -73,19 +99,19 @@ def main() -> None:
             procedural_shapes=own,
         )
     lines = []
-    for line in measure(stock, options.places, options.arc, Estimator()):
+    for line in measure(stock, options.places, options.arc, options.room, Estimator()):
         lines.append(line)
         if options.json:
             print(json.dumps(line), flush=True)
-    for count in COUNTS:
-        rows = [line for line in lines if line["photos"] == count]
+    for count, told in product(COUNTS, dict.fromkeys(line["surroundings"] for line in lines)):
+        rows = [line for line in lines if line["photos"] == count and line["surroundings"] == told]
         means = {name: float(np.mean([row[name] for row in rows if name in row])) for name in SHOWN}
         medians = {
             name: float(np.median([row[name] for row in rows])) for name in ("main_light_deg", "flux_stops")
         }
         print(
             json.dumps(
-                {"photos": count, "places": len(rows)}
+                {"photos": count, "surroundings": told, "places": len(rows)}
                 | {name: round(value, 4) for name, value in means.items()}
                 | {f"{name}_median": round(value, 4) for name, value in medians.items()}
             ),

@@ -21,8 +21,9 @@ from anyprobe.errors import (
     ServerBusy,
 )
 from anyprobe.infer.estimate import Estimator, estimate
+from anyprobe.infer.photo import load_photo
 from anyprobe.infer.result import Light
-from anyprobe.infer.several import fuse_lights
+from anyprobe.infer.several import estimate_together, fuse_lights
 from anyprobe.light.main_light import MainLight
 
 __version__ = "0.1.0"
@@ -43,5 +44,7 @@ __all__ = [
     "OutputError",
     "ServerBusy",
     "estimate",
+    "estimate_together",
     "fuse_lights",
+    "load_photo",
 ]

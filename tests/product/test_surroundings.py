@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
+from support.room_photos import FOV_DEG, room_photo, smooth_map
 
 import anyprobe
 from anyprobe.core.color import to_bytes
@@ -26,24 +27,6 @@ from anyprobe.infer.surroundings import (
     use_surroundings,
 )
 from anyprobe.light.environment import rotate
-
-FOV_DEG = 60.0
-
-
-def smooth_map() -> np.ndarray:
-    """[64, 128, 3] between 0.1 and 0.7: soft waves, each channel another way."""
-    return (0.4 + 0.3 * np.sin(2 * pixel_directions(64) + 1)).astype(np.float32)
-
-
-def room_photo(radiance: np.ndarray, width: int = 240, height: int = 160) -> tuple[np.ndarray, np.ndarray]:
-    """A photo of a map through a lens of FOV_DEG, a black disc right of its middle; and the disc's mask."""
-    slope = np.tan(np.radians(FOV_DEG) / 2) / (width / 2)
-    x, y = np.arange(width) + 0.5 - width / 2, height / 2 - np.arange(height) - 0.5
-    rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
-    photo = response(bilinear(radiance, direction_to_uv(normalize(rays)).astype(np.float32)))
-    rows, columns = np.mgrid[:height, :width]
-    mask = (columns - 160) ** 2 + (rows - 70) ** 2 < 30**2
-    return to_bytes(photo * ~mask[..., None]), mask.astype(np.uint8) * 255
 
 
 def test_a_photo_shows_the_map_beside_its_object_in_the_crops_frame():
@@ -180,6 +163,8 @@ def test_surroundings_change_the_light_and_are_noted():
     told = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
     assert alone.sidecar()["known"] == {"normals": False}
     assert 0.02 < told.sidecar()["known"]["surroundings"] < 0.06
+    assert alone.confidence.max() == 0  # a black object tells nothing; what is seen beside it does not hang on that
+    assert told.confidence.max() == pytest.approx(SEEN)
     behind = pixel_directions(64)[..., 2] > 0.3
     assert np.abs(told.radiance - alone.radiance)[behind].mean() > 1e-4  # not only where it was seen
     panorama = to_bytes(response(smooth_map()))

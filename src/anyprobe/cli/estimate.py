@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -141,23 +143,25 @@ def _together(
     """One light of all photos, under the first one's name; any error ends all of it."""
     from anyprobe.files.poses import read_poses
     from anyprobe.infer.outputs import write_results
-    from anyprobe.infer.photo import load_photo
-    from anyprobe.infer.several import fuse_lights
+    from anyprobe.infer.photo import Photo, load_photo
+    from anyprobe.infer.several import estimate_together
 
+    start = time.perf_counter()
     turned = read_poses(poses).of(listed)
-    lights, first = [], None
-    for path in steps:
+
+    def load(path: Path) -> Photo:
         told = where_for(path, where)
         _check_files(listed[0], out, [*listed, poses], told)
-        photo = load_photo(path, fov_deg=fov, **told)
-        first = first or photo
-        lights.append(estimator.from_photo(photo, material=known))
-    light = fuse_lights(lights, turned)
+        return load_photo(path, fov_deg=fov, **told)
+
+    photos = map(load, steps)
+    first = next(photos)
+    light = estimate_together(estimator, chain([first], photos), turned, material=known)
     written = write_results(first, light, out, listed[0].stem)
     if as_json:
         files = {kind: str(target) for kind, target in written.items()}
         print(json.dumps({**light.sidecar(), "photo": str(listed[0]), "files": files}), flush=True)
-    seconds = sum(sum(one.info["seconds"].values()) for one in lights)
+    seconds = time.perf_counter() - start
     direction = light.main_light().direction
     return Done(photo=listed[0], direction=direction, seconds=seconds, warnings=light.warnings)
 

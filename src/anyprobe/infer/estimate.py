@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from copy import copy
+from dataclasses import replace
 from functools import lru_cache
 from typing import Unpack
 
@@ -14,7 +15,7 @@ from anyprobe.files.images import ImageSource
 from anyprobe.infer.engines import DEFAULT_ENGINE
 from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import NormalsSource
-from anyprobe.infer.photo import Photo, crop_object, load_photo
+from anyprobe.infer.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.infer.result import Light, told_share
 from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN, LIFT_STAGES, PHOTO_SIZE, Models, model_id
 from anyprobe.infer.surroundings import SurroundingsSource, use_surroundings
@@ -94,25 +95,45 @@ class Estimator:
     ) -> Light:
         """The same for a Photo that is loaded already."""
         start = time.perf_counter() if start is None else start
-        self._check_use(photo, material)
-        crop = crop_object(photo, PHOTO_SIZE)
+        return self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+
+    def from_crop(
+        self,
+        photo: Photo,
+        crop: Crop,
+        start: float | None = None,
+        *,
+        material: Material | None = None,
+        gathered: np.ndarray | None = None,
+    ) -> Light:
+        """The same for an object that is cut out already; of the photo only what it is, not its pixels.
+
+        gathered: [64, 128, 4] in the crop's frame, more of the surroundings than this photo shows, see infer.panorama.
+            It stays in the result as it is; the networks are told the photo's own alone, as they learned.
+        """
         loaded = time.perf_counter()
+        start = loaded if start is None else start
+        self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.around)
         known = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
-        if crop.around is not None:
-            outputs = use_surroundings(outputs, crop.around, tint=material is None)
-            known["surroundings"] = _share(crop.around)
+        told = told_share(crop.image)
+        if (
+            outputs.confidence is not None
+        ):  # of what the object tells; what is seen around it does not hang on that
+            outputs = replace(outputs, confidence=outputs.confidence * min(1.0, told / ENOUGH_TOLD))
+        around = crop.around if gathered is None else gathered
+        if around is not None:
+            outputs = use_surroundings(outputs, around, tint=material is None)
+            known["surroundings"] = _share(around)
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
-        told = told_share(crop.image)
         if outputs.confidence is None:
             confidence = np.full(radiance.shape[:2], told, np.float32)
         else:
             confidence = rotate(outputs.confidence[..., None], crop.camera_from_crop)[..., 0].clip(0.0, 1.0)
-            confidence = confidence * min(1.0, told / ENOUGH_TOLD)
         return Light(
             radiance=radiance,
             confidence=confidence,
@@ -143,9 +164,9 @@ class Estimator:
             },
         )
 
-    def _check_use(self, photo: Photo, material: Material | None) -> None:
+    def _check_use(self, crop: Crop, material: Material | None) -> None:
         """Only the model that lifts pixels can use what is known."""
-        known = (("normals", photo.normals), ("surroundings", photo.around), ("material", material))
+        known = (("normals", crop.normals), ("surroundings", crop.around), ("material", material))
         told = [name for name, value in known if value is not None]
         if told and self.models.stages != LIFT_STAGES:
             raise InputError(

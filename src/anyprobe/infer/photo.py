@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
@@ -56,6 +56,10 @@ class Photo:
     normals: np.ndarray | None = None
     around: np.ndarray | bool | None = None
     exposure: float | None = None
+
+    def without_pixels(self) -> Photo:
+        """What is known of it, for when its object is cut out already: photos are large."""
+        return replace(self, rgb=self.rgb[:0], mask=self.mask[:0], normals=None, around=None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
+from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.panorama import lay_over, seen_from, window
+from anyprobe.infer.photo import Crop, Photo, crop_object
 from anyprobe.infer.result import Light
+from anyprobe.infer.runtime import PHOTO_SIZE
 from anyprobe.light.fuse import fuse
+from anyprobe.scatter.brdf import Material
 
 SURE = 2.0
 """The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
@@ -19,6 +24,56 @@ LEAST = 1e-4
 UNTOLD = (
     "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
 )
+
+
+def estimate_together(
+    estimator: Estimator,
+    photos: Iterable[Photo],
+    world_from_camera: Sequence[np.ndarray],
+    *,
+    material: Material | None = None,
+) -> Light:
+    """One light of several photos, see fuse_lights; what each shows of the surroundings is known to all.
+
+    Args:
+        photos: of load_photo, in turn; their pixels are not kept. Surroundings that are a panorama are in the first
+            photo's frame.
+        world_from_camera: [3, 3] of each.
+        material: the object's, where it is known.
+    Raises:
+        InputError: as fuse_lights.
+    """
+    taken = [(photo.without_pixels(), _cut_out(photo, first=k == 0)) for k, photo in enumerate(photos)]
+    turns = _turns(len(taken), world_from_camera)
+    gains, _ = _gains([photo.exposure for photo, _ in taken])
+    to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
+    known = _gathered([crop for _, crop in taken], to_first, gains)
+    lights = [
+        estimator.from_crop(photo, crop, material=material, gathered=seen)
+        for (photo, crop), seen in zip(taken, known, strict=True)
+    ]
+    return fuse_lights(lights, world_from_camera)
+
+
+def _cut_out(photo: Photo, *, first: bool) -> Crop:
+    """The object's crop; a panorama is of the first photo's frame, and not of the others'."""
+    own = first or photo.around is True
+    return crop_object(photo if own else replace(photo, around=None), PHOTO_SIZE)
+
+
+def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
+    """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
+    panorama = None
+    for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
+        if crop.around is not None:
+            shown = window(crop.around, turn, gain)
+            panorama = shown if panorama is None else lay_over(shown, panorama)
+    if panorama is None:
+        return [None] * len(crops)
+    return [
+        seen_from(panorama, turn, crop.around, gain)
+        for crop, turn, gain in zip(crops, to_first, gains, strict=True)
+    ]
 
 
 def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]) -> Light:
@@ -34,16 +89,8 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     Raises:
         InputError: no light, not as many poses as lights, or a pose that is no rotation.
     """
-    if not lights or len(lights) != len(world_from_camera):
-        raise InputError(
-            f"poses: expected one a light, got {len(world_from_camera)} for {len(lights)} lights"
-        )
-    turns = [np.asarray(world_from_camera[0]).T @ pose for pose in world_from_camera]
-    for number, pose in enumerate(world_from_camera, start=1):
-        if not is_rotation(pose):
-            raise InputError(f"poses: expected rotations [3, 3], got another matrix for photo {number}")
-    first, told = lights[0], [light.info.get("exposure") for light in lights]
-    gains = [told[0] / one for one in told] if all(told) else [1.0] * len(told)
+    turns, first = _turns(len(lights), world_from_camera), lights[0]
+    gains, told = _gains([light.info.get("exposure") for light in lights])
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
     sure = np.stack(
@@ -52,12 +99,34 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     weights = sure**SURE + LEAST
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]
-    notes += [] if len(lights) == 1 or all(told) else [UNTOLD]
+    notes += [] if len(lights) == 1 or told else [UNTOLD]
     return replace(
         first,
         radiance=fuse(maps, weights),
         confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
         told=float(np.mean([light.told for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
-        info={**first.info, "fused": [light.info.get("photo") for light in lights]},
+        info={**first.info, "fused": [light.info.get("photo") for light in lights], **_seconds(lights)},
     )
+
+
+def _turns(count: int, world_from_camera: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """first_from_camera [3, 3] of each photo."""
+    if not count or count != len(world_from_camera):
+        raise InputError(f"poses: expected one a light, got {len(world_from_camera)} for {count} lights")
+    for number, pose in enumerate(world_from_camera, start=1):
+        if not is_rotation(np.asarray(pose)):
+            raise InputError(f"poses: expected rotations [3, 3], got another matrix for photo {number}")
+    return [np.asarray(world_from_camera[0]).T @ np.asarray(pose) for pose in world_from_camera]
+
+
+def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
+    """What brings each photo to the first one's exposure, and whether all say theirs."""
+    told = all(exposures)
+    return [exposures[0] / one for one in exposures] if told else [1.0] * len(exposures), told
+
+
+def _seconds(lights: Sequence[Light]) -> dict[str, dict[str, float]]:
+    """What all of them took, step by step."""
+    told = [light.info["seconds"] for light in lights if "seconds" in light.info]
+    return {"seconds": {step: round(sum(one[step] for one in told), 4) for step in told[0]}} if told else {}

@@ -13,6 +13,7 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.photo import Photo, load_photo
 from anyprobe.infer.result import Light
+from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.presets import told_material
 from anyprobe.serve.pool import Job
 from anyprobe.serve.uploads import Upload
@@ -42,12 +43,16 @@ def open_photo(upload: Upload, job: Job) -> Photo:
 
 def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:
     """What Estimator does, with a look between decoding and computing at whether it is still wanted."""
-    material = told_material(upload.material, upload.albedo)
-    if upload.lamps is not None:
-        estimator = estimator.with_lamps(upload.lamps)
+    estimator, material = as_told(estimator, upload)
     photo = open_photo(upload, job)
     job.step()
     return photo, estimator.from_photo(photo, material=material)
+
+
+def as_told(estimator: Estimator, upload: Upload) -> tuple[Estimator, Material | None]:
+    """The estimator with the lamps that were asked for, and the material that was told."""
+    material = told_material(upload.material, upload.albedo)
+    return estimator if upload.lamps is None else estimator.with_lamps(upload.lamps), material
 
 
 def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:

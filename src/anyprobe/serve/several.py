@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,9 @@ from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.known_normals import BALL
 from anyprobe.infer.photo import Photo
 from anyprobe.infer.result import Light
-from anyprobe.infer.several import fuse_lights
+from anyprobe.infer.several import estimate_together
 from anyprobe.infer.surroundings import PHOTO
-from anyprobe.serve.estimates import estimate_light
+from anyprobe.serve.estimates import as_told, open_photo
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.pool import Job
 from anyprobe.serve.uploads import Options, Upload, check_pixels, parse_numbers, read_form, read_part
@@ -84,9 +85,8 @@ async def read_several(request: Request, limits: Limits) -> Several:
 
 def estimate_several(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
     """The first photo and the light of all, in its camera's frame."""
-    first, lights = None, []
-    for upload in several.uploads:
-        photo, light = estimate_light(estimator, upload, job)
-        lights.append(light)
-        first = first or photo  # the others are large, and done with
-    return first, fuse_lights(lights, several.world_from_camera)
+    estimator, material = as_told(estimator, several.uploads[0])  # told of all alike
+    photos = (open_photo(upload, job) for upload in several.uploads)
+    first = next(photos)
+    turned = several.world_from_camera
+    return first, estimate_together(estimator, chain([first], photos), turned, material=material)

@@ -13,7 +13,10 @@ from anyprobe.core.color import to_bytes
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.radiance import write_exr
 from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import Photo
+from anyprobe.infer.panorama import lay_over, seen_from, window
+from anyprobe.infer.photo import Photo, crop_object
+from anyprobe.infer.result import Light
+from anyprobe.infer.runtime import PHOTO_SIZE
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
@@ -82,7 +85,8 @@ class ClipRun:
         every: a light for every so many frames; those between keep the last.
         exr: write lights/<index>.exr too, the steady map of every frame with a light of its own.
         poses: world_from_camera [N, 3, 3] of the frames. The filter then works in the world, where light stands still
-            while the camera turns; what is written is in each frame's camera all the same.
+            while the camera turns, and the surroundings that frames show are gathered; what is written is in each
+            frame's camera all the same.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
@@ -143,7 +147,7 @@ class ClipRun:
             return {**record, **(self._turned(frame.index) or self._same())}
         try:
             self._photo = self.follower.photo(frame)
-            light = self.estimator.from_photo(self._photo)
+            light = self._estimate(self._photo, frame.index)
         except AnyprobeError as error:
             if frame.index == 0 and self.follower.told:
                 raise
@@ -166,6 +170,21 @@ class ClipRun:
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
+
+    def _estimate(self, photo: Photo, index: int) -> Light:
+        """The light of one frame in its camera; where poses are known, with the surroundings that all before showed."""
+        if self.poses is None or photo.around is None:
+            return self.estimator.from_photo(photo)
+        done = self.progress
+        # a panorama from a file is of the first frame's camera; what later frames know of it comes by way of the world
+        own = photo.around is True or done.panorama is None
+        crop = crop_object(photo if own else replace(photo, around=None), PHOTO_SIZE)
+        world_from_crop = self.poses[index] @ crop.camera_from_crop
+        if crop.around is not None:
+            shown = window(crop.around, world_from_crop)
+            done.panorama = shown if done.panorama is None else lay_over(shown, done.panorama)
+        known = seen_from(done.panorama, world_from_crop, crop.around)
+        return self.estimator.from_crop(photo, crop, gathered=known)
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""

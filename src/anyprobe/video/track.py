@@ -33,6 +33,7 @@ class Progress:
     last: of the follower. pieces: of the relit clip that are written.
     stage_index: the frame that the virtual object was placed in. material: its, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
+    panorama: [64, 128, 4] of the surroundings that frames have shown so far, see infer.panorama.
     """
 
     settings: dict[str, Any]
@@ -45,15 +46,16 @@ class Progress:
     stage_index: int | None = None
     material: dict | None = None
     gain: float = 1.0
+    panorama: np.ndarray | None = None
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
     """Write it whole or not at all."""
     words = asdict(progress)
-    light = words.pop("light")
-    arrays = {}
+    light, panorama = words.pop("light"), words.pop("panorama")
+    arrays = {} if panorama is None else {"panorama": panorama}
     if light is not None:
-        arrays = {name: light[name] for name in MAPS}
+        arrays |= {name: light[name] for name in MAPS}
         words["filter"] = {name: light[name] for name in NUMBERS}
     with atomic_path(folder / STATE) as temporary:
         np.savez(temporary, words=np.array(json.dumps(words)), **arrays)
@@ -79,10 +81,10 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
         with path.open("rb") as stream, np.load(stream) as kept:
             words = json.loads(str(kept["words"]))
             numbers = words.pop("filter", None)
-            light = None
+            light, panorama = None, kept["panorama"] if "panorama" in kept else None
             if numbers is not None:
                 light = Steadied(**{name: kept[name] for name in MAPS}, **numbers)
-        found = Progress(light=light, **words)
+        found = Progress(light=light, panorama=panorama, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
             f"{path}: expected what a run of this version left, got another or damaged file; --restart, or another "

@@ -1,0 +1,68 @@
+"""Panorama (noun): what several photos together show of their surroundings, in a world whose axes do not move.
+
+One photo shows a window of the light; a camera that turns shows more and more of it. A panorama is [64, 128, 4]: linear
+radiance times cover, and cover in [0, 1]. What is shown counts as infinitely far, as all light does here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.response import inverse_response, response
+from anyprobe.infer.surroundings import BURNT
+from anyprobe.light.environment import rotate
+
+SHARED = 30
+"""Pixels that two windows must share before one is compared with the other."""
+COMPARED = 0.02, 0.8
+"""Radiance between which both tell how much brighter one is: neither noise nor burnt out."""
+DIFFER = 0.12
+"""Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
+
+
+def window(around: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
+    """A photo's surroundings [64, 128, 4], see infer.surroundings.see_around, as a panorama of the world.
+
+    gain: that brings the photo to the panorama's exposure; made darker, what is burnt out tells nothing any more.
+    """
+    cover = around[..., 3:]
+    display = np.clip(around[..., :3] / np.maximum(cover, 1e-3), 0.0, 1.0)
+    if gain < 1:
+        cover = cover * (display.max(axis=-1, keepdims=True) < BURNT)
+    shown = np.concatenate([inverse_response(display) * gain * cover, cover], axis=-1)
+    return np.maximum(rotate(shown.astype(np.float32), world_from_crop), 0.0)
+
+
+def lay_over(newer: np.ndarray, older: np.ndarray) -> np.ndarray:
+    """The newer panorama where it shows something, else the older, brought to the newer's exposure by what both show.
+
+    Where both show the same place and it looks otherwise in the newer, the older is forgotten: a lamp went out, or the
+    poses are wrong.
+    """
+    both = (newer[..., 3] > 0.5) & (older[..., 3] > 0.5)
+    if both.sum() >= SHARED:
+        now, then = (one[both, :3] / one[both, 3:] for one in (newer, older))
+        light = luminance(now), luminance(then)
+        told = np.all([(one > COMPARED[0]) & (one < COMPARED[1]) for one in light], axis=0)
+        gain = (
+            np.float32(np.median(light[0][told] / light[1][told])) if told.sum() >= SHARED else np.float32(1)
+        )
+        if np.abs(response(now) - response(then * gain)).mean() > DIFFER:
+            return newer
+        older = np.concatenate([older[..., :3] * gain, older[..., 3:]], axis=-1)
+    return newer + (1 - newer[..., 3:]) * older
+
+
+def seen_from(
+    panorama: np.ndarray, world_from_crop: np.ndarray, own: np.ndarray | None, gain: float = 1.0
+) -> np.ndarray:
+    """What is known of a photo's map, [64, 128, 4] of display RGB times cover, and cover, in its crop's frame.
+
+    own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window.
+    """
+    turned = rotate(panorama, world_from_crop.T)
+    cover = np.clip(turned[..., 3:], 0.0, 1.0)
+    display = response(np.maximum(turned[..., :3], 0.0) / np.maximum(cover, 1e-3) / gain)
+    known = np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
+    return known if own is None else own + (1 - own[..., 3:]) * known
