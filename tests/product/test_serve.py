@@ -371,6 +371,12 @@ def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_p
 def test_pages_of_other_origins_are_kept_out(client, estimator, photo):
     foreign = {"Origin": "https://elsewhere.example", "Sec-Fetch-Site": "cross-site"}
     complaint(client.post("/v1/estimate", content=photo, headers=foreign), 403)
+    # over plain http to another machine a browser sends Origin alone
+    for origin in ("http://elsewhere.example", "null"):
+        complaint(client.post("/v1/estimate", content=photo, headers={"Origin": origin}), 403)
+    assert (
+        client.post("/v1/estimate", content=photo, headers={"Origin": "http://testserver"}).status_code == 200
+    )
     answer = client.get("/healthz", headers={"Origin": "https://elsewhere.example"})
     assert "access-control-allow-origin" not in answer.headers
     with TestClient(create_app(estimator, LIMITS, origins=["https://elsewhere.example"])) as opened:
@@ -408,6 +414,29 @@ def test_openapi_describes_every_address(client):
     fused = paths["/v1/fuse"]["post"]
     assert [one["name"] for one in fused["parameters"]] == ["format"]
     assert fused["requestBody"]["content"]["multipart/form-data"]["schema"]["required"] == ["photo", "poses"]
+
+
+def test_a_large_header_stops_no_other_request(estimator, photo, monkeypatch):
+    """Pictures are looked at in threads: while one is, the server answers."""
+    looking, seen = threading.Event(), threading.Event()
+
+    def slow(picture: bytes) -> int:
+        looking.set()
+        assert seen.wait(20)
+        return 1
+
+    monkeypatch.setattr("anyprobe.serve.uploads.declared_pixels", slow)
+    with TestClient(create_app(estimator, LIMITS)) as client:
+        sent = threading.Thread(target=client.post, args=("/v1/mask",), kwargs={"content": photo})
+        sent.start()
+        assert looking.wait(20)
+        timer = threading.Timer(15, seen.set)  # a server that stands still answers only after that
+        timer.start()
+        assert client.get("/healthz").status_code == 200
+        assert not seen.is_set()
+        timer.cancel()
+        seen.set()
+        sent.join()
 
 
 def test_faults_and_warnings_name_the_photo(client, photo):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
@@ -63,11 +64,18 @@ class OwnPagesOnly:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
             headers = Headers(scope=scope)
-            foreign = headers.get("sec-fetch-site", "none") not in ("none", "same-origin")
-            if foreign and headers.get("origin") not in self._origins:
+            if _is_foreign(headers) and headers.get("origin") not in self._origins:
                 text = "pages of other origins may not use this server; start it with --allow-origin ORIGIN"
                 return await JSONResponse({"error": text}, 403)(scope, receive, send)
         return await self._app(scope, receive, send)
+
+
+def _is_foreign(headers: Headers) -> bool:
+    """By Sec-Fetch-Site, which browsers send to https and to this machine; else by Origin, which they always send."""
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if site is not None:
+        return site not in ("none", "same-origin")
+    return origin is not None and urlsplit(origin).netloc != headers.get("host")
 
 
 class SecureHeaders:

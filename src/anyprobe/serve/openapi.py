@@ -46,6 +46,9 @@ _MASK = {"mask": "picture of the photo's size, white on the object"}
 _NORMALS = {
     "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera; or the word ball"
 }
+_SURROUNDINGS = {
+    "surroundings": "panorama in the camera's frame, transparent where nothing is known; or the word photo"
+}
 
 
 def _upload(
@@ -76,7 +79,7 @@ ESTIMATE = _upload(
     _OPTIONS | _KNOWN | _ANSWER,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
-    files=_MASK | _NORMALS,
+    files=_MASK | _NORMALS | _SURROUNDINGS,
 )
 
 

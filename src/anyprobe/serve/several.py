@@ -63,9 +63,9 @@ async def read_several(request: Request, limits: Limits) -> Several:
                 f"{name}: expected none or one a photo, got {len(given)} for {len(photos)} photos"
             )
     for data, name in photos:
-        check_pixels(data, name, limits)
+        await check_pixels(data, name, limits)
     for mask in masks:
-        check_pixels(mask, "mask", limits)
+        await check_pixels(mask, "mask", limits)
     normals, around = option.word("normals", BALL), option.word("surroundings", PHOTO)
     turned = parse_poses(poses, "poses").of([Path(name) for _, name in photos])
     uploads = tuple(

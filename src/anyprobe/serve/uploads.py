@@ -91,7 +91,7 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
         )
     for picture, called in ((photo, name), (mask, "mask"), (normals, "normals"), (around, "surroundings")):
-        check_pixels(picture, called, limits)
+        await check_pixels(picture, called, limits)
     option = Options(form, request.query_params)
     return Upload(
         photo=photo,
@@ -127,9 +127,12 @@ async def read_form(request: Request, limits: Limits, max_files: int) -> AsyncIt
         await form.close()
 
 
-def check_pixels(picture: bytes, called: str, limits: Limits) -> None:
-    """HTTPException 413 where a picture's header tells of too many pixels."""
-    if picture and declared_pixels(picture) > limits.max_pixels:
+async def check_pixels(picture: bytes, called: str, limits: Limits) -> None:
+    """HTTPException 413 where a picture's header tells of too many pixels.
+
+    In a thread: of an .exr it waits for those that are being decoded.
+    """
+    if picture and await asyncio.to_thread(declared_pixels, picture) > limits.max_pixels:
         raise HTTPException(
             413, f"{called}: expected at most {limits.max_pixels / 1e6:g} million pixels; shrink it first"
         )
