@@ -18,7 +18,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.files.radiance import read_radiance
+from anyprobe.files.radiance import exr_attributes, read_radiance
 from anyprobe.infer.runtime import DEFAULT_MODEL, Outputs, bundled_models
 from anyprobe.light.environment import rotate
 from anyprobe.light.main_light import find_main_light
@@ -291,6 +291,33 @@ def test_rotation_moves_the_main_light_as_it_says():
         after = light.rotate(turn).main_light().direction
         assert after @ (turn @ before) > np.cos(np.radians(1.5))
     np.testing.assert_array_equal(light.radiance, lamp_map((0.3, 0.4, -0.8)))  # a new one each time
+
+
+def test_a_turned_light_says_how(tmp_path):
+    """Back in the camera's frame it says nothing of it again."""
+    turn = rotation_y(0.7) @ rotation_x(-0.5)
+    light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
+    turned = light.rotate(rotation_x(-0.5)).rotate(rotation_y(0.7))
+    np.testing.assert_allclose(turned.sidecar()["map_from_camera"], turn, atol=1e-6)
+    assert "looks along -Z" in light.sidecar()["frame"] == turned.rotate(turn.T).sidecar()["frame"]
+    assert "map_from_camera" not in turned.rotate(turn.T).sidecar()
+    assert "looks along" not in turned.sidecar()["frame"]
+    header = exr_attributes(turned.save(tmp_path / "turned.exr"))
+    assert header["frame"] == turned.sidecar()["frame"]
+    np.testing.assert_allclose(json.loads(header["map_from_camera"]), turn, atol=1e-6)
+
+
+def test_a_light_stays_what_it_is():
+    mine = lamp_map((0.3, 0.4, -0.8))
+    sure = np.full(mine.shape[:2], 0.5, np.float32)
+    light = anyprobe.Light(radiance=mine, confidence=sure)
+    mine[:], sure[:] = -5, -5
+    assert light.radiance.min() >= 0
+    assert light.confidence.min() == 0.5
+    with pytest.raises(ValueError, match="read-only"):
+        light.radiance[0] = 1
+    assert light in [anyprobe.Light(radiance=light.radiance), light]
+    assert len({light, light}) == 1
 
 
 def test_quarter_turn_to_the_left_moves_columns():

@@ -27,7 +27,7 @@ from anyprobe.light.harmonics import project
 from anyprobe.relight.relight import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import run as run_module
-from anyprobe.video.clip import open_clip, read_frames
+from anyprobe.video.clip import join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower, inner_point
 from anyprobe.video.run import ClipRun, VirtualObject
 
@@ -316,6 +316,43 @@ def test_bad_option_leaves_nothing(command, work, made, arguments, words):
 
 
 # Clips
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
+    (work / "out" / "lights").mkdir(parents=True)
+    mine = work / "out" / "lights" / "vase_blender.exr"
+    mine.write_bytes(b"mine")
+    order = ("video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "-q")
+    assert command(*order, "--restart").status == 0
+    assert command(*order, "--every", 5).status != 0  # other settings
+    assert command(*order, "--every", 5, "--restart").status == 0
+    kept = {path.name for path in (work / "out" / "lights").iterdir()}
+    assert kept == {"vase_blender.exr", "000000.exr", "000005.exr"}
+    (work / "photos" / "lights").mkdir(parents=True)  # nothing of ours was ever here
+    (work / "photos" / "lights" / "000001.exr").write_bytes(b"mine")
+    (work / "empty").mkdir()
+    order = ("video", made / "clip.mp4", "-o", "photos", "--masks", work / "empty", "--restart", "-q")
+    assert command(*order).status != 0
+    assert (work / "photos" / "lights" / "000001.exr").read_bytes() == b"mine"
+
+
+def test_colours_are_those_that_the_file_says(tmp_path):
+    """HD players take what says nothing for BT.709, others for BT.601: it says BT.709, and is."""
+    import av
+
+    frame = np.zeros((720, 1280, 3), np.uint8)
+    frame[:360], frame[360:] = (200, 40, 40), (40, 180, 60)
+    write_piece(tmp_path / "piece.mp4", [(0.0, frame)])
+    join_pieces(tmp_path / "clip.mp4", [tmp_path / "piece.mp4"])
+    with av.open(str(tmp_path / "clip.mp4")) as container:
+        found = container.streams.video[0].codec_context
+        assert (found.colorspace, found.color_primaries, found.color_trc, found.color_range) == (1, 1, 1, 1)
+        picture = next(container.decode(video=0)).to_ndarray(format="yuv420p").astype(float)
+    y, u, v = picture[10, 10], picture[720 + 5, 5], picture[900 + 5, 5]
+    red = (y - 16) / 219 + 1.5748 * (v - 128) / 224  # ITU-R BT.709
+    blue = (y - 16) / 219 + 1.8556 * (u - 128) / 224
+    np.testing.assert_allclose([255 * red, 255 * blue], [200, 40], atol=4)
 
 
 def test_relit_clip_has_every_frame_and_the_object(begin, made, tmp_path):

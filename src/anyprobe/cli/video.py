@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
-import shutil
 import sys
 import time
 from pathlib import Path
@@ -79,7 +78,7 @@ def video(
     from anyprobe.scatter.presets import material_named
     from anyprobe.video.clip import open_clip
     from anyprobe.video.following import MaskFollower
-    from anyprobe.video.run import ClipRun, VirtualObject
+    from anyprobe.video.run import ClipRun, VirtualObject, forget_run
 
     told = {name: v for name, v in read_where(None, box, click, click_off, None, None, None).items() if v}
     foot = point(at)
@@ -125,10 +124,7 @@ def video(
         "renderer": virtual.renderer if virtual else None,
     }
     if restart:
-        for left in (".state.npz", "track.json", "relit.mp4"):
-            (out / left).unlink(missing_ok=True)
-        for left in (".pieces", "lights"):
-            shutil.rmtree(out / left, ignore_errors=True)
+        forget_run(out)
     run = ClipRun(
         header, out, estimator, follower, settings, every=every, exr=exr, virtual=virtual, poses=turned
     )

@@ -29,12 +29,15 @@ from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.presets import material_named
 
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
+TURNED = (
+    "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
+)
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Light:
-    """The light around an object, in the frame of the photo's camera.
+    """The light around an object, in the frame of the photo's camera. Its arrays cannot be written to.
 
     Attributes:
         radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
@@ -46,6 +49,7 @@ class Light:
         stages: what the networks saw and said, in the crop's frame: photo [128, 128, 4],
             irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
+        map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         info: name of the photo, model, field of view, what was known of the object, seconds a step.
     """
 
@@ -55,10 +59,18 @@ class Light:
     warnings: tuple[str, ...] = ()
     stages: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
+    map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
     info: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radiance", check_radiance(self.radiance, "light"))
+        for name, value in (
+            ("radiance", check_radiance(self.radiance, "light")),
+            ("confidence", self.confidence),
+        ):
+            if value is not None:
+                own = np.array(value)  # a caller's array may change
+                own.setflags(write=False)
+                object.__setattr__(self, name, own)
 
     def sh9(self) -> np.ndarray:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
@@ -82,7 +94,9 @@ class Light:
                 f"rotation: expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
                 "build it with anyprobe.core.frames"
             )
-        turned = replace(self, radiance=rotate(self.radiance, rotation))
+        turned = replace(
+            self, radiance=rotate(self.radiance, rotation), map_from_camera=rotation @ self.map_from_camera
+        )
         if self.confidence is None:
             return turned
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
@@ -119,7 +133,7 @@ class Light:
         main = self.main_light()
         return {
             **self.info,
-            "frame": FRAME,
+            **self._frame(),
             "scale": SCALE,
             "exposure_ev": 0.0,
             "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
@@ -138,6 +152,12 @@ class Light:
             "warnings": list(self.warnings),
         }
 
+    def _frame(self) -> dict[str, Any]:
+        """What the map's axes are, and how they are turned if they are not the camera's."""
+        if np.allclose(self.map_from_camera, np.eye(3)):
+            return {"frame": FRAME}
+        return {"frame": TURNED, "map_from_camera": _numbers(self.map_from_camera)}
+
     def _mean_confidence(self) -> float | None:
         """Over the sphere."""
         if self.confidence is None:
@@ -149,7 +169,8 @@ class Light:
         path = Path(path)
         kind = path.suffix.lower()
         if kind == ".exr":
-            attributes = {"model": str(self.info.get("model", "")), "frame": FRAME, "scale": SCALE}
+            turned = {name: str(value) for name, value in self._frame().items()}
+            attributes = {"model": str(self.info.get("model", "")), **turned, "scale": SCALE}
             write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
         elif kind == ".hdr":
             write_hdr(path, self.radiance)

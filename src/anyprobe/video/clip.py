@@ -17,6 +17,8 @@ from anyprobe.files.atomic import atomic_path
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "medium"}
+BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
+"""What the file says of its colours, by the numbers of ITU-T H.273: players guess where it says nothing."""
 TIME_BASE = Fraction(1, 90_000)
 LEAST_STEP_S = 1e-3
 """Two frames are never taken for closer; some files repeat a time."""
@@ -117,8 +119,11 @@ def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.time_base = stream.codec_context.time_base = TIME_BASE
         stream.thread_count = 1
+        for name, value in BT709.items():
+            setattr(stream.codec_context, name, value)
         for time_s, rgb in frames:
             picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(rgb[:height, :width]), format="rgb24")
+            picture = picture.reformat(format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
             picture.time_base, picture.pts = TIME_BASE, round(time_s / TIME_BASE)
             container.mux(stream.encode(picture))
         container.mux(stream.encode())

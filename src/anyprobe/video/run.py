@@ -15,7 +15,7 @@ from anyprobe.files.radiance import write_exr
 from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.panorama import lay_over, seen_from, window
 from anyprobe.infer.photo import Photo, crop_object
-from anyprobe.infer.result import Light
+from anyprobe.infer.result import FRAME, SCALE, Light
 from anyprobe.infer.runtime import PHOTO_SIZE
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
@@ -27,6 +27,7 @@ from anyprobe.scatter.brdf import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.track import (
+    STATE,
     Progress,
     describe,
     forget_progress,
@@ -43,6 +44,17 @@ PIECES = ".pieces"
 
 SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 """For a picture of which there are many; a photo's has 192 and 256."""
+
+
+def forget_run(folder: Path) -> None:
+    """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
+    if not (folder / STATE).is_file():
+        return
+    for left in (folder / STATE, folder / "track.json", folder / "relit.mp4"):
+        left.unlink(missing_ok=True)
+    for light in (folder / "lights").glob("[0-9]" * 6 + ".exr"):
+        light.unlink()
+    shutil.rmtree(folder / PIECES, ignore_errors=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +173,8 @@ class ClipRun:
         done.light_time_s, self._shown = frame.time_s, None
         steady = self._seen(frame.index)
         if self.exr:
-            write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady)
+            header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
+            write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady, attributes=header)
         if self.virtual is not None:
             done.gain = least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
