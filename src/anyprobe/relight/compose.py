@@ -28,6 +28,10 @@ class Window:
     size: int
     camera: Camera
 
+    def meets(self, view: View) -> bool:
+        """Whether any of it lies in the photo."""
+        return -self.size < self.left < view.width and -self.size < self.top < view.height
+
 
 def window_around(placement: Placement, view: View) -> Window:
     """The smallest square of whole pixels around the object; it may run over the photo's border."""

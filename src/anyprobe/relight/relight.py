@@ -62,6 +62,12 @@ class Stage:
                 "or stand it farther away with --at"
             )
         self.window: Window = window_around(self.placement, self.view)
+        if not self.window.meets(self.view):
+            x, y = self.view.pixels(self.placement.foot[None])[0]
+            raise InputError(
+                f"--at: expected a place where the photo shows the object, got one around {x:.0f},{y:.0f} of "
+                f"{self.view.width} x {self.view.height} pixels; choose another"
+            )
 
     def on(self, photo: Photo) -> Stage:
         """The same place in another photo of the same camera, a frame of a video."""
