@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.two_phase import two_phase
 
+from anyprobe.cli.export import target_names
 from anyprobe.errors import InputError
 from anyprobe.export.targets import TARGETS, export
 from anyprobe.files.radiance import read_radiance
@@ -54,6 +55,47 @@ def test_command_writes_all_targets(command, light_path, work):
     assert said["origin"]["model"] == "paper-0"
 
 
+@pytest.mark.parametrize(
+    ("asked", "written"),
+    [
+        ("webxr, arcore", ["webxr", "arcore"]),
+        ("arkit,webxr,arkit", ["arkit", "webxr"]),
+        ("all,webxr", list(TARGETS)),
+        ("webxr , all", ["webxr", *(name for name in TARGETS if name != "webxr")]),
+    ],
+)
+def test_list_of_targets(asked, written):
+    assert target_names(asked) == written
+
+
+def test_command_takes_a_list_with_spaces(command, light_path):
+    done = command("export", light_path, "--to", "webxr, arcore", "--json")
+    assert [json.loads(line)["target"] for line in done.out.splitlines()] == ["webxr", "arcore"]
+
+
+@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
+def test_sidecar_with_a_number_that_is_none(command, light_path, work, number):
+    light_path.with_suffix(".json").write_text(
+        f'{{"model": "m", "confidence": {number}, "warnings": ["a", {number}], "response": {{"sigma": {number}}}}}'
+    )
+    done = command("export", light_path, "--to", "webxr")
+    assert done.status == 0, done.err
+    said = json.loads((work / "export" / "vase_webxr.json").read_text())
+    assert said["origin"] == {
+        "model": "m",
+        "confidence": None,
+        "warnings": ["a", None],
+        "response": {"sigma": None},
+    }
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "not JSON", "[1]"])
+def test_json_that_is_no_sidecar(command, light_path, work, text):
+    light_path.with_suffix(".json").write_text(text)
+    assert command("export", light_path, "--to", "webxr", "-q").status == 0
+    assert json.loads((work / "export" / "vase_webxr.json").read_text())["origin"] == {}
+
+
 def test_hdr_without_sidecar(command, work):
     Light(radiance=two_phase(32)).save(work / "vase.hdr")
     done = command("export", "vase.hdr", "--to", "three,usd")
@@ -76,6 +118,8 @@ def test_camera_that_looked_down(command, light_path, work):
     [
         (("--to", "maya"), ("expected one of three, blender", "'maya'")),
         (("--to", ""), ("expected one of three",)),
+        (("--to", "usd,,three"), ("expected one of three", "''")),
+        (("--to", "all,maya"), ("expected one of three", "'maya'")),
         (("--to", "usd", "--world-from-camera", "1,2,3,4"), ("YAW,ELEVATION", "'1,2,3,4'")),
         (("--to", "usd", "--world-from-camera", "1,0,0,0,1,0,0,0,-1"), ("rotation", "mirrored")),
         (("--to", "usd", "--exposure", "99"), ("stops from -30 to 30",)),
@@ -98,6 +142,23 @@ def test_map_that_is_an_export_already(command, light_path, work, name):
     assert command("export", light_path, "--to", "three", "-q").status == 0
     complaint = command("export", work / "export" / name, "--to", "usd").complaint
     assert "exported for three" in complaint
+
+
+@pytest.mark.parametrize("target", ["blender", "usd"])
+def test_exr_that_is_an_export_is_known_without_its_sidecar(command, light_path, work, target):
+    assert command("export", light_path, "--to", target, "-q").status == 0
+    (work / "export" / f"vase_{target}.json").unlink()
+    complaint = command("export", work / "export" / f"vase_{target}.exr", "--to", "webxr").complaint
+    assert "front in its centre" in complaint
+    assert "u = 0.5 - atan2(" in complaint
+
+
+def test_estimate_beside_an_export_of_its_name(command, light_path, work):
+    """The header of the estimate's own map counts, not another file's .json."""
+    assert command("export", light_path, "--to", "three", "-q").status == 0
+    path = (work / "export" / "vase_three.json").with_suffix(".exr")
+    path.write_bytes(light_path.read_bytes())
+    assert command("export", path, "--to", "webxr", "-q").status == 0
 
 
 def test_bad_light_leaves_older_files(work):

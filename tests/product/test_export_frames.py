@@ -14,6 +14,7 @@ from anyprobe.errors import InvalidEnvironment
 from anyprobe.export.frames import OPENEXR, THREE
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
+from anyprobe.infer.result import Light
 
 TAU = 2 * np.pi
 LAYOUTS = {
@@ -50,6 +51,24 @@ def test_mirrored_map_would_be_seen(target, tmp_path):
     d = probe_directions(200)
     with pytest.raises(AssertionError, match="the picture of"):
         assert_same_way_round(read_as(target, read_radiance(files[0])[:, ::-1], d), d, degrees=20)
+
+
+@pytest.mark.parametrize(
+    ("target", "u"),
+    [(None, "0.5 + atan2(x, -z)"), ("blender", "0.5 - atan2(y, x)"), ("usd", "0.5 - atan2(x, z)")],
+)
+def test_header_says_how_the_map_lies(target, u, tmp_path):
+    """envmap is the same in all of them, so that it cannot."""
+    import OpenEXR
+
+    if target is None:
+        path = Light(radiance=two_phase(16)).save(tmp_path / "light.exr")
+    else:
+        path = next(p for p in export(two_phase(16), target, tmp_path) if p.suffix == ".exr")
+    with OpenEXR.File(str(path), header_only=True) as opened:
+        header = dict(opened.header())
+    assert header["envmap"] == OpenEXR.ENVMAP_LATLONG
+    assert f"u = {u} / 2 pi" in header["anyprobe:frame"]
 
 
 def test_mitsuba_rows_reach_the_poles(tmp_path):

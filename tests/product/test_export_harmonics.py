@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from support.two_phase import probe_directions, two_phase
 
+from anyprobe.core.color import REC709_CHROMATICITIES, xyz_from_rgb
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.export.estimates import correlated_temperature
 from anyprobe.export.light import prepare
 from anyprobe.export.sh_layouts import irradiance, planar, polynomial, unity, webxr
 from anyprobe.export.targets import export
@@ -126,6 +128,7 @@ def test_a_channel_without_main_light_is_left_whole():
             "arkit",
             {
                 "ambientIntensity",
+                "ambientColorTemperature",
                 "primaryLightDirection",
                 "primaryLightIntensity",
                 "sphericalHarmonicsCoefficients",
@@ -139,17 +142,44 @@ def test_estimate_names_and_numbers(target, names, tmp_path, rng):
     said = json.loads(paths[0].read_text())
     assert set(said) == names
     main, ambient = split_main_light(radiance)
-    sh = project(ambient)
+    sh, full = project(ambient), project(radiance)
     coefficients = next(value for key, value in said.items() if "armonics" in key)
-    wanted = {"webxr": sh.ravel(), "arcore": sh.ravel(), "arkit": 1000 * sh.T.ravel()}[target]
+    wanted = {"webxr": sh.ravel(), "arcore": sh.ravel(), "arkit": 1000 * full.T.ravel()}[target]
+    assert np.abs(sh - full).max() > 0.1
     np.testing.assert_allclose(coefficients, wanted, rtol=1e-5, atol=1e-5)
     if target == "webxr":
         assert said["primaryLightDirection"]["w"] == 0
         assert said["primaryLightIntensity"]["w"] == 1
         assert said["primaryLightIntensity"]["y"] == pytest.approx(main.irradiance[1], rel=1e-5)
     if target == "arkit":
-        grey = export(np.ones((16, 32, 3), np.float32), target, tmp_path, "grey")
-        assert json.loads(grey[0].read_text())["ambientIntensity"] == pytest.approx(1000, rel=1e-5)
+        grey = json.loads(export(np.ones((16, 32, 3), np.float32), target, tmp_path, "grey")[0].read_text())
+        assert grey["ambientIntensity"] == pytest.approx(1000, rel=1e-5)
+        assert grey["ambientColorTemperature"] == pytest.approx(6504, abs=15)
+        assert said["ambientColorTemperature"] < 6300  # the lamp is warm
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "kelvin"),
+    [
+        (0.44757, 0.40745, 2856),  # CIE A
+        (0.34567, 0.35850, 5003),  # D50
+        (0.31272, 0.32903, 6504),  # D65
+        (0.29902, 0.31485, 7504),  # D75
+        (0.52670, 0.41330, 2000),  # black body
+    ],
+)
+def test_temperature_of_standard_lights(x, y, kelvin):
+    to_xyz = xyz_from_rgb(REC709_CHROMATICITIES)
+    np.testing.assert_allclose(to_xyz[1], [0.2126, 0.7152, 0.0722], atol=5e-5)
+    rgb = np.linalg.solve(to_xyz, [x / y, 1, (1 - x - y) / y])
+    assert correlated_temperature(3 * rgb) == pytest.approx(kelvin, rel=0.003)
+
+
+@pytest.mark.parametrize(
+    ("rgb", "kelvin"), [((0, 0, 1), 15000), ((1, 0, 0), 1000), ((1, 0, 1), 15000), ((0, 0, 0), 6500)]
+)
+def test_temperature_keeps_to_its_range(rgb, kelvin):
+    assert correlated_temperature(np.array(rgb, np.float32)) == kelvin
 
 
 def test_sidecar_holds_both_sets(tmp_path, rng):

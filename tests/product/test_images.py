@@ -15,7 +15,7 @@ from PIL import Image, ImageCms
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.images import MAX_PIXELS, read_image, write_png
+from anyprobe.files.images import MAX_PIXELS, declared_pixels, read_image, write_png
 
 HEIGHT, WIDTH = 40, 60
 
@@ -416,6 +416,29 @@ def test_exr_photo_with_packed_channels(tmp_path, radiance):
     path = tmp_path / "photo.exr"
     write_exr_channels(path, RGB=radiance)
     np.testing.assert_allclose(read_image(path).rgb, response(radiance), atol=1e-6)
+
+
+def test_exr_photo_in_other_primaries_is_turned_to_rec709(tmp_path):
+    """A red of Rec. 709 as CIE XYZ, which an .exr may hold: x, y of X, Y and Z and of their white."""
+    red = np.array([0.4124564, 0.2126729, 0.0193339])  # IEC 61966-2-1
+    pixels = np.broadcast_to(0.8 * red, (40, 50, 3)).astype(np.float32)
+    header = {"chromaticities": (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.3127, 0.3290)}
+    white = np.array([0.95047, 1.0, 1.08883])  # an .exr's white is 1, 1, 1
+    OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels / white.astype(np.float32))}).write(
+        str(tmp_path / "photo.exr")
+    )
+    rgb = read_image(tmp_path / "photo.exr").rgb
+    np.testing.assert_allclose(rgb[0, 0], response(np.array([0.8, 0.0, 0.0])), atol=2e-3)
+
+
+def test_channels_beside_colour_count_as_pixels(tmp_path, radiance):
+    """All of them are decoded: what an .exr of many channels takes in memory is known before."""
+    write_exr_channels(tmp_path / "few.exr", RGB=radiance)
+    many = {f"layer{k}": radiance[..., 0] for k in range(37)}
+    write_exr_channels(tmp_path / "many.exr", RGB=radiance, **many)
+    few, lots = (declared_pixels((tmp_path / f"{name}.exr").read_bytes()) for name in ("few", "many"))
+    assert few == radiance.shape[0] * radiance.shape[1]
+    assert lots == 10 * few
 
 
 def test_exr_grey_photo(tmp_path, radiance):

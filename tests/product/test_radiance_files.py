@@ -11,8 +11,8 @@ import OpenEXR
 import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.errors import InvalidEnvironment, OutputError
-from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+from anyprobe.errors import InputError, InvalidEnvironment, OutputError
+from anyprobe.files.radiance import exr_attributes, read_exr, read_radiance, write_exr, write_hdr
 
 
 def draw_map(height: int, seed: int = 0) -> np.ndarray:
@@ -231,6 +231,113 @@ def test_exr_damaged(tmp_path):
 )
 def test_exr_with_unusable_values(tmp_path, pixels, word):
     OpenEXR.File({}, {"RGB": pixels.astype(np.float32)}).write(str(tmp_path / "map.exr"))
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / "map.exr")
+    assert_one_line(caught, "map.exr", word)
+
+
+def test_exr_attributes_come_back(tmp_path):
+    write_exr(tmp_path / "map.exr", draw_map(4), attributes={"frame": "front"})
+    assert exr_attributes(tmp_path / "map.exr") == {"frame": "front"}
+    (tmp_path / "text.exr").write_text("no header")
+    assert exr_attributes(tmp_path / "text.exr") == exr_attributes(tmp_path / "absent.exr") == {}
+
+
+# Primaries
+
+AP0 = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+AP1 = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+ADOBE = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.329)
+TO_REC709 = {  # as published, by Bradford
+    AP0: [
+        [2.52168619, -1.13413099, -0.38755520],
+        [-0.27647991, 1.37271909, -0.09623918],
+        [-0.01537825, -0.15297534, 1.16835359],
+    ],
+    AP1: [
+        [1.70505099, -0.62179212, -0.08325887],
+        [-0.13025642, 1.14080474, -0.01054832],
+        [-0.02400336, -0.12896898, 1.15297233],
+    ],
+    ADOBE: [[1.39836, -0.39836, 0.0], [0.0, 1.0, 0.0], [0.0, -0.04293, 1.04293]],
+}
+
+
+def store(path, pixels, primaries):
+    """The numbers as they are, under primaries of any kind."""
+    if path.suffix == ".exr":
+        pixels = np.asarray(pixels, dtype=np.float32)
+        OpenEXR.File({"chromaticities": primaries}, {"RGB": pixels}).write(str(path))
+        return
+    write_hdr(path, pixels)
+    line = f"PRIMARIES= {' '.join(map(str, primaries))}\nFORMAT=".encode()
+    path.write_bytes(path.read_bytes().replace(b"FORMAT=", line, 1))
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+@pytest.mark.parametrize("primaries", list(TO_REC709))
+def test_other_primaries_become_rec709(tmp_path, suffix, primaries):
+    path = tmp_path / f"map{suffix}"
+    wanted = np.random.default_rng(0).uniform(0.2, 1.0, (8, 16, 3))
+    wanted[0] = 1.0  # white stays white, whatever its own is
+    stored = wanted @ np.linalg.inv(TO_REC709[primaries]).T
+    store(path, stored, primaries)
+    step = 4e-5 if suffix == ".exr" else 4 * stored.max() / 255
+    np.testing.assert_allclose(read_radiance(path), wanted, atol=step)
+    assert np.abs(stored - wanted).max() > 2 * step
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+def test_colour_outside_of_rec709_is_cut_at_zero(tmp_path, suffix):
+    store(tmp_path / f"map{suffix}", np.full((8, 16, 3), (0.0, 1.0, 0.0)), AP0)
+    read = read_radiance(tmp_path / f"map{suffix}")
+    np.testing.assert_allclose(read, np.full((8, 16, 3), (0.0, 1.3727, 0.0)), atol=1e-3)
+
+
+def test_rec709_rounded_by_another_program_is_left_alone(tmp_path):
+    radiance = draw_map(8)
+    store(tmp_path / "map.exr", radiance, (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3128, 0.3291))
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr"), radiance)
+
+
+def test_what_is_no_light_is_read_as_stored(tmp_path):
+    """Normals, say, which a program files under its own primaries."""
+    numbers = np.random.default_rng(0).uniform(-1, 1, (8, 16, 3)).astype(np.float32)
+    store(tmp_path / "normals.exr", numbers, AP0)
+    read = read_exr(tmp_path / "normals.exr", "normals", InputError, 1000)
+    np.testing.assert_array_equal(read, numbers)
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+@pytest.mark.parametrize(
+    "primaries",
+    [
+        (0.0,) * 8,
+        (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.25, 0.45),  # the white outside
+        (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.7, 0.2),  # a white inside that no eye takes for one
+        (0.64, 0.33, 0.64, 0.33, 0.15, 0.06, 0.3127, 0.329),  # red is green
+        (np.nan,) * 8,
+    ],
+)
+def test_impossible_primaries(tmp_path, suffix, primaries):
+    store(tmp_path / f"map{suffix}", np.ones((8, 16, 3)), primaries)
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / f"map{suffix}")
+    assert_one_line(caught, f"map{suffix}", "x, y of red, green, blue", "save it as linear Rec. 709")
+
+
+@pytest.mark.parametrize(("value", "word"), [("red green", "eight numbers"), ("0.64 0.33", "x, y of red")])
+def test_hdr_primaries_that_are_no_numbers(tmp_path, value, word):
+    lines = f"PRIMARIES={value}\nFORMAT=32-bit_rle_rgbe\n"
+    (tmp_path / "map.hdr").write_bytes(hdr_file(4, 8, b"\x80" * 128, lines))
+    with pytest.raises(InvalidEnvironment) as caught:
+        read_radiance(tmp_path / "map.hdr")
+    assert_one_line(caught, "map.hdr", word)
+
+
+@pytest.mark.parametrize(("value", "word"), [(-1.0, ">= 0"), (np.inf, "infinity"), (np.nan, "NaN")])
+def test_primaries_do_not_hide_unusable_values(tmp_path, value, word):
+    store(tmp_path / "map.exr", np.full((8, 16, 3), value), AP0)
     with pytest.raises(InvalidEnvironment) as caught:
         read_radiance(tmp_path / "map.exr")
     assert_one_line(caught, "map.exr", word)

@@ -253,6 +253,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
         (("--at", "60,2"), ("above the horizon",)),
+        (("--at", "100000,140"), ("a place where the photo shows the object", "choose another")),
         (("--size", "0"), ("0.02 to 20",)),
         (("--turn", "nan"), ("--turn", "degrees")),
         (("--pitch", "-50"), ("below the horizon",)),
@@ -265,6 +266,30 @@ def test_bad_option_is_refused_in_one_line(command, work, photo_path, arguments,
     for word in words:
         assert word in complaint
     assert sorted(path.name for path in photo_path.parent.iterdir()) == ["ball.png"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("map_three.hdr", ("exported for three",)),
+        ("map_blender.exr", ("exported for blender",)),
+        ("alone.exr", ("u = 0.5 - atan2(x, z)",)),
+    ],
+)
+def test_light_that_lies_for_another_program_is_refused(command, work, photo_path, name, words):
+    """It would light the object from a quarter or half turn off."""
+    light = anyprobe.Light(radiance=made_map())
+    for target in ("three", "blender", "usd"):
+        light.export(target, work, "map")
+    (work / "map_usd.exr").rename(work / "alone.exr")
+    complaint = command("relight", photo_path, "--light", work / name, "--renderer", "own").complaint
+    for word in ("front in its centre", *words):
+        assert word in complaint
+
+
+def test_light_of_an_estimate_is_taken(command, work, photo_path):
+    saved = anyprobe.Light(radiance=made_map()).save(work / "map.exr")
+    assert command("relight", photo_path, "--light", saved, "--renderer", "own", "-q").status == 0
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
 from anyprobe.errors import InputError
-from anyprobe.export.light import origin_of
+from anyprobe.export.origin import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
 
 
@@ -39,12 +39,11 @@ def export(
     from anyprobe.export import targets
     from anyprobe.files.radiance import read_radiance
 
-    names = list(dict.fromkeys(TARGETS if to == "all" else to.split(",")))
-    for name in names:
-        find_target(name)
+    names = target_names(to)
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
     radiance = read_radiance(light)
-    origin = _origin(light)
+    check_front(light)
+    origin = origin_beside(light)
     for name in names:
         written = targets.export(
             radiance,
@@ -59,6 +58,15 @@ def export(
             print(json.dumps({"target": name, "files": [str(path) for path in written]}), flush=True)
         elif not quiet:
             print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
+
+
+def target_names(text: str) -> list[str]:
+    """The targets of --to, each once; all stands for every one. InputError for a name that is none."""
+    named = [name.strip() for name in text.split(",")]
+    names = list(dict.fromkeys(one for name in named for one in (TARGETS if name == "all" else (name,))))
+    for name in names:
+        find_target(name)
+    return names
 
 
 def parse_rotation(text: str) -> np.ndarray:
@@ -77,23 +85,3 @@ def parse_rotation(text: str) -> np.ndarray:
         f"--world-from-camera: expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
         "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down"
     )
-
-
-def _origin(light: Path) -> dict[str, Any]:
-    """What the .json beside the map says of its photo and model; nothing where there is none."""
-    path = light.with_name(f"{light.stem.removesuffix('_ambient')}.json")
-    if not path.is_file():
-        return {}
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # not ours, then: the map itself is all that an export needs
-        return {}
-    if not isinstance(said, dict):
-        return {}
-    turned = said.get("map", {})
-    if isinstance(turned, dict) and turned.get("rolled_quarters_right"):
-        raise InputError(
-            f"{light}: expected a map with the front in its centre, got one exported for "
-            f"{said.get('target')}; export from the file that estimate wrote"
-        )
-    return origin_of(said)

@@ -138,9 +138,12 @@ def relight(
 def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.ndarray, float]:
     """The given map as it is; or the estimate, made as bright as the real object asks, and its gain."""
     if light is not None:
+        from anyprobe.export.origin import check_front
         from anyprobe.files.radiance import read_radiance
 
-        return read_radiance(light), 1.0
+        radiance = read_radiance(light)
+        check_front(light)
+        return radiance, 1.0
     from anyprobe.infer.estimate import Estimator
     from anyprobe.relight.appearance import least_scale
 

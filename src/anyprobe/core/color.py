@@ -1,10 +1,19 @@
-"""Colour: linear Rec. 709 primaries."""
+"""Colour: linear Rec. 709 primaries, and the way from others to them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 REC709 = (0.2126, 0.7152, 0.0722)
+
+REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+"""CIE x, y of red, green, blue and white (D65)."""
+
+SAME_CHROMATICITIES = 1e-3
+"""Chromaticities that differ by no more are the same: files round them."""
+
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+"""Cone responses from CIE XYZ, in which one white is adapted to another."""
 
 
 def luminance(rgb):
@@ -15,3 +24,40 @@ def luminance(rgb):
 def to_bytes(display) -> np.ndarray:
     """Display values in [0, 1] to uint8, rounded."""
     return np.round(np.clip(np.asarray(display), 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def xyz_from_rgb(chromaticities) -> np.ndarray:
+    """Matrix [3, 3] from linear RGB to CIE XYZ, white at Y = 1.
+
+    Args:
+        chromaticities: [8], CIE x, y of red, green, blue and white; primaries may be imaginary.
+    Raises:
+        ValueError: the white does not lie between the primaries, or a number is not finite.
+    """
+    values = np.asarray(chromaticities, dtype=np.float64)
+    if values.shape != (8,) or not np.isfinite(values).all():
+        raise ValueError("not eight finite numbers")
+    x, y = values[0::2], values[1::2]
+    columns = np.stack([x, y, 1.0 - x - y])  # [3, 4]: X, Y, Z of each over their sum
+    primaries, white = columns[:, :3], columns[:, 3]
+    if white[1] <= 0.0:
+        raise ValueError("a white without light")
+    shares = np.linalg.solve(primaries, white / white[1])  # primaries on one line: LinAlgError, a ValueError
+    if (shares <= 0.0).any():
+        raise ValueError("a white that is not between the primaries")
+    return primaries * shares
+
+
+def rec709_from_rgb(chromaticities) -> np.ndarray:
+    """Matrix [3, 3] from linear RGB to linear Rec. 709, white to white (Bradford); raises as xyz_from_rgb.
+
+    Exactly the identity where the chromaticities are those of Rec. 709.
+    """
+    theirs, ours = xyz_from_rgb(chromaticities), xyz_from_rgb(REC709_CHROMATICITIES)
+    if np.allclose(chromaticities, REC709_CHROMATICITIES, rtol=0.0, atol=SAME_CHROMATICITIES):
+        return np.eye(3)
+    white, wanted = BRADFORD @ theirs.sum(axis=1), BRADFORD @ ours.sum(axis=1)
+    if (white <= 0.0).any():
+        raise ValueError("a white that no eye adapts to")
+    adapt = np.linalg.solve(BRADFORD, (wanted / white)[:, None] * BRADFORD)
+    return np.linalg.solve(ours, adapt @ theirs)

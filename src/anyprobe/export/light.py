@@ -102,13 +102,22 @@ def prepare(
         name=name,
         world_from_camera=turn,
         exposure_ev=float(exposure_ev),
-        origin=dict(origin or {}),
+        origin=_known(dict(origin or {})),
     )
 
 
 def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
     """What an estimate's sidecar says of where the light comes from."""
     return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
+
+
+def _known(value: Any) -> Any:
+    """JSON's values, None in place of NaN and infinity, which no JSON file can hold."""
+    if isinstance(value, Mapping):
+        return {key: _known(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_known(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def numbers(values: Any) -> Any:

@@ -10,10 +10,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import OpenEXR
 
+from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.errors import OutputError
 from anyprobe.export.frames import OPENEXR
 from anyprobe.export.light import SCALE, ExportedLight
-from anyprobe.files.radiance import REC709_CHROMATICITIES
 
 SCENE = """<!-- mitsuba {name}.xml; the emitter is all that other scenes need -->
 <scene version="3.0.0">

@@ -16,7 +16,7 @@ from anyprobe.export.sh_layouts import unity
 def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.hdr, <name>_ambient.hdr and AnyprobeLight.cs, which reads the sidecar.
 
-    Unity's Lambert has no 1 / pi: its light's intensity is irradiance / pi. The component's file
+    Unity's Lambert has no 1 / pi: its light's intensity is irradiance / pi, linear. The component's file
     is the same for every light, because Unity wants a class named as its file.
     """
     write_maps(light, folder, UNITY, ".hdr")

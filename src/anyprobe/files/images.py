@@ -285,7 +285,7 @@ def _exr_file(data: bytes) -> Iterator[Path]:
 def _from_exr(data: bytes, name: str) -> Pixels:
     """Linear radiance, premultiplied by A, to display values."""
     with _exr_file(data) as path:
-        pixels = read_exr(path, name, InvalidPhoto, MAX_PIXELS)
+        pixels = read_exr(path, name, InvalidPhoto, MAX_PIXELS, rec709=True)
     if not np.isfinite(pixels).all():
         raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
     radiance = np.maximum(pixels[..., :3], 0.0)

@@ -1,25 +1,35 @@
 """Radiance maps on disk: Radiance .hdr (RGBE) and OpenEXR .exr.
 
-Both hold linear Rec. 709 radiance, latitude-longitude, row 0 up, H x 2H.
+Both hold linear radiance, latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries.
 """
 
 from __future__ import annotations
 
 import io
 import os
-import re
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
 
+from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.rgbe import (
+    HDR_MAGIC,
+    RESOLUTION,
+    HdrHeader,
+    decode_row,
+    encode_rows,
+    float_to_rgbe,
+    read_header,
+    rgbe_to_float,
+)
 from anyprobe.light.environment import check_radiance
 
 MAX_MAP_PIXELS = 16384 * 8192
@@ -28,22 +38,12 @@ MAX_MAP_PIXELS = 16384 * 8192
 HALF_MAX = 65504.0
 """Largest finite half; what lies above would become infinity."""
 
-RGBE_MAX = 255.0 * 2.0**119
-"""Largest value of a shared-exponent pixel: mantissa 255, exponent byte 255."""
-
-REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-"""x, y of red, green, blue and white (D65)."""
-
-RLE_WIDTHS = range(8, 32768)
-"""Widths that the new run-length coding can hold; others are written flat."""
-
-MIN_RUN = 4
-"""Shorter repetitions cost more as runs than inside a literal."""
+ATTRIBUTE = "anyprobe:"
+"""What the names of our own strings in an .exr's header begin with."""
 
 HEADER_BYTES = 1 << 16
 """The header of a .hdr ends within these."""
 
-HDR_MAGIC = b"#?"
 KINDS = {
     HDR_MAGIC: ".hdr",
     b"\x76\x2f\x31\x01": ".exr",
@@ -53,16 +53,18 @@ KINDS = {
 """First bytes of files that are mistaken for one another."""
 
 _QUIET = threading.Lock()
-_RESOLUTION = re.compile(rb"-Y (\d+) \+X (\d+)")
 
 
 def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
     """Read a .hdr or .exr map.
 
+    Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are turned
+    to Rec. 709, their white to its own; a colour outside of Rec. 709 is cut at 0.
+
     Returns:
-        [H, 2H, 3] float32, linear, >= 0.
+        [H, 2H, 3] float32, linear Rec. 709, >= 0.
     Raises:
-        InvalidEnvironment: the file is absent, damaged, not HDR or not H x 2H.
+        InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H or of impossible primaries.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -79,13 +81,13 @@ def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
             start = stream.read(HEADER_BYTES)
             _check_kind(start, suffix, path.name)
             if suffix == ".hdr":
-                header = _read_header(start, path.name)
+                header = read_header(start, path.name, MAX_MAP_PIXELS)
                 return check_radiance(_decode_hdr(start + stream.read(), header, path.name), path.name)
     except OSError as error:
         raise InvalidEnvironment(
             f"{path}: cannot be read ({error.strerror}); check the permissions"
         ) from error
-    rgba = read_exr(path, path.name, InvalidEnvironment, MAX_MAP_PIXELS)
+    rgba = read_exr(path, path.name, InvalidEnvironment, MAX_MAP_PIXELS, rec709=True)
     return check_radiance(rgba[..., :3], path.name)
 
 
@@ -100,16 +102,8 @@ def write_hdr(path: str | os.PathLike[str], radiance: np.ndarray) -> None:
 def write_hdr_picture(path: str | os.PathLike[str], picture: np.ndarray) -> None:
     """The same for a picture of any shape [H, W, 3], finite and >= 0: the face of a cube, say."""
     height, width = picture.shape[:2]
-    rgbe = _float_to_rgbe(picture)
     header = f"#?RADIANCE\nSOFTWARE=anyprobe\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
-    pieces = [header]
-    if width in RLE_WIDTHS:
-        start = bytes((2, 2, width >> 8, width & 255))
-        for row in np.ascontiguousarray(np.moveaxis(rgbe, 2, 1)):  # [4, W]: one channel after the other
-            pieces.append(start)
-            pieces.extend(_encode_runs(channel) for channel in row)
-    else:
-        pieces.append(rgbe.tobytes())
+    pieces = [header, *encode_rows(float_to_rgbe(picture))]
     with atomic_path(path) as temporary:
         temporary.write_bytes(b"".join(pieces))
 
@@ -122,6 +116,9 @@ def write_exr(
     attributes: Mapping[str, str] | None = None,
 ) -> float:
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
+
+    envmap says latitude-longitude and no more: OpenEXR would have +Z in the centre column, our map has
+    what its "anyprobe:frame" says (docs/conventions.md).
 
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
@@ -146,7 +143,7 @@ def write_exr(
         "envmap": OpenEXR.ENVMAP_LATLONG,
         "chromaticities": REC709_CHROMATICITIES,
     }
-    header |= {f"anyprobe:{key}": str(value) for key, value in (attributes or {}).items()}
+    header |= {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
         try:
@@ -163,7 +160,14 @@ def write_exr(
     return clipped_share
 
 
-def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], max_pixels: int) -> np.ndarray:
+def read_exr(
+    path: str | os.PathLike[str],
+    name: str,
+    fault: type[InputError],
+    max_pixels: int,
+    *,
+    rec709: bool = False,
+) -> np.ndarray:
     """Read the colour of an .exr: channels R, G, B and perhaps A, or Y.
 
     A data window smaller than the display window is set into it, black around.
@@ -171,13 +175,13 @@ def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], m
     Args:
         fault: class of the error to raise.
         max_pixels: refused above, before the pixels are decoded.
+        rec709: turn light of other chromaticities to linear Rec. 709; else the numbers as stored.
     Returns:
-        [H, W, 3] or [H, W, 4] float32 as stored: colour is premultiplied by A.
+        [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
     """
     try:
         with _quietly():
-            with OpenEXR.File(str(path), header_only=True) as file:
-                header = dict(file.header())  # emptied when the file closes
+            header = _exr_header(path)
             low, high = (np.asarray(v, dtype=np.int64) for v in header["displayWindow"])
             data_low, data_high = (np.asarray(v, dtype=np.int64) for v in header["dataWindow"])
             width, height = (high - low + 1).tolist()
@@ -206,6 +210,8 @@ def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], m
             f"{name}: expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture"
         )
     pixels = np.stack(layers, axis=-1).astype(np.float32)
+    if rec709 and "chromaticities" in header:
+        pixels[..., :3] = _to_rec709(pixels[..., :3], header["chromaticities"], name, fault)
     if (low == data_low).all() and (high == data_high).all():
         return pixels
     canvas = np.zeros((height, width, pixels.shape[2]), dtype=np.float32)
@@ -218,14 +224,34 @@ def read_exr(path: str | os.PathLike[str], name: str, fault: type[InputError], m
 
 
 def exr_pixels(path: str | os.PathLike[str]) -> int:
-    """The larger of a header's two windows, width times height; 0 where there is no such header."""
+    """The larger of a header's two windows, width times height; 0 where there is no such header.
+
+    More than four channels count as more pixels, since all of them are decoded.
+    """
     try:
-        with _quietly(), OpenEXR.File(str(path), header_only=True) as file:
-            header = file.header()
-            windows = [np.asarray(header[name], dtype=np.int64) for name in ("displayWindow", "dataWindow")]
-            return max(int(np.prod(high - low + 1)) for low, high in windows)
+        with _quietly():
+            header = _exr_header(path)
+        windows = [np.asarray(header[name], dtype=np.int64) for name in ("displayWindow", "dataWindow")]
+        pixels = max(int(np.prod(high - low + 1)) for low, high in windows)
+        return pixels * max(1, -(-len(header["channels"]) // 4))
     except (RuntimeError, ValueError, KeyError, TypeError):
         return 0
+
+
+def exr_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
+    """The attributes that write_exr was given; none where there is no such header."""
+    try:
+        with _quietly():
+            header = _exr_header(path)
+    except (RuntimeError, ValueError, TypeError):
+        return {}
+    ours = {key.removeprefix(ATTRIBUTE): v for key, v in header.items() if key.startswith(ATTRIBUTE)}
+    return {key: value for key, value in ours.items() if isinstance(value, str)}
+
+
+def _exr_header(path: str | os.PathLike[str]) -> dict[str, Any]:
+    with OpenEXR.File(str(path), header_only=True) as file:
+        return dict(file.header())  # emptied when the file closes
 
 
 @contextmanager
@@ -237,60 +263,26 @@ def _quietly() -> Iterator[None]:
 
 def hdr_pixels(data: bytes) -> int:
     """Width times height of a .hdr by its first bytes; 0 where they do not tell."""
-    size = _RESOLUTION.search(data[:HEADER_BYTES])
+    size = RESOLUTION.search(data[:HEADER_BYTES])
     return 0 if size is None else int(size[1]) * int(size[2])
 
 
-def _float_to_rgbe(radiance: np.ndarray) -> np.ndarray:
-    """Ward 1991: three mantissas under the exponent of the largest, [H, W, 3] -> [H, W, 4] uint8.
-
-    Rounded, not cut, because today's readers add no half step back.
-    """
-    rgb = np.minimum(radiance.astype(np.float64), RGBE_MAX)
-    largest = rgb.max(axis=-1)
-    mantissa, exponent = np.frexp(largest)
-    exponent = exponent + (mantissa >= 255.5 / 256.0)  # 255.5 would round up to a ninth bit
-    rgbe = np.empty((*largest.shape, 4), dtype=np.uint8)
-    rgbe[..., :3] = np.rint(np.ldexp(rgb, 8 - exponent[..., None]))
-    rgbe[..., 3] = np.clip(exponent + 128, 0, 255)
-    rgbe[(largest == 0.0) | (exponent + 128 < 1)] = 0  # black, or below the smallest exponent
-    return rgbe
-
-
-def _rgbe_to_float(rgbe: np.ndarray) -> np.ndarray:
-    """[H, W, 4] uint8 to [H, W, 3] float32; exponent byte 0 is black."""
-    scale = np.ldexp(np.float32(1.0), rgbe[..., 3].astype(np.int32) - 136)
-    return rgbe[..., :3] * np.where(rgbe[..., 3] == 0, np.float32(0.0), scale)[..., None]
-
-
-def _encode_runs(row: np.ndarray) -> bytes:
-    """One channel of one row, uint8 [W]: count > 128 repeats a byte, count <= 128 copies bytes."""
-    starts = np.concatenate([[0], np.flatnonzero(row[1:] != row[:-1]) + 1])
-    lengths = np.diff(starts, append=row.size)
-    long = lengths >= MIN_RUN
-    data = row.tobytes()
-    out = bytearray()
-    cursor = 0
-    for start, length in [*zip(starts[long].tolist(), lengths[long].tolist(), strict=True), (row.size, 0)]:
-        for at in range(cursor, start, 128):
-            literal = data[at : min(at + 128, start)]
-            out.append(len(literal))
-            out += literal
-        for at in range(0, length, 127):
-            out.append(128 + min(127, length - at))
-            out.append(data[start])
-        cursor = start + length
-    return bytes(out)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Header:
-    """What a .hdr says before its pixels, which begin at byte `at`."""
-
-    height: int
-    width: int
-    exposure: float
-    at: int
+def _to_rec709(
+    rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]
+) -> np.ndarray:
+    """Linear colours [..., 3] in Rec. 709; none falls below 0 that did not before."""
+    try:
+        matrix = rec709_from_rgb(chromaticities)
+    except (TypeError, ValueError) as error:
+        raise fault(
+            f"{name}: expected x, y of red, green, blue and of a white between them, "
+            f"got {' '.join(str(chromaticities).split())} ({error}); save it as linear Rec. 709"
+        ) from error
+    if np.array_equal(matrix, np.eye(3)):
+        return rgb
+    with np.errstate(invalid="ignore", over="ignore"):  # infinity is the caller's to refuse
+        turned = rgb @ matrix.T.astype(np.float32)
+    return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
 
 
 def _check_kind(start: bytes, suffix: str, name: str) -> None:
@@ -306,84 +298,26 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
         raise InvalidEnvironment(f"{name}: expected {wanted}, got {kind}; {advice}")
 
 
-def _read_header(data: bytes, name: str) -> _Header:
-    """The header of a .hdr from the file's first bytes."""
-    header, blank, body = data.partition(b"\n\n")
-    if not data.startswith(HDR_MAGIC) or not blank:
-        raise InvalidEnvironment(
-            f"{name}: expected a Radiance .hdr file, got other or no data; save it again"
-        )
-    exposure = 1.0
-    for line in header.split(b"\n"):
-        key, _, value = line.partition(b"=")
-        if key.strip() == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
-            raise InvalidEnvironment(
-                f"{name}: expected FORMAT=32-bit_rle_rgbe, got {value.strip().decode('ascii', 'replace')}; "
-                "save it as RGBE"
-            )
-        if key.strip() == b"EXPOSURE":  # cumulative: each line tells a factor already multiplied in
-            try:
-                exposure *= float(value)
-            except ValueError:
-                exposure = 0.0
-    if not (np.isfinite(exposure) and exposure > 0.0):
-        raise InvalidEnvironment(f"{name}: expected EXPOSURE to be a number > 0; repair the header")
-    line, _, pixels = body.partition(b"\n")
-    size = _RESOLUTION.fullmatch(line.strip())
-    if size is None:
-        raise InvalidEnvironment(
-            f"{name}: expected the size as -Y H +X W, got {line[:40].decode('ascii', 'replace')!r}; "
-            "save it upright"
-        )
-    height, width = int(size[1]), int(size[2])
-    if not 0 < height * width <= MAX_MAP_PIXELS:
-        raise InvalidEnvironment(
-            f"{name}: expected at most {MAX_MAP_PIXELS / 1e6:.0f} million pixels, "
-            f"got {width} x {height}; shrink it first"
-        )
-    return _Header(height=height, width=width, exposure=exposure, at=len(data) - len(pixels))
-
-
-def _decode_hdr(data: bytes, header: _Header, name: str) -> np.ndarray:
-    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out."""
+def _decode_hdr(data: bytes, header: HdrHeader, name: str) -> np.ndarray:
+    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out, Rec. 709."""
     rows = _decode_rows(data[header.at :], header.height, header.width, name)
-    return _rgbe_to_float(rows) / np.float32(header.exposure)
+    radiance = rgbe_to_float(rows) / np.float32(header.exposure)
+    return _to_rec709(radiance, header.primaries, name, InvalidEnvironment)
 
 
 def _decode_rows(data: bytes, height: int, width: int, name: str) -> np.ndarray:
-    """Scanlines, run-length coded or flat, to [H, W, 4] uint8."""
-    damaged = InvalidEnvironment(f"{name}: expected {height} whole rows of RGBE, got fewer; fetch it again")
+    """All rows, [H, W, 4] uint8."""
     rows = np.empty((height, width, 4), dtype=np.uint8)
-    start = bytes((2, 2, width >> 8 & 255, width & 255))
     at = 0
-    for y in range(height):
-        if width not in RLE_WIDTHS or data[at : at + 4] != start:
-            flat = data[at : at + 4 * width]
-            if len(flat) < 4 * width:
-                raise damaged
-            rows[y] = np.frombuffer(flat, dtype=np.uint8).reshape(width, 4)
-            if (rows[y, :, :3] == 1).all(axis=1).any():  # no mantissas, but a repeat mark of the 1980s
-                raise InvalidEnvironment(
-                    f"{name}: expected new run-length coding or none, got the old; save again"
-                )
-            at += 4 * width
-            continue
-        at += 4
-        for channel in range(4):
-            row = bytearray()
-            while len(row) < width:
-                if at + 1 >= len(data):
-                    raise damaged
-                count = data[at]
-                if count > 128:
-                    row += data[at + 1 : at + 2] * (count - 128)
-                    at += 2
-                else:
-                    row += data[at + 1 : at + 1 + count]
-                    at += 1 + count
-                    if count == 0 or at > len(data):
-                        raise damaged
-            if len(row) != width:
-                raise damaged
-            rows[y, :, channel] = np.frombuffer(row, dtype=np.uint8)
+    try:
+        for y in range(height):
+            rows[y], at = decode_row(data, at, width)
+    except EOFError as error:
+        raise InvalidEnvironment(
+            f"{name}: expected {height} whole rows of RGBE, got fewer; fetch it again"
+        ) from error
+    except ValueError as error:
+        raise InvalidEnvironment(
+            f"{name}: expected new run-length coding or none, got the old; save again"
+        ) from error
     return rows

@@ -32,6 +32,7 @@ def folder_of_the_light():
 
 def load_map(path):
     image = bpy.data.images.load(str(path), check_existing=True)
+    image.reload()  # one that was there and packed keeps the older file's pixels
     for space in ("Linear Rec.709", "Linear"):  # the name before Blender 4
         try:
             image.colorspace_settings.name = space
