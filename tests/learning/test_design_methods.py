@@ -1,18 +1,21 @@
 """Trained designs as methods: each is given what its name says, and nothing else."""
 
 import json
+import re
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from support.some_pair import ball_pair
+from typer.testing import CliRunner
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
+from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
-from anyprobe.errors import ModelError  # noqa: E402
+from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.evaluate.panel import score_pair  # noqa: E402
 from anyprobe.light.reconstruct import THRESHOLD  # noqa: E402
 from anyprobe.train.config import designs, designs_laboratory, paper  # noqa: E402
@@ -101,6 +104,29 @@ def test_a_run_says_what_it_has_learned_from(tmp_path):
         read_run(checkpoint(tmp_path / "b.pt", smoke(paper())))
     with pytest.raises(ModelError, match="anyprobe train designs"):
         read_run(tmp_path / "none.pt")
+
+
+@pytest.mark.parametrize(
+    ("named", "laboratory", "words"),
+    [
+        (designs, True, "--laboratory: expected a run of designs_laboratory, got .* leave it out"),
+        (designs_laboratory, False, "expected --laboratory, where it has learned, got none; add it"),
+    ],
+)
+def test_a_run_is_scored_where_it_has_learned(tmp_path, work, named, laboratory, words):
+    """Else the other's published results would be written over, which the command finds before all else."""
+    path = checkpoint(tmp_path / "checkpoint.pt", smoke(named()))
+    assert read_run(path)["laboratory"] is not laboratory
+    option = ["--laboratory"] if laboratory else []
+    asked = ["compare", "--hdri", "h", "--meshes", "m", "--run", str(tmp_path), *option]
+    refused = CliRunner().invoke(app, asked)
+    assert isinstance(refused.exception, InputError)
+    assert re.search(words, str(refused.exception))
+    assert [one.name for one in work.iterdir()] == ["checkpoint.pt"]
+    (work / "log.csv").write_text("step,pairs\n")
+    asked = ["compare", "--hdri", "h", "--meshes", "m", "--run", str(tmp_path)]
+    refused = CliRunner().invoke(app, asked + ([] if laboratory else ["--laboratory"]))
+    assert "log.csv: expected rows of a run's log, got none" in str(refused.exception)
 
 
 def test_a_run_whose_irradiance_network_learned_shows_that_one(tmp_path):

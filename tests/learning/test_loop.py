@@ -107,6 +107,21 @@ def test_losses_do_not_mix():
         assert touched == {stage}
 
 
+def test_the_true_irradiance_is_shown_as_far_as_the_photos_mask_goes():
+    """No irradiance network shows more, and in a trained chain none will."""
+    chain = Chain(smoke(paper()), "cpu")
+    batch = some_batch(8)
+    batch = replace(batch, photo=batch.photo.round())  # a mask that is not the object's
+    mask, guess = batch.photo[:, 3:], torch.rand_like(batch.irradiance)
+    image = chain._object_image(batch, guess)
+    given = int(8 * chain.config.truth_share)
+    assert given == 2
+    assert (batch.irradiance[:given] * (1 - mask[:given])).max() > 0.5
+    assert torch.equal(image[:given, :3], batch.irradiance[:given] * mask[:given])
+    assert torch.equal(image[given:, :3], guess[given:])
+    assert torch.equal(image[:, 3:], mask)
+
+
 def test_learning_rate_rises_stays_and_falls():
     config = replace(paper(), steps=1000, warmup=100, cooldown=0.2)
     rates = [learning_rate(config, step) for step in range(1000)]

@@ -10,6 +10,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from torch import nn  # noqa: E402
 from torch.multiprocessing import spawn  # noqa: E402
 
+from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.train.team import Team  # noqa: E402
 
 
@@ -53,9 +54,33 @@ def test_one_process_is_a_team_of_its_own(monkeypatch):
         monkeypatch.delenv(name, raising=False)
     team = Team()
     assert team.is_first
-    assert team.device("cuda") == "cuda"
+    assert team.device == "cpu"
     net = nn.Linear(2, 1)
     net(torch.ones(1, 2)).sum().backward()
     before = net.weight.grad.clone()
     assert team.average_gradients(net.parameters(), True)
     assert torch.equal(net.weight.grad, before)
+
+
+@pytest.mark.parametrize(
+    ("kind", "gpu", "backend", "device"),
+    [("cpu", True, "gloo", "cpu"), ("cpu", False, "gloo", "cpu"), ("cuda", True, "nccl", "cuda:1")],
+)
+def test_processes_speak_as_the_device_that_they_train_on_can(monkeypatch, kind, gpu, backend, device):
+    """A GPU that is there and not asked for changes nothing: gradients are the CPU's."""
+    asked = []
+    for name in ("RANK", "LOCAL_RANK"):
+        monkeypatch.setenv(name, "1")
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: gpu)
+    monkeypatch.setattr(torch.distributed, "init_process_group", asked.append)
+    assert Team(kind).device == device
+    assert asked == [backend]
+
+
+def test_a_device_that_is_not_there_is_one_clear_line(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(InputError, match="--device gpu: expected one of cpu, cuda, got another"):
+        Team("gpu")
+    with pytest.raises(InputError, match="--device cuda: expected a GPU that torch can use, found none"):
+        Team("cuda")

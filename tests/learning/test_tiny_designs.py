@@ -104,17 +104,24 @@ def test_steps_are_paired_and_mean_both_first_weights():
     rest = {"irradiance, told": 0.0, "irradiance_2, told": 0.0, "ours, told": 0.0, "ours_2, told": 0.0}
     for extra in (0.0, 0.02):
         ours = {"ours": 0.2, "ours_2": 0.3, "irradiance": 0.4 + extra, "irradiance_2": 0.3}
-        scores.add(shown(direct=0.5, direct_2=0.3, **ours, **rest), f"map {extra}")
+        scores.add(shown(direct=0.5, direct_2=0.3, **ours, **rest), f"map {extra}", "shape")
     found = scores.result()
     assert found["irradiance"]["rmse"] == pytest.approx(0.25)
     step = found["order"]["direct -> irradiance"]["ldr_rmse"]
     assert step["seeds"] == pytest.approx([-0.09, 0.0])
     assert step["mean"] == pytest.approx(-0.045)
     assert step["standard_error"] == pytest.approx(0.005)  # of -0.05 and -0.04
+    scores.maps = ["map"] * 2
+    assert scores.result()["order"]["direct -> irradiance"]["ldr_rmse"]["standard_error"] == 0.0
+    scores.shapes = ["one", "other"]
+    assert scores.result()["order"]["direct -> irradiance"]["ldr_rmse"] == step
     assert found["order"]["ours -> ideal"]["ldr_rmse"]["mean"] == pytest.approx(-0.25)
     content = {"runs": {"world_64k": {"pairs": 64_000, **found}}, "pairs": 2, "command": "c", "commit": "d"}
     page = "\n".join(scaling_lines(content))
     assert "| world | 64,000 | ldr rmse | +0.0450 +- 0.0050, holds |" in page
+    assert "its standard error (by map);" in page  # as files of before have it
+    told = "\n".join(scaling_lines(content | {"standard_errors": "by map and shape"}))
+    assert "its standard error (by map and shape);" in told
     row = next(line for line in page.splitlines() if line.startswith("| world | 64,000 | 0.2500"))
     assert row.split(" | ")[4] == "0.4000"  # direct, mean of both
 
@@ -166,6 +173,7 @@ def test_the_command_scores_the_runs_that_are_there(trained, tmp_path, monkeypat
     assert asked == [(False, {0})]
     assert content["pairs"] == 3
     assert content["runs"]["world_64k"]["pairs"] == 320
+    assert content["standard_errors"] == "by map and shape"
     assert set(content["runs"]["world_64k"]["order"]) == set(STEPS)
 
 

@@ -89,6 +89,10 @@ def test_differences_are_paired_and_only_sure_ones_bold():
     d = np.array([1, 0, np.log2(1.1), np.log2(1.1)]) - np.log2(1.1)
     mean, error = rows["unsure"]["difference"]["flux_stops"]
     assert (mean, error) == pytest.approx((d.mean(), d.std(ddof=1) / 2), abs=1e-3)
+    scores.places[0] = [(where, "ball") for where in "aabb"]  # pairs of one map may err together
+    mean, error = {row["trial"]: row for row in scores.result()}["unsure"]["difference"]["flux_stops"]
+    of_maps = d.reshape(2, 2).mean(axis=1)
+    assert (mean, error) == pytest.approx((d.mean(), of_maps.std(ddof=1) / np.sqrt(2)), abs=1e-3)
     table = trial_lines({"rows": [add_missing(row) for row in rows.values()]})
     cells = {line.split(" | ")[0].strip("| "): line.split(" | ") for line in table[2:]}
     column = table[0].split(" | ").index("flux, stops")
@@ -165,6 +169,7 @@ def test_the_command_writes_what_it_prints(trained, tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     content = json.loads((tmp_path / "out" / "trials.json").read_text())
     assert [row["trial"] for row in content["rows"]] == ["lift_trial", "queries_trial"]
+    assert content["standard_errors"] == "by map and shape"
     assert "\n".join(trial_lines(content)) in done.stdout
     (trained / "lift_trial" / "checkpoint.pt").unlink()
     refused = CliRunner().invoke(app, asked)

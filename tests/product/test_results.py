@@ -20,7 +20,7 @@ from anyprobe.evaluate.methods import baselines
 from anyprobe.evaluate.panel import Estimate
 from anyprobe.evaluate.report import smooth, write_report
 from anyprobe.evaluate.sheets import draw_chart, heat
-from anyprobe.evaluate.study import Study, study
+from anyprobe.evaluate.study import Study, clustered_error, one_way_variance, study
 from anyprobe.evaluate.tables import result_files
 from anyprobe.evaluate.tolerance import Tolerance, tolerated
 from anyprobe.evaluate.trials import trial_lines
@@ -59,6 +59,43 @@ def test_difference_is_paired():
     assert error == pytest.approx(np.sqrt(2 * (0.2**2 + 0.2**2)) / 4, abs=1e-5)
     shifted.maps = ["a"] * 4
     assert shifted.difference("ours", "direct", "ldr_ssim")["standard_error"] == 0.0
+    shifted.shapes = ["a", "b"] * 2  # and so may those of one shape
+    assert shifted.difference("ours", "direct", "ldr_ssim")["standard_error"] == error
+
+
+def crossed(by_map, by_shape):
+    """One pair of every map and shape: what each adds to d, and the names."""
+    d = np.add.outer(by_map, by_shape)
+    maps, shapes = np.meshgrid(range(len(by_map)), range(len(by_shape)), indexing="ij")
+    return d.ravel(), [f"map {k}" for k in maps.ravel()], [f"shape {k}" for k in shapes.ravel()]
+
+
+def test_pairs_of_one_map_that_are_all_equal_count_as_one(rng):
+    """The error is then that of the maps' means; and of the shapes', where these decide alone."""
+    means = rng.normal(size=7)
+    error = means.std(ddof=1) / np.sqrt(7)
+    d, maps, shapes = crossed(means, np.zeros(4))
+    assert clustered_error(d, maps, shapes) == pytest.approx(error)
+    assert clustered_error(d, shapes, maps) == pytest.approx(error)
+    assert clustered_error(means, list("abcdefg"), ["one"] * 7) == pytest.approx(error)
+    assert clustered_error(means, list("abcdefg"), list("tuvwxyz")) == pytest.approx(error)
+    assert clustered_error([1.0, 1.0], ["a", "b"], ["a", "b"]) == 0.0
+
+
+def test_maps_and_shapes_add_up(rng):
+    """d = a + b, each map with each shape once: var(a) / G + var(b) / H, less what both would have counted twice."""
+    a, b = rng.normal(size=6), rng.normal(size=5)
+    expected = a.var(ddof=1) / 6 + b.var(ddof=1) / 5 - (a.var() + b.var()) / 29
+    assert clustered_error(*crossed(a, b)) == pytest.approx(np.sqrt(expected))
+    assert clustered_error(*crossed(a, b)) > clustered_error(*crossed(a, 0 * b))
+
+
+def test_an_error_is_never_below_that_of_maps_or_of_shapes(rng):
+    d = rng.normal(size=40)
+    maps, shapes = [f"{k % 8}" for k in range(40)], [f"{k // 8}" for k in range(40)]
+    one_way = [one_way_variance(d, names) for names in (maps, shapes)]
+    assert sum(one_way) - one_way_variance(d, list(zip(maps, shapes, strict=True))) < max(one_way)
+    assert clustered_error(d, maps, shapes) == pytest.approx(np.sqrt(max(one_way)))
 
 
 def test_a_step_holds_only_beyond_two_standard_errors():
@@ -116,6 +153,7 @@ def test_table1_has_the_rows_and_names_that_readers_look_for(results):
     assert table["pairs"] == 2
     assert table["command"] == ABOUT["command"]
     assert table["designs"]["pairs"] == 80
+    assert table["standard_errors"] == "by map and shape"
     assert "hdr_psnr" not in rows["meka"]
     assert rows["ideal"]["ldr_ssim"] > rows["irradiance"]["ldr_ssim"] > rows["ours"]["ldr_ssim"]
 
@@ -139,8 +177,50 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
             if name != "irradiance_kinds.png":
                 with Image.open(page.parent / name) as picture:
                     assert picture.width > 100
+    assert "Standard errors are by map and shape, whose" in text
     again = text
     assert write_report(results, page).read_text() == again
+
+
+def test_a_page_anywhere_links_to_its_charts(results, tmp_path, monkeypatch):
+    """Beside the results' folder, elsewhere, and with one of the two paths absolute."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(results, tmp_path / "docs" / "results")
+    for folder, page in (("docs/results", "out/page.md"), (tmp_path / "docs" / "results", "docs/results.md")):
+        text = write_report(Path(folder), Path(page)).read_text()
+        links = [line.rsplit("(", 1)[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]
+        charts = [link for link in links if link != "irradiance_kinds.png"]
+        assert len(charts) >= 4
+        for link in charts:
+            assert not Path(link).is_absolute()
+            assert (Path(page).parent / link).is_file()
+
+
+def test_a_result_file_that_lacks_something_is_named(results, tmp_path):
+    folder = tmp_path / "results"
+    shutil.copytree(results, folder)
+    charts = {path: path.stat().st_mtime_ns for path in folder.glob("*.png")}
+
+    def refused(name, content, match):
+        before = (folder / f"{name}.json").read_text()
+        (folder / f"{name}.json").write_text(json.dumps(content))
+        with pytest.raises(InputError, match=match):
+            write_report(folder, tmp_path / "page.md")
+        (folder / f"{name}.json").write_text(before)
+
+    table, balls = (json.loads((folder / f"{name}.json").read_text()) for name in ("table1", "fig13"))
+    refused("table1", {**table, "designs": {"pairs": 3}}, "table1.json: expected 'steps' in this result file")
+    refused(
+        "table1", {name: one for name, one in table.items() if name != "note"}, "table1.json: expected 'note'"
+    )
+    refused("fig13", {**balls, "groups": {"specular": {"pairs": 1}}}, "fig13.json: expected 'rows'")
+    refused("fig13", [balls], "fig13.json: expected a result file, got a list")
+    (folder / "laboratory").mkdir()
+    alone = {**table, "rows": [row for row in table["rows"] if row["design"] != "ours"]}
+    (folder / "laboratory" / "table1.json").write_text(json.dumps(alone))
+    refused("fig13", balls, "expected result files that belong together, got none with 'ours'")
+    assert not (tmp_path / "page.md").exists()
+    assert charts == {path: path.stat().st_mtime_ns for path in folder.glob("*.png")}
 
 
 def test_a_run_of_the_laboratory_gets_its_section(results, tmp_path):

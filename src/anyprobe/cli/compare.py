@@ -33,7 +33,9 @@ def compare(
         list[str] | None,
         typer.Option(help="Bundled model or folder of graphs to set beside; repeat for more."),
     ] = None,
-    pairs: Annotated[int, typer.Option(min=2, help="The first so many of the frozen 1,000 pairs.")] = 1000,
+    pairs: Annotated[
+        int, typer.Option(min=2, max=1000, help="The first so many of the frozen 1,000 pairs.")
+    ] = 1000,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -78,7 +80,8 @@ def compare(
             "--join: expected shipped models or folders of graphs alone, got --run too; leave one out"
         )
     out = out or (RESULTS / LABORATORY if laboratory else RESULTS)
-    designs = None if run is None else open_designs(run)
+    designs = None if run is None else open_designs(run, laboratory)
+    learned = None if run is None else curves(run / "log.csv")
     methods, trained = open_methods(model or [], designs, told=True)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
 
@@ -123,8 +126,8 @@ def compare(
             f"{out}: rows of {', '.join(model or ['the baselines'])} joined; anyprobe report draws them together"
         )
         return
-    if run is not None:
-        write_result(out / "gradual.json", about | curves(run / "log.csv"))
+    if learned is not None:
+        write_result(out / "gradual.json", about | learned)
     if tolerance is not None:
         write_result(out / "tolerance.json", about | tolerance.result())
     for path in [] if drawn is None else drawn.save(out):
@@ -141,12 +144,19 @@ def until(pairs: Iterator[Any], minutes: float | None) -> Iterator[Any]:
             return
 
 
-def open_designs(run: Path) -> DesignMethods:
-    """The trained designs of a run's folder."""
+def open_designs(run: Path, laboratory: bool = False) -> DesignMethods:
+    """The trained designs of a run's folder; InputError if their pairs were not of the kind that they are scored on."""
     need_torch("running the trained designs")
     from anyprobe.train.design_methods import DesignMethods
 
-    return DesignMethods(run / "checkpoint.pt")
+    designs = DesignMethods(run / "checkpoint.pt")
+    if designs.run["laboratory"] and not laboratory:
+        raise InputError(f"--run {run}: expected --laboratory, where it has learned, got none; add it")
+    if laboratory and not designs.run["laboratory"]:
+        raise InputError(
+            f"--laboratory: expected a run of designs_laboratory, got {run}, which has not learned there; leave it out"
+        )
+    return designs
 
 
 def open_methods(
@@ -180,6 +190,8 @@ def curves(log: Path) -> dict[str, Any]:
         raise InputError(f"{log}: expected the run's log, found none; keep it beside the checkpoint")
     with log.open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
+    if not rows:
+        raise InputError(f"{log}: expected rows of a run's log, got none; keep that of its training")
     names = [name for name in rows[0] if name not in ("step", "learning_rate", "pairs_per_second")]
     return {"columns": {name: [round(float(row[name]), 6) for row in rows] for name in names}}
 

@@ -35,6 +35,8 @@ COLUMNS = (
     "main_light_median_deg",
     "flux_median_stops",
 )
+PAIRS = 200
+SEED = 2020
 PATHS = 128
 """Through each pixel of a path-traced photo; what noise is left is a dim room's."""
 PRINTED = ("all", "specular", "diffuse", "indoor", "outdoor", "one light", "one light, shiny")
@@ -54,8 +56,8 @@ def evaluate(
         typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor)."),
     ] = None,
     meshes: Annotated[Path | None, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")] = None,
-    pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = 200,
-    seed: Annotated[int, typer.Option(help="Seed of the test set.")] = 2020,
+    pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = PAIRS,
+    seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
     frozen: Annotated[
         bool, typer.Option("--frozen", help="The first of the 1,000 recipes that never change.")
     ] = False,
@@ -93,6 +95,8 @@ def evaluate(
         others = {
             "--hdri": hdri,
             "--meshes": meshes,
+            "--pairs": pairs != PAIRS,
+            "--seed": seed != SEED,
             "--frozen": frozen,
             "--conditions": conditions != Conditions.clean,
             "--noisy-masks": noisy_masks,
@@ -111,6 +115,8 @@ def evaluate(
         raise InputError(
             "expected --hdri DIR and --meshes DIR of held-out assets, or --real DIR, got neither"
         )
+    if frozen and seed != SEED:
+        raise InputError(f"--seed {seed}: expected pairs that are drawn, got --frozen; leave one of them out")
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.plan import balanced_recipes
@@ -128,6 +134,11 @@ def evaluate(
     from anyprobe.files.images import write_png
     from anyprobe.infer.runtime import Models, model_id
 
+    listed = read_recipes(FROZEN) if frozen else []
+    if frozen and pairs > len(listed):
+        raise InputError(
+            f"--pairs {pairs}: expected at most the {len(listed)} pairs that --frozen has, got more; ask for fewer"
+        )
     trace = _tracer() if path_traced else None
     models = Models(model, engine=engine)
     lifts = models.stages == LIFT_STAGES
@@ -159,7 +170,7 @@ def evaluate(
         talk.print(f"warning: {line}", soft_wrap=True)
 
     stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
-    recipes = read_recipes(FROZEN)[:pairs] if frozen else balanced_recipes(stock, pairs, seed)
+    recipes = listed[:pairs] if frozen else balanced_recipes(stock, pairs, seed)
     recipes = [replace(recipe, conditions=CONDITIONS.index(conditions.value)) for recipe in recipes]
     pairs = len(recipes)
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())

@@ -19,7 +19,9 @@ def scaling(
     hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for evaluate.")],
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = RUNS,
-    pairs: Annotated[int, typer.Option(min=2, help="The first so many of the frozen 1,000 pairs.")] = 1000,
+    pairs: Annotated[
+        int, typer.Option(min=2, max=1000, help="The first so many of the frozen 1,000 pairs.")
+    ] = 1000,
     kept: Annotated[
         Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
     ] = None,
@@ -33,6 +35,7 @@ def scaling(
     from anyprobe.evaluate.kept_pairs import kept_pairs
     from anyprobe.evaluate.laboratory import LABORATORY
     from anyprobe.evaluate.scaling import ScalingScores
+    from anyprobe.evaluate.study import CLUSTERED
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
     from anyprobe.train.scaling import SCALING
     from anyprobe.train.tiny_methods import TinyMethods, trained_scaling
@@ -61,13 +64,14 @@ def scaling(
             folder = kept and (kept / LABORATORY if laboratory else kept)
             for pair in kept_pairs(chosen, stock, folder, laboratory):
                 for name in of_kind:
-                    scores[name].add(methods[name](pair), pair.map_name)
+                    scores[name].add(methods[name](pair), pair.map_name, pair.shape_name)
                 progress.advance(task)
     content = {
         "command": f"anyprobe scaling --hdri {tail(hdri)} --meshes {tail(meshes)} --pairs {len(chosen)}",
         "commit": commit(),
         "recipes": digest(recipes),
         "pairs": len(chosen),
+        "standard_errors": CLUSTERED,
         "runs": {name: read_trial(path) | scores[name].result() for name, path in found.items()},
     }
     write_result(out / "scaling.json", content)

@@ -32,7 +32,7 @@ def train(
     ] = None,
     start: Annotated[
         Path | None,
-        typer.Option(help="Weights to begin from, kept by anyprobe weights --start, where no checkpoint is."),
+        typer.Option(help="Weights to begin from, kept by anyprobe weights --start; the same ones to go on."),
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     workers: Annotated[
@@ -47,6 +47,10 @@ def train(
     from anyprobe.train.runs import RUNS as NAMED
     from anyprobe.train.runs import smoke
 
+    if steps is not None and dry_run is not None:
+        raise InputError(
+            f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out"
+        )
     unused = [("--workers", workers > 0), ("--device", device != "cpu"), ("--no-compile", not compiled)]
     for option, asked in unused:
         if run == MASK_RUN and asked:
@@ -127,8 +131,12 @@ def weights(
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
     from anyprobe.train.runs import RUNS as NAMED
-    from anyprobe.train.start import WITHOUT_GRAPHS, keep_run, mean_checkpoint, save_start
+    from anyprobe.train.start import WITHOUT_GRAPHS, keep_apart, keep_run, mean_checkpoint, save_start
 
+    if mean_map is not None and run not in NAMED:
+        raise InputError(
+            f"--mean-map: expected one of the runs {', '.join(NAMED)}, whose maps are known, got {run}; leave it out"
+        )
     if run in NAMED and NAMED[run]().model in WITHOUT_GRAPHS:
         for option, asked in (
             ("--calibrated", calibrated),
@@ -142,11 +150,21 @@ def weights(
                 raise InputError(f"{option}: expected a run that becomes graphs, got {run}; leave it out")
         typer.echo(keep_run(runs / run, to))
         return
+    if data is not None and not (calibrated or int8 or mean_map):
+        raise InputError(
+            f"--data {data}: expected --calibrated, --int8 or --mean-map, which read it, got none; leave it out"
+        )
+    from anyprobe.train.checkpoint import read_checkpoint
     from anyprobe.train.export_mask import export_mask
     from anyprobe.train.mean_map import write_mean_map
     from anyprobe.train.supply import make_pairs
 
     checkpoint = runs / run / "checkpoint.pt"
+    if start is not None:
+        keep_apart(checkpoint, start)
+    if mean_map is not None:
+        read_checkpoint(checkpoint)  # there is one, or its pairs would be made in vain
+        pairs = make_pairs(NAMED[run](), data, runs / "cache", "cpu")
     with TemporaryDirectory() as scratch:
         if mean_with is not None:
             checkpoint = mean_checkpoint(checkpoint, mean_with, Path(scratch) / "checkpoint.pt")
@@ -163,7 +181,7 @@ def weights(
             save_start(checkpoint, start)
             typer.echo(start)
     if mean_map is not None:
-        write_mean_map(make_pairs(NAMED[run](), data, runs / "cache", "cpu"), mean_map)
+        write_mean_map(pairs, mean_map)
         typer.echo(mean_map)
 
 

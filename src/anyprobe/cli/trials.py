@@ -25,6 +25,7 @@ def trials(
     """Score every trial found in the runs' folder, pair by pair against lift_trial; print the table."""
     need_torch("running the trained trials")
     from anyprobe.evaluate.calibrate import PAIRS, SEED, left_out_pairs
+    from anyprobe.evaluate.study import CLUSTERED
     from anyprobe.evaluate.trials import score_trials, trial_lines
     from anyprobe.train.trial_methods import read_trial, trained_trials, trial_method
     from anyprobe.train.trials import TRIALS
@@ -45,6 +46,7 @@ def trials(
         "commit": commit(),
         "pairs": PAIRS,
         "seed": SEED,
+        "standard_errors": CLUSTERED,
         "trained": {name: read_trial(path) for name, path in found.items()},
         "rows": scores.result(),
     }

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from anyprobe.evaluate.verdict import (
     rival_lines,
     tolerance_lines,
 )
+from anyprobe.files.atomic import atomic_path
 
 LOWER = ("rmse", "deg", "stops", "sh9")
 TOLD = ("ideal", "meka", "lift_normals")
@@ -53,7 +56,7 @@ def write_report(results: Path, page: Path) -> Path:
         results: folder with table1.json and what else anyprobe compare and anyprobe timing left.
         page: the Markdown file; its links are relative to its folder.
     Raises:
-        InputError: no table1.json, or a file that is no JSON.
+        InputError: no table1.json, a file that is no JSON, or one that lacks something.
     """
     found = {path.stem: read_result(path) for path in sorted(results.glob("*.json"))}
     if "table1" not in found:
@@ -63,21 +66,44 @@ def write_report(results: Path, page: Path) -> Path:
     laboratory = {path.stem: read_result(path) for path in sorted((results / LABORATORY).glob("*.json"))}
     if "table1" in laboratory:
         found[LABORATORY] = laboratory
-    pictures = _charts(found, results)
-    pictures |= {path.stem: path for path in results.glob("fig*.png")}
-    links = {name: path.relative_to(page.parent).as_posix() for name, path in pictures.items()}
-    page.write_text("\n".join(_lines(found, links)) + "\n", encoding="utf-8")
+    charts = {results / f"{name}.png": lines for name, lines in _charts(found).items()}
+    pictures = {path.stem: path for path in (*charts, *results.glob("fig*.png"))}
+    links = {name: Path(os.path.relpath(path, page.parent)).as_posix() for name, path in pictures.items()}
+    try:
+        text = "\n".join(_lines(found, links)) + "\n"
+    except KeyError as error:  # of a method: what a file lacks itself, its Content says
+        raise InputError(
+            f"{results}: expected result files that belong together, got none with {error}; make them again"
+        ) from error
+    for path, lines in charts.items():
+        save(path, draw_chart(lines, "pairs", "loss"))
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     return page
 
 
-def read_result(path: Path) -> dict[str, Any]:
+class Content(dict):
+    """What a result file holds, at any depth: what is not in it is asked for in vain by one clear line."""
+
+    def __init__(self, path: Path, values: Iterable[tuple[str, Any]]) -> None:
+        super().__init__(values)
+        self.path = path
+
+    def __missing__(self, name: str) -> Any:
+        raise InputError(f"{self.path}: expected {name!r} in this result file, found none; make it again")
+
+
+def read_result(path: Path) -> Content:
     """One result file."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=partial(Content, path))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: expected a result file in JSON, got a damaged one; make it again"
         ) from error
+    if not isinstance(content, Content):
+        raise InputError(f"{path}: expected a result file, got a {type(content).__name__}; make it again")
+    return content
 
 
 def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Iterable[str]:
@@ -295,21 +321,20 @@ def _stages(seconds: Mapping[str, float]) -> tuple[str, str]:
     return each, f"{sum(seconds.values()) * 1e3:.1f}"
 
 
-def _charts(found: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+def _charts(found: Mapping[str, Any]) -> dict[str, dict[str, tuple[list[float], list[float]]]]:
+    """Name -> curves by name, each of x and y."""
     if "gradual" not in found:
         return {}
     columns = found["gradual"]["columns"]
-    made = {}
-    for name, wanted in (("fig6", GRADUAL), ("curves", CURVES)):
-        lines = {
+    charts = {
+        name: {
             LINES.get(one, named(one)): smooth(columns["pairs"], columns[one])
             for one in wanted
             if one in columns
         }
-        if lines:
-            made[name] = folder / f"{name}.png"
-            save(made[name], draw_chart(lines, "pairs", "loss"))
-    return made
+        for name, wanted in (("fig6", GRADUAL), ("curves", CURVES))
+    }
+    return {name: lines for name, lines in charts.items() if lines}
 
 
 def smooth(x: Sequence[float], y: Sequence[float]) -> tuple[list[float], list[float]]:

@@ -44,10 +44,12 @@ class ScalingScores:
     designs: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     irradiance: dict[str, list[float]] = field(default_factory=lambda: {"rmse": [], "ssim": []})
     maps: list[str] = field(default_factory=list)
+    shapes: list[str] = field(default_factory=list)
 
-    def add(self, shown: Shown, map_name: str) -> None:
-        """One pair."""
+    def add(self, shown: Shown, map_name: str, shape_name: str) -> None:
+        """One pair, and whose it is."""
         self.maps.append(map_name)
+        self.shapes.append(shape_name)
         for name, ldr in shown.maps.items():
             columns = self.designs.setdefault(name, {figure: [] for figure in FIGURES})
             columns["ldr_rmse"].append(rmse(ldr, shown.true_map))
@@ -70,15 +72,15 @@ class ScalingScores:
         }
 
     def _difference(self, better: str, worse: str, figure: str) -> dict[str, Any]:
-        """Mean of better minus worse over both first weights and all pairs, its standard error (by map), and what
-        each first weights alone give."""
+        """Mean of better minus worse over both first weights and all pairs, its standard error (clustered_error),
+        and what each first weights alone give."""
         each = [
             np.subtract(self._column(better, k, figure), self._column(worse, k, figure)) for k in ("", SECOND)
         ]
         d = np.mean(each, axis=0)
         return {
             "mean": _mean(d),
-            "standard_error": round(clustered_error(d, self.maps), 5),
+            "standard_error": round(clustered_error(d, self.maps, self.shapes), 5),
             "seeds": [_mean(one) for one in each],
         }
 
@@ -115,7 +117,7 @@ def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:
         yield "| " + " | ".join(cells) + " |"
     yield ""
     yield "The gain of each of the paper's steps (positive is better), pair by pair, mean of both first weights, with"
-    yield "its standard error (by map); *told* is given the true irradiance image:"
+    yield f"its standard error ({content.get('standard_errors', 'by map')}); *told* is given the true irradiance image:"
     yield ""
     yield "| run | pairs | figure | " + " | ".join(STEPS) + " |"
     yield "|" + "---|" * (len(STEPS) + 3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,20 +23,24 @@ MEDIANS = (
 """Figures whose median is given beside the mean."""
 SOMETIMES = ("lights_deg", "lights_published_deg")
 """Figures that only pairs have in which both maps show lights that can be counted."""
+CLUSTERED = "by map and shape"
+"""How result files call the standard errors of clustered_error; older ones have errors by map, and do not say so."""
 
 
 @dataclass(kw_only=True)
 class Study:
-    """rows: method -> one dict of figures a pair; groups: each pair's; maps: the name of each pair's map."""
+    """rows: method -> one dict of figures a pair; groups: each pair's; maps, shapes: the names of each pair's."""
 
     rows: dict[str, list[dict[str, float]]] = field(default_factory=dict)
     groups: list[set[str]] = field(default_factory=list)
     maps: list[str] = field(default_factory=list)
+    shapes: list[str] = field(default_factory=list)
 
     def add(self, pair: Pair, scores: Mapping[str, dict[str, float]]) -> None:
         """One pair's figures."""
         self.groups.append(groups_of(pair))
         self.maps.append(pair.map_name)
+        self.shapes.append(pair.shape_name)
         for method, row in scores.items():
             self.rows.setdefault(method, []).append(row)
 
@@ -60,26 +64,37 @@ class Study:
         return sum(group in member for member in self.groups)
 
     def difference(self, better: str, worse: str, name: str) -> dict[str, float]:
-        """Mean of better minus worse over pairs, and its standard error (clustered_error, by map)."""
-        both = zip(self.rows[better], self.rows[worse], self.maps, strict=True)
-        found = [(a[name] - b[name], where) for a, b, where in both if name in a and name in b]
-        d, maps = np.array([one for one, _ in found]), [where for _, where in found]
+        """Mean of better minus worse over pairs, and its standard error (clustered_error)."""
+        both = zip(self.rows[better], self.rows[worse], self.maps, self.shapes, strict=True)
+        found = [(a[name] - b[name], *where) for a, b, *where in both if name in a and name in b]
+        d, maps, shapes = zip(*found, strict=True)
         return {
-            "mean": round(float(d.mean()), 5),
-            "standard_error": round(clustered_error(d, maps), 5),
+            "mean": round(float(np.mean(d)), 5),
+            "standard_error": round(clustered_error(d, maps, shapes), 5),
         }
 
 
-def clustered_error(d: np.ndarray, clusters: Sequence[str]) -> float:
-    """Standard error of the mean of d [N], where those of one cluster may err together: pairs under one map do.
+def clustered_error(d: Sequence[float], maps: Sequence[str], shapes: Sequence[str]) -> float:
+    """Standard error of the mean of d [N], where pairs under one map, and pairs of one shape, may err together.
 
-    sqrt( G / (G - 1) sum over the G clusters of (sum of d - mean)^2 ) / N (Liang and Zeger 1986); 0 for one cluster.
+    V = V_map + V_shape - V_(map and shape), each of one_way_variance (Cameron, Gelbach and Miller 2011), and no less
+    than the larger of the first two, below which chance takes the sum where there are few shapes.
     """
-    _, which = np.unique(np.asarray(clusters), return_inverse=True)
-    sums = np.bincount(which, weights=d - d.mean())
+    by_map, by_shape = one_way_variance(d, maps), one_way_variance(d, shapes)
+    by_both = one_way_variance(d, list(zip(maps, shapes, strict=True)))
+    return float(np.sqrt(max(by_map + by_shape - by_both, by_map, by_shape)))
+
+
+def one_way_variance(d: Sequence[float], clusters: Sequence[Hashable]) -> float:
+    """Variance of the mean of d [N], where those of one cluster may err together.
+
+    G / (G - 1) sum over the G clusters of (sum of d - mean)^2 / N^2 (Liang and Zeger 1986); 0 for one cluster.
+    """
+    number = {name: index for index, name in enumerate(dict.fromkeys(clusters))}
+    sums = np.bincount([number[name] for name in clusters], weights=np.subtract(d, np.mean(d)))
     if len(sums) < 2:
         return 0.0
-    return float(np.sqrt(len(sums) / (len(sums) - 1) * np.square(sums).sum()) / len(d))
+    return float(len(sums) / (len(sums) - 1) * np.square(sums / len(d)).sum())
 
 
 def study(

@@ -7,7 +7,7 @@ from typing import Any
 
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.evaluate.groups import GROUPS, ONE_LIGHT, SHINY
-from anyprobe.evaluate.study import Study
+from anyprobe.evaluate.study import CLUSTERED, Study
 
 TABLE1 = tuple(f"{kind}_{name}" for kind in ("irradiance", "ldr", "hdr") for name in ("psnr", "rmse", "ssim"))
 FIG13 = ("ball_psnr", "ball_ssim", "ball_rmse")
@@ -88,7 +88,7 @@ def result_files(study: Study, about: dict[str, Any]) -> dict[str, dict[str, Any
     """Name without .json -> content; each carries `about` (command, commit, seed, pairs trained ...)."""
     head = about | {"pairs": study.count("all")}
     files: dict[str, dict[str, Any]] = {
-        "table1": {"rows": rows(study, TABLE1), "order": order(study)},
+        "table1": {"rows": rows(study, TABLE1), "order": order(study), "standard_errors": CLUSTERED},
         "fig13": {"groups": by_group(study, FIG13, ("specular", "diffuse"))},
         "fig14": {"groups": by_group(study, FIG14, ("all", "specular", "diffuse"))},
         "field": {"rows": rows(study, (*FIELD, *CLEAN, *ARRAY))},

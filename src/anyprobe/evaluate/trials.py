@@ -13,6 +13,7 @@ from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.metrics import rmse
 from anyprobe.evaluate.panel import Estimate, Method
 from anyprobe.evaluate.protocol import MEDIANS, score
+from anyprobe.evaluate.study import clustered_error
 
 FIGURES = {
     "ldr_rmse": "LDR RMSE",
@@ -31,17 +32,20 @@ WORLD = "ldr_rmse_world"
 CHANCE = "lift_again"
 """The trial that differs from the first by chance alone."""
 SURE = 2.0
-"""Differences of so many standard errors over pairs, and so many times what chance did, are bold."""
+"""Differences of so many standard errors, and so many times what chance did, are bold."""
 
 
 @dataclass(kw_only=True)
 class TrialScores:
-    """Figures of every trial on every pair: trial -> figure -> one number a pair."""
+    """Figures of every trial on every pair: trial -> figure -> one number a pair; whose each pair is beside them:
+    conditions -> one map's and one shape's name a pair."""
 
     rows: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    places: dict[int, list[tuple[str, str]]] = field(default_factory=dict)
 
     def add(self, pair: Pair, estimates: Mapping[str, Estimate]) -> None:
         """One pair; those taken as the world gives them (conditions 1) only by their LDR map."""
+        self.places.setdefault(pair.recipe.conditions, []).append((pair.map_name, pair.shape_name))
         for name, estimate in estimates.items():
             columns = self.rows.setdefault(name, {})
             for figure, value in _figures(pair, estimate).items():
@@ -58,8 +62,19 @@ class TrialScores:
                 for median, figure in MEDIANS.items()
                 if figure in columns
             }
-            rows.append({"trial": name, **means, **medians, "difference": _differences(columns, first)})
+            rows.append({"trial": name, **means, **medians, "difference": self._differences(columns, first)})
         return rows
+
+    def _differences(
+        self, columns: Mapping[str, Sequence[float]], first: Mapping[str, Sequence[float]]
+    ) -> dict[str, tuple[float, float]]:
+        """Figure -> mean of one trial less the first, pair by pair, and its standard error (clustered_error)."""
+        result = {}
+        for figure in columns:
+            d = np.subtract(columns[figure], first[figure])
+            maps, shapes = zip(*self.places[int(figure == WORLD)], strict=True)
+            result[figure] = (round(float(d.mean()), 5), round(clustered_error(d, maps, shapes), 5))
+        return result
 
 
 def _figures(pair: Pair, estimate: Estimate) -> dict[str, float]:
@@ -70,18 +85,6 @@ def _figures(pair: Pair, estimate: Estimate) -> dict[str, float]:
     if estimate.irradiance is not None:
         figures["irradiance_rmse"] = rmse(estimate.irradiance, pair.irradiance / 255.0)
     return figures
-
-
-def _differences(
-    columns: Mapping[str, Sequence[float]], first: Mapping[str, Sequence[float]]
-) -> dict[str, tuple[float, float]]:
-    """Figure -> mean of one trial less the first, pair by pair, and its standard error."""
-    result = {}
-    for figure in columns:
-        d = np.subtract(columns[figure], first[figure])
-        error = d.std(ddof=1) / np.sqrt(len(d)) if len(d) > 1 else 0.0
-        result[figure] = (round(float(d.mean()), 5), round(float(error), 5))
-    return result
 
 
 def score_trials(

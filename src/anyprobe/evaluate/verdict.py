@@ -33,9 +33,10 @@ def order_lines(table1: Mapping[str, Any]) -> Iterable[str]:
     yield from ("", "### Does the paper's order hold?", "")
     yield "The gain of the second design over the first, pair by pair: positive is better in every column (RMSE with"
     yield "its sign turned). A step *holds* where the gain is more than two standard errors above zero, *is"
-    yield "reversed* where it is more than two below, and *is open* else. Standard errors take the pairs of one map"
-    yield "together; what another training would give, they do not cover: where both seeds agree, it is a little"
-    yield "surer."
+    by = table1.get("standard_errors", "by map")
+    yield f"reversed* where it is more than two below, and *is open* else. Standard errors are {by}, whose"
+    yield "pairs may err together; what another training would give, they do not cover: where both seeds agree, it is"
+    yield "a little surer."
     yield ""
     names = list(next(iter(table1["order"].values())))
     yield from order_table(table1["order"])

@@ -55,10 +55,11 @@ class Chain:
         }
 
     def _object_image(self, batch: Batch, irradiance: torch.Tensor) -> torch.Tensor:
-        """The illumination net's input [B, 4, S, S]; the first truth_share of the batch sees the truth."""
-        given = int(self.config.truth_share * len(irradiance))
-        seen = torch.cat([batch.irradiance[:given], irradiance[given:]])
-        return torch.cat([seen, batch.photo[:, 3:]], dim=1)
+        """The illumination net's input [B, 4, S, S]; the first truth_share of the batch sees the truth, as far as
+        the photo's mask goes: that is all an irradiance net can show."""
+        given, mask = int(self.config.truth_share * len(irradiance)), batch.photo[:, 3:]
+        seen = torch.cat([batch.irradiance[:given] * mask[:given], irradiance[given:]])
+        return torch.cat([seen, mask], dim=1)
 
     def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
         target = gradual_target(ldr, progress) if self.config.gradual else ldr

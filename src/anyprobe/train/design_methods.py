@@ -19,21 +19,24 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import reconstruct
 from anyprobe.nets.design_nets import SIZE
 from anyprobe.render.surface import pixel_rays
+from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.designs import DESIGNS, IMAGE
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance
 from anyprobe.train.loop import load_nets, pairs_seen
 
 
 def read_run(checkpoint: Path) -> dict[str, int]:
-    """What a results file says of the run: steps, pairs, seed, and pairs of the irradiance network."""
+    """What a results file says of the run: steps, pairs, seed, pairs of the irradiance network, and whether all were
+    of the laboratory."""
     if not checkpoint.is_file():
         raise ModelError(
             f"{checkpoint}: expected the designs' checkpoint, found none; anyprobe train designs"
         )
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])
-    if config["model"] != "designs":
-        raise ModelError(f"{checkpoint}: expected a run of designs, got one of {config['model']}")
+    model = config.get("model", "paper")
+    if model != "designs":
+        raise ModelError(f"{checkpoint}: expected a run of designs, got one of {model}")
     return {
         "steps": stored["step"],
         "of_steps": config["steps"],
@@ -41,6 +44,7 @@ def read_run(checkpoint: Path) -> dict[str, int]:
         "seed": config["pairs"]["seed"],
         "irradiance_pairs": load_frozen_irradiance()[1]
         + (pairs_seen(stored) if config.get("irradiance_learns") else 0),
+        "laboratory": config["pairs"].get("laboratory", False),
     }
 
 

@@ -117,7 +117,7 @@ class Designs:
         return nn.ModuleDict(nets)
 
     def _run(self, net: nn.Module, x: torch.Tensor) -> torch.Tensor:
-        with torch.autocast(self.device, dtype=torch.bfloat16):
+        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             return net(x.contiguous(memory_format=torch.channels_last)).float()
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:

@@ -16,6 +16,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.infer.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.light_net import LightNet
+from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
@@ -77,7 +78,7 @@ def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LE
         ModelError: a graph disagrees with its network by more than TOLERANCE.
     """
     nets = load_nets(checkpoint)
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])
     recipe = {
         "run": config["name"],

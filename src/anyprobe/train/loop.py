@@ -6,9 +6,11 @@ import dataclasses
 import json
 import time
 import warnings
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -16,13 +18,15 @@ from anyprobe.dataset.pairs import PairSource
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
+from anyprobe.train.checkpoint import load_weights, read_checkpoint
 from anyprobe.train.config import RunConfig
 from anyprobe.train.designs import IMAGE, IMAGE_RATE, Designs
 from anyprobe.train.journal import Journal, run_folder
 from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.normals import Normals
-from anyprobe.train.start import load_start
-from anyprobe.train.supply import open_batches
+from anyprobe.train.resume import agreed, check_goes_on
+from anyprobe.train.start import load_start, start_id
+from anyprobe.train.supply import load_assets, name_assets, open_batches
 from anyprobe.train.team import Team
 from anyprobe.train.tiny_designs import TinyDesigns
 
@@ -62,19 +66,23 @@ def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Des
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
-    """The trained networks of a checkpoint, ready to run; ModelError if there is none."""
-    if not checkpoint.is_file():
-        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    """The trained networks of a checkpoint, ready to run; ModelError if there are none, or of another release."""
+    stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])
     model = config.get("model", "paper")
-    if model == "lift":
-        nets = Lift.networks(LiftConfig(**config["lift"]))
-    elif model == "designs":
-        nets = Designs.networks(config.get("irradiance_learns", False))
-    else:
-        nets = LEARNERS[model].networks()
-    nets.load_state_dict(stored["nets"])
+    try:
+        if model == "lift":
+            nets = Lift.networks(LiftConfig(**config["lift"]))
+        elif model == "designs":
+            nets = Designs.networks(config.get("irradiance_learns", False))
+        else:
+            nets = LEARNERS[model].networks()
+    except (KeyError, TypeError) as error:  # a model or a setting that is not, or no longer, there
+        raise ModelError(
+            f"{checkpoint}: expected a run of this release, got one of {model} with other settings ({error}); "
+            "take the release that trained it"
+        ) from error
+    load_weights(nets, stored["nets"], checkpoint)
     return nets.eval().requires_grad_(False)
 
 
@@ -90,8 +98,12 @@ def save_checkpoint(
     optimizer: torch.optim.Optimizer,
     step: int,
     pairs: int,
+    origin: Mapping[str, Any] | None = None,
 ) -> None:
-    """Everything that the next step depends on; pairs depend on the step's number alone."""
+    """Everything that the next step depends on; pairs depend on the step's number alone.
+
+    origin: of train.resume, as far as it is known.
+    """
     with atomic_path(path) as temporary:
         torch.save(
             {
@@ -100,6 +112,7 @@ def save_checkpoint(
                 "step": step,
                 "pairs": pairs,
                 "config": json.dumps(dataclasses.asdict(config)),
+                "origin": dict(origin or {}),
             },
             temporary,
         )
@@ -128,16 +141,18 @@ def train(
             so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already.
-        start: weights to begin from, of train.start, where there is no checkpoint yet.
+        start: weights to begin from, of train.start; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
+    Raises:
+        InputError: a device that is not there, or a checkpoint of another run (train.resume).
+        ModelError: a damaged checkpoint, or weights of another network.
     """
     warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
+    team = Team(device)
+    device = team.device
     torch.manual_seed(config.seed)
-    team = Team()
-    device = team.device(device)
-    folder = run_folder(runs, config.name)
-    path = folder / "checkpoint.pt"
+    path = runs / config.name / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * team.size))
     learner = make_learner(config, device)
@@ -146,18 +161,21 @@ def train(
         parameter_groups(nets), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = seen = 0
+    origin: dict[str, Any] = {"team": team.size}
+    if start is not None:
+        origin["start"] = start_id(start)
     if path.is_file():
-        stored = torch.load(path, map_location=device, weights_only=True)
-        if "optimizer" not in stored:
-            raise ModelError(
-                f"{path}: expected a run's checkpoint, got weights that were kept to be scored; train in another "
-                "folder with --start"
-            )
-        nets.load_state_dict(stored["nets"])
+        stored = read_checkpoint(path, device)
+        check_goes_on(path, stored, config)
+        origin = agreed(path, stored.get("origin", {}), origin)
+        load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
     elif start is not None:
         load_start(nets, start)
+    else:
+        origin["start"] = None
+    folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
@@ -165,7 +183,10 @@ def train(
     if pairs is not None:
         batches = map(pairs.batch, steps)
     else:
-        batches = open_batches(config, data, runs / "cache", device, compiled, steps, workers)
+        stock = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(stock)})
+        batches = open_batches(config, stock, data, runs / "cache", device, compiled, steps, workers)
+        del stock  # hundreds of maps, of which the batches keep what they need
     journal = Journal(folder, config.name, learner.columns, first, last, config.steps)
     saved, each = time.monotonic(), config.pairs.batch * team.size
     with journal if team.is_first else nullcontext():
@@ -186,7 +207,7 @@ def train(
             if due or step + 1 == last:
                 team.average_statistics(nets)
                 if team.is_first:
-                    save_checkpoint(path, nets, config, optimizer, step + 1, seen)
+                    save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
                 saved = time.monotonic()
     team.leave()
     return path

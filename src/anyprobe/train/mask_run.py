@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-import sys
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,15 +19,17 @@ from torch.nn import functional as F
 from anyprobe.dataset.asks import Batch, SceneConfig, SceneSource
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.sprites import ViewSource
-from anyprobe.dataset.stock import load_stock, own_map
+from anyprobe.dataset.stock import Stock, own_map
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
-from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
+from anyprobe.train.checkpoint import load_weights, read_checkpoint
 from anyprobe.train.config import LightConfig
 from anyprobe.train.journal import LOG_STEPS, forget_after, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS
-from anyprobe.train.start import load_start
+from anyprobe.train.resume import agreed, check_goes_on
+from anyprobe.train.start import load_start, start_id
+from anyprobe.train.supply import load_assets, name_assets
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,14 +67,9 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
     )
 
 
-def make_scenes(config: MaskRunConfig, data: Path | None, cache: Path) -> SceneSource:
-    """The endless scenes of a run: training assets of data when given, and our own."""
-
-    def warn(line: str) -> None:
-        print(f"warning: {line}", file=sys.stderr)
-
+def make_scenes(config: MaskRunConfig, stock: Stock, cache: Path) -> SceneSource:
+    """The endless scenes of a run: training assets, if there are any, and our own."""
     light = config.light
-    stock = load_stock(data, "train", commercial_only=light.commercial_only, report=warn)
     radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     surfaces = build_surfaces(list(stock.shapes.values()), config.surfaces, cache)
@@ -113,27 +110,39 @@ def train_mask(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         scenes: the batches, when they are at hand already.
-        start: weights to begin from, of train.start, where there is no checkpoint yet.
+        start: weights to begin from, of train.start; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
+    Raises:
+        InputError: a checkpoint of another run (train.resume).
+        ModelError: a damaged checkpoint, or weights of another network.
     """
     torch.manual_seed(config.seed)
-    folder = run_folder(runs, config.name)
-    path = folder / "checkpoint.pt"
+    path = runs / config.name / "checkpoint.pt"
     net = MaskNet().to(memory_format=torch.channels_last)
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     first = 0
+    origin: dict[str, Any] = {} if start is None else {"start": start_id(start)}
     if path.is_file():
-        stored = torch.load(path, map_location="cpu", weights_only=True)
-        net.load_state_dict(stored["net"])
+        stored = read_checkpoint(path, holds=("net",))
+        check_goes_on(path, stored, config)
+        origin = agreed(path, stored.get("origin", {}), origin)
+        load_weights(net, stored["net"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     elif start is not None:
         load_start(net, start)
+    else:
+        origin["start"] = None
+    folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
-    source = scenes or make_scenes(config, data, runs / "cache")
+    if scenes is None:
+        stock = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(stock)})
+        scenes = make_scenes(config, stock, runs / "cache")
+        del stock  # hundreds of maps, of which the scenes keep what they need
     log_path = folder / "log.csv"
     forget_after(log_path, first)
     columns = (TextColumn(config.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -151,7 +160,7 @@ def train_mask(
             rate = _learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
-            batch = source.batch(step)
+            batch = scenes.batch(step)
             if step < config.small_share * config.steps:
                 batch = shrink(batch, config.small)
             history.append(_step(net, optimizer, batch))
@@ -172,6 +181,7 @@ def train_mask(
                             "optimizer": optimizer.state_dict(),
                             "step": step + 1,
                             "config": json.dumps(dataclasses.asdict(config)),
+                            "origin": origin,
                         },
                         temporary,
                     )
@@ -180,12 +190,11 @@ def train_mask(
 
 
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
-    """The trained network of a checkpoint, ready to run, and its stored step and configuration."""
-    if not checkpoint.is_file():
-        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    """The trained network of a checkpoint, ready to run, and its stored step and configuration; ModelError if there is
+    none, or of another release."""
+    stored = read_checkpoint(checkpoint, holds=("net",))
     net = MaskNet()
-    net.load_state_dict(stored["net"])
+    load_weights(net, stored["net"], checkpoint)
     return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,8 +10,9 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from anyprobe.errors import ModelError
+from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.train.checkpoint import read_checkpoint
 
 WITHOUT_GRAPHS = ("designs", "tiny_designs")
 """Models that are compared and never shipped: what is kept of them is all there is."""
@@ -19,10 +21,14 @@ SMALL = 1024
 
 
 def save_start(checkpoint: Path, path: Path) -> None:
-    """Keep a checkpoint's weights at path, large tensors as float16; ModelError if there is no checkpoint."""
-    if not checkpoint.is_file():
-        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    """Keep a checkpoint's weights at path, large tensors as float16.
+
+    Raises:
+        InputError: path is the checkpoint.
+        ModelError: no checkpoint, or a damaged one.
+    """
+    stored = read_checkpoint(checkpoint, holds=("nets", "net"))
+    keep_apart(checkpoint, path)
     with atomic_path(path) as temporary:
         torch.save(_halved(stored["nets"] if "nets" in stored else stored["net"]), temporary)
 
@@ -33,20 +39,28 @@ def keep_run(run: Path, to: Path) -> Path:
     Returns:
         The checkpoint in the folder `to`: it can be scored and begun from, but not gone on with exactly.
     Raises:
-        ModelError: no checkpoint.
+        InputError: `to` is the run's own folder.
+        ModelError: no checkpoint, or a damaged one.
     """
     checkpoint, log = run / "checkpoint.pt", run / "log.csv"
-    if not checkpoint.is_file():
-        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    stored = read_checkpoint(checkpoint)
+    keep_apart(checkpoint, to / checkpoint.name)
     kept = {**stored, "nets": _halved(stored["nets"])}
-    del kept["optimizer"]
+    kept.pop("optimizer", None)  # one that was kept before has none
     with atomic_path(to / checkpoint.name) as temporary:
         torch.save(kept, temporary)
     if log.is_file():
         with atomic_path(to / log.name) as temporary:
             shutil.copyfile(log, temporary)
     return to / checkpoint.name
+
+
+def keep_apart(checkpoint: Path, path: Path) -> None:
+    """InputError if path is the run's checkpoint: what is kept is less, and must not take its place."""
+    if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
+        raise InputError(
+            f"{path}: expected another place to keep weights in, got the run's own checkpoint; choose another"
+        )
 
 
 def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -67,6 +81,15 @@ def load_start(nets: nn.Module, path: Path) -> None:
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
 
+def start_id(path: Path) -> str:
+    """Which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there is
+    no such file."""
+    if not path.is_file():
+        raise _not_of_this_run(path, "no file")
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
 def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     """A checkpoint at path, for export alone, of the mean of a run's weights and those kept in other.
 
@@ -76,9 +99,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     Raises:
         ModelError: no checkpoint, or other holds another network's weights.
     """
-    if not checkpoint.is_file():
-        raise ModelError(f"{checkpoint}: expected a run's checkpoint, found none; train first")
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    stored = read_checkpoint(checkpoint)
     kept, nets = _read_start(other), stored["nets"]
     if {name: value.shape for name, value in kept.items()} != {
         name: value.shape for name, value in nets.items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import sys
 from collections.abc import Iterator
@@ -18,7 +19,7 @@ from anyprobe.dataset.stock import Stock, load_stock, own_map
 from anyprobe.dataset.stream import stream
 from anyprobe.dataset.surfaces import SurfaceSet, build_surfaces
 from anyprobe.dataset.variants import draw_variant
-from anyprobe.train.config import RunConfig
+from anyprobe.train.config import LightConfig, RunConfig
 
 
 def make_pairs(
@@ -28,7 +29,11 @@ def make_pairs(
 
     Files that cannot be used are listed on stderr.
     """
-    light, stock = config.light, _stock(config, data)
+    return _pairs(config, load_assets(config.light, data), cache, device, compiled)
+
+
+def _pairs(config: RunConfig, stock: Stock, cache: Path, device: str, compiled: bool) -> PairSource:
+    light = config.light
     radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     rng = np.random.default_rng(light.seed)
@@ -37,8 +42,12 @@ def make_pairs(
     return PairSource(Illuminator(radiance, device, compiled), surfaces, config.pairs)
 
 
-def _stock(config: RunConfig, data: Path | None) -> Stock:
-    light, worker = config.light, multiprocessing.parent_process() is not None
+def load_assets(light: LightConfig, data: Path | None) -> Stock:
+    """The maps and shapes of a data folder that a run may learn from, none without one.
+
+    Files that cannot be used are listed on stderr.
+    """
+    worker = multiprocessing.parent_process() is not None
 
     def warn(line: str) -> None:
         print(f"warning: {line}", file=sys.stderr)
@@ -50,6 +59,13 @@ def _stock(config: RunConfig, data: Path | None) -> Stock:
         extra=light.extra,
         report=(lambda line: None) if worker else warn,  # it was said before
     )
+
+
+def name_assets(stock: Stock) -> str:
+    """Which maps and shapes these are, in their order: how many, and 8 hex digits of SHA-256 over their ids."""
+    ids = [*stock.maps, "", *stock.shapes]
+    digits = hashlib.sha256(" ".join(ids).encode()).hexdigest()[:8]
+    return f"{len(stock.maps)} maps and {len(stock.shapes)} shapes ({digits})"
 
 
 def _surfaces(config: RunConfig, stock: Stock, cache: Path, workers: int = 0) -> SurfaceSet:
@@ -68,11 +84,21 @@ def _surfaces(config: RunConfig, stock: Stock, cache: Path, workers: int = 0) ->
 
 
 def open_batches(
-    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool, steps: range, workers: int
+    config: RunConfig,
+    stock: Stock,
+    data: Path | None,
+    cache: Path,
+    device: str,
+    compiled: bool,
+    steps: range,
+    workers: int,
 ) -> Iterator[Batch]:
-    """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU."""
+    """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
+
+    stock: of load_assets; the others read their own from data.
+    """
     if workers == 0:
-        return map(make_pairs(config, data, cache, device, compiled).batch, steps)
-    _surfaces(config, _stock(config, data), cache, workers)  # once, before all of them ask for it
+        return map(_pairs(config, stock, cache, device, compiled).batch, steps)
+    _surfaces(config, stock, cache, workers)  # once, before all of them ask for it
     made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
     return (batch.to(device) for batch in made)

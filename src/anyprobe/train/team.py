@@ -9,6 +9,11 @@ import torch
 import torch.distributed as dist
 from torch import nn
 
+from anyprobe.errors import InputError
+
+BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
+"""What carries the tensors of each kind of device between processes."""
+
 
 class Team:
     """Processes that see different pairs and keep the same weights.
@@ -18,20 +23,27 @@ class Team:
     sees each process's pairs alone).
     """
 
-    def __init__(self) -> None:
-        """As torchrun's RANK and WORLD_SIZE say; a team of one without them."""
+    def __init__(self, kind: str = "cpu") -> None:
+        """As torchrun's RANK and WORLD_SIZE say; a team of one without them.
+
+        kind: of the device that every process trains on, "cpu" or "cuda"; `device` is this process's own.
+        Raises:
+            InputError: another kind, or one that this machine does not have.
+        """
+        if kind not in BACKENDS:
+            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")
+        if kind == "cuda" and not torch.cuda.is_available():
+            raise InputError("--device cuda: expected a GPU that torch can use, found none; take cpu")
         self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
+        own = kind == "cuda" and self.size > 1
+        self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind
         if self.size > 1 and not dist.is_initialized():
-            dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+            dist.init_process_group(BACKENDS[kind])
 
     @property
     def is_first(self) -> bool:
         """The one that logs and saves."""
         return self.rank == 0
-
-    def device(self, kind: str) -> str:
-        """This process's own device of a kind, "cpu" or "cuda"."""
-        return f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if kind == "cuda" and self.size > 1 else kind
 
     def average_gradients(self, parameters: Iterable[nn.Parameter], ask: bool = False) -> bool:
         """Replace every gradient by the team's mean; returns what the first process asked."""

@@ -13,6 +13,7 @@ from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.panel import Estimate, Method
 from anyprobe.nets.light_net import LightNet
+from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 from anyprobe.train.trials import TRIALS
 
@@ -25,7 +26,7 @@ def trained_trials(runs: Path) -> dict[str, Path]:
 
 def read_trial(checkpoint: Path) -> dict[str, Any]:
     """What a results file says of a trial: steps, of how many, pairs and seeds."""
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    stored = read_checkpoint(checkpoint)
     config = json.loads(stored["config"])
     return {
         "steps": stored["step"],

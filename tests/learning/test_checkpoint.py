@@ -1,0 +1,133 @@
+"""A checkpoint that cannot be read, or is of another network, is one clear line wherever it is asked for."""
+
+import json
+from dataclasses import asdict, replace
+
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
+
+from anyprobe.errors import InputError, ModelError  # noqa: E402
+from anyprobe.nets.mask_net import MaskNet  # noqa: E402
+from anyprobe.train.checkpoint import load_weights, read_checkpoint  # noqa: E402
+from anyprobe.train.config import normals  # noqa: E402
+from anyprobe.train.export_onnx import export  # noqa: E402
+from anyprobe.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
+from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, train_mask  # noqa: E402
+from anyprobe.train.runs import smoke  # noqa: E402
+from anyprobe.train.start import keep_run, save_start  # noqa: E402
+from anyprobe.train.trial_methods import read_trial  # noqa: E402
+
+CONFIG = smoke(normals())
+
+
+def write_run(runs, config=CONFIG):
+    """A run of five steps that has learned nothing."""
+    nets = make_learner(config, "cpu").nets
+    path = runs / config.name / "checkpoint.pt"
+    save_checkpoint(path, nets, config, torch.optim.AdamW(nets.parameters()), 5, 20)
+    return path
+
+
+def is_one_short_line(error) -> bool:
+    return "\n" not in str(error.value) and len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"no checkpoint at all\n", "a damaged file"),
+        (b"", "a damaged file"),
+        (5_000, "a damaged file"),
+        (100_000, "a damaged file"),
+        ([1, 2], "a list"),
+        ({"step": 3, "config": "{}"}, "a file without nets"),
+        ({"nets": {}, "step": 3}, "a file without its configuration"),
+        ({"nets": {}, "config": "{}"}, "a file without its configuration or step"),
+    ],
+)
+def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content, found):
+    path = write_run(tmp_path)
+    if isinstance(content, int):  # a copy that was cut short
+        content = path.read_bytes()[:content]
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        torch.save(content, path)
+    before = path.read_bytes()
+    asked = (
+        lambda: train(CONFIG, data=None, runs=tmp_path),
+        lambda: export(path, tmp_path / "to"),
+        lambda: read_trial(path),
+        lambda: keep_run(path.parent, tmp_path / "to"),
+    )
+    for ask in asked:
+        with pytest.raises(ModelError, match=f"expected a run's checkpoint, got {found}") as error:
+            ask()
+        assert is_one_short_line(error)
+    assert path.read_bytes() == before
+    assert [one.name for one in tmp_path.iterdir()] == [CONFIG.name]
+
+
+def test_another_networks_weights_are_one_clear_line(tmp_path):
+    """Hundreds of names differ; the first is told."""
+    path = write_run(tmp_path)
+    stored = torch.load(path, weights_only=True)
+    torch.save({**stored, "nets": {f"old.{name}": one for name, one in stored["nets"].items()}}, path)
+    first = next(iter(stored["nets"]))
+    for ask in (lambda: load_nets(path), lambda: train(CONFIG, data=None, runs=tmp_path)):
+        with pytest.raises(ModelError, match=rf"with {first} \[.*\], got none") as error:
+            ask()
+        assert is_one_short_line(error)
+    net = MaskNet()
+    weights = net.state_dict()
+    name = next(iter(weights))
+    with pytest.raises(ModelError, match=rf"with {name} .*, got \[3\]"):
+        load_weights(net, {**weights, name: torch.zeros(3)}, path)
+    with pytest.raises(ModelError, match=r"with more none, got \[\]"):
+        load_weights(net, {**weights, "more": torch.tensor(1)}, path)
+
+
+@pytest.mark.parametrize("change", [{"model": "older"}, {"model": "lift", "lift": {"gone": 1.0}}])
+def test_a_run_of_another_release_says_so(tmp_path, change):
+    path = write_run(tmp_path)
+    stored = torch.load(path, weights_only=True)
+    torch.save({**stored, "config": json.dumps(asdict(CONFIG) | change)}, path)
+    with pytest.raises(ModelError, match=f"expected a run of this release, got one of {change['model']}"):
+        load_nets(path)
+
+
+def test_the_mask_networks_checkpoint_too(tmp_path):
+    config = replace(MaskRunConfig(), name="mask")
+    path = tmp_path / "mask" / "checkpoint.pt"
+    path.parent.mkdir()
+    weights = MaskNet().state_dict()
+    stored = {"step": 1, "config": json.dumps(asdict(config)), "optimizer": {}}
+    torch.save(stored | {"net": {"other": torch.zeros(1)}}, path)
+    for ask in (lambda: load_mask_net(path), lambda: train_mask(config, data=None, runs=tmp_path)):
+        with pytest.raises(ModelError, match=f"with {next(iter(weights))} .*, got none"):
+            ask()
+    with pytest.raises(ModelError, match="got a file without nets"):
+        export(path, tmp_path / "to")
+    save_start(path, tmp_path / "start.pt")
+    assert set(torch.load(tmp_path / "start.pt", weights_only=True)) == {"other"}
+
+
+def test_what_is_kept_never_takes_the_runs_place(tmp_path):
+    path = write_run(tmp_path)
+    before = path.read_bytes()
+    link = tmp_path / "link"
+    link.symlink_to(path.parent, target_is_directory=True)
+    for keep in (
+        lambda: keep_run(path.parent, path.parent),
+        lambda: keep_run(path.parent, link),
+        lambda: save_start(path, link / path.name),
+    ):
+        with pytest.raises(InputError, match="got the run's own checkpoint"):
+            keep()
+    assert path.read_bytes() == before
+    kept = keep_run(path.parent, tmp_path / "kept")
+    again = keep_run(kept.parent, tmp_path / "again")
+    assert "optimizer" not in read_checkpoint(again)

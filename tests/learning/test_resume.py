@@ -1,0 +1,206 @@
+"""A run goes on with what it began with, or not at all."""
+
+import json
+import warnings
+from dataclasses import asdict, dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
+
+from support.some_batch import some_batch  # noqa: E402
+
+from anyprobe.dataset.asks import Batch  # noqa: E402
+from anyprobe.dataset.catalog import MapAsset  # noqa: E402
+from anyprobe.dataset.stock import Stock  # noqa: E402
+from anyprobe.errors import InputError, ModelError  # noqa: E402
+from anyprobe.masks.propose import SIZE  # noqa: E402
+from anyprobe.train import loop, mask_run  # noqa: E402
+from anyprobe.train.config import normals  # noqa: E402
+from anyprobe.train.mask_run import MaskRunConfig, train_mask  # noqa: E402
+from anyprobe.train.resume import agreed, differing  # noqa: E402
+from anyprobe.train.runs import smoke  # noqa: E402
+from anyprobe.train.start import save_start  # noqa: E402
+from anyprobe.train.supply import name_assets  # noqa: E402
+
+CONFIG = smoke(normals(), 4)
+PAIRS = SimpleNamespace(batch=lambda step: some_batch())
+
+
+def go(runs, config=CONFIG, pairs=PAIRS, **settings):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # TensorBoard warns about itself
+        return loop.train(config, data=None, runs=runs, pairs=pairs, **settings)
+
+
+def changed(path, **parts):
+    """Write a checkpoint anew with other parts, None for those that it shall lack."""
+    stored = torch.load(path, weights_only=True) | parts
+    torch.save({name: value for name, value in stored.items() if value is not None}, path)
+
+
+def some_stock(*ids):
+    dark = np.ones((8, 16, 3), np.float32)
+    return Stock([MapAsset(name=one, id=one, licence="own", indoor=True, radiance=dark) for one in ids])
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    """A folder of runs in which one has done two of four steps."""
+    runs = tmp_path_factory.mktemp("begun")
+    go(runs, stop_after=2)
+    return runs
+
+
+REFUSED = {
+    "a loss": (
+        {"config": replace(CONFIG, learning_rate=0.5)},
+        "learning_rate 0.0015, as the run began, got 0.5",
+    ),
+    "other pairs": (
+        {"config": replace(CONFIG, pairs=replace(CONFIG.pairs, seed=5))},
+        "pairs.seed 71, as the run began, got 5",
+    ),
+    "another network": (
+        {"config": replace(CONFIG, model="paper")},
+        "model normals, as the run began, got paper",
+    ),
+    "workers": ({"workers": 3, "pairs": None}, r"2 without workers\) of 2, as the run began, got 3"),
+    "fewer steps": ({"config": replace(CONFIG, steps=1)}, "at least the 2 that are done, got 1"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_another_run_does_not_go_on_from_a_checkpoint(begun, case):
+    settings, message = REFUSED[case]
+    path = begun / CONFIG.name / "checkpoint.pt"
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=message) as error:
+        go(begun, **settings)
+    assert str(error.value).startswith(f"{path}: expected ")
+    assert "\n" not in str(error.value)
+    assert path.read_bytes() == before
+
+
+def test_a_team_of_another_size_does_not_go_on(tmp_path):
+    path = go(tmp_path, stop_after=1)
+    assert torch.load(path, weights_only=True)["origin"] == {"team": 1, "start": None}
+    changed(path, origin={"team": 2, "start": None})
+    with pytest.raises(InputError, match="as many processes as 2, as the run began, got 1"):
+        go(tmp_path)
+
+
+def test_start_is_for_the_run_that_began_from_it(tmp_path):
+    """The command that began a run goes on with it; other weights, or none, do not."""
+    weights, others = tmp_path / "start.pt", tmp_path / "others.pt"
+    save_start(go(tmp_path / "a", stop_after=1), weights)
+    save_start(go(tmp_path / "a", stop_after=2), others)
+    path = go(tmp_path / "b", stop_after=1, start=weights)
+    assert torch.load(go(tmp_path / "b", stop_after=2, start=weights), weights_only=True)["step"] == 2
+    assert torch.load(go(tmp_path / "b", stop_after=3), weights_only=True)["step"] == 3
+    with pytest.raises(InputError, match="expected --start with [0-9a-f]{16}, as the run began, got"):
+        go(tmp_path / "b", start=others)
+    with pytest.raises(ModelError, match="none.pt: expected weights of this run.*got no file"):
+        go(tmp_path / "b", start=tmp_path / "none.pt")
+    with pytest.raises(InputError, match="expected --start with nothing, as the run began, got"):
+        go(tmp_path / "a", start=weights)
+    assert torch.load(path, weights_only=True)["step"] == 3
+    with pytest.raises(ModelError, match="got no file"):
+        go(tmp_path / "c", start=tmp_path / "none.pt")
+    assert not (tmp_path / "c").exists()
+
+
+def test_other_assets_do_not_go_on(tmp_path, monkeypatch):
+    """They are known before shapes are drawn; where pairs are at hand, nobody asks."""
+    monkeypatch.setattr(loop, "open_batches", lambda *args: iter([some_batch()] * 4))
+    monkeypatch.setattr(loop, "load_assets", lambda light, data: some_stock("0a", "0b"))
+    path = go(tmp_path, pairs=None, stop_after=1)
+    assert torch.load(path, weights_only=True)["origin"]["assets"] == name_assets(some_stock("0a", "0b"))
+    go(tmp_path, stop_after=2)
+    go(tmp_path, pairs=None, stop_after=3)
+    monkeypatch.setattr(loop, "load_assets", lambda light, data: some_stock("0a", "0c"))
+    with pytest.raises(
+        InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run began, got 2"
+    ):
+        go(tmp_path, pairs=None)
+    changed(path, origin=None)
+    assert torch.load(go(tmp_path, pairs=None), weights_only=True)["step"] == 4
+
+
+def test_an_older_checkpoint_goes_on_exactly(tmp_path):
+    """It says nothing of its origin, and lacks settings that came later."""
+    straight = torch.load(go(tmp_path / "a"), weights_only=True)
+    path = go(tmp_path / "b", stop_after=2)
+    config = asdict(CONFIG)
+    for part, name in (("pairs", "laboratory"), ("pairs", "every"), ("light", "extra"), ("lift", "queries")):
+        del config[part][name]
+    del config["irradiance_learns"]
+    config["name"] = "before"
+    changed(path, origin=None, pairs=None, config=json.dumps(config))
+    resumed = torch.load(go(tmp_path / "b"), weights_only=True)
+    assert resumed["step"] == straight["step"] == 4
+    for name, value in straight["nets"].items():
+        assert torch.equal(value, resumed["nets"][name]), name
+
+
+@dataclass(frozen=True)
+class Inner:
+    kept: int = 1
+    later: int = 2
+
+
+@dataclass(frozen=True)
+class Outer:
+    needed: str
+    inner: Inner = field(default_factory=lambda: Inner(later=7))
+    later: bool = False
+
+
+def test_a_setting_that_is_not_stored_had_its_default():
+    now = Outer(needed="a", inner=Inner(kept=5, later=7), later=True)
+    stored = {"needed": "a", "inner": {"kept": 5, "later": 7}, "later": True, "gone": 3}
+    assert list(differing(now, stored)) == []
+    assert list(differing(now, {"needed": "a", "inner": {"kept": 5}})) == [
+        ("inner.later", 2, 7),
+        ("later", False, True),
+    ]
+    assert list(differing(replace(now, later=False), {})) == [("inner.kept", 1, 5)]
+
+
+def test_what_is_known_of_a_run_stays_known(tmp_path):
+    assert agreed(tmp_path, {}, {"team": 2}) == {"team": 2}
+    assert agreed(tmp_path, {"team": 2, "start": None}, {"team": 2}) == {"team": 2, "start": None}
+
+
+def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):
+    config = mask_run.smoke(MaskRunConfig(), 3)
+
+    def questions(step):
+        generator = torch.Generator().manual_seed(step)
+        image = torch.rand((2, 4, SIZE, SIZE), generator=generator)
+        return Batch(image=image, mask=(image[:, 3:] > 0.5).float())
+
+    at_hand = SimpleNamespace(batch=questions)
+
+    def ask(config=config, scenes=at_hand, **settings):
+        return train_mask(config, data=None, runs=tmp_path, scenes=scenes, **settings)
+
+    path = ask(stop_after=2)
+    assert torch.load(path, weights_only=True)["origin"] == {"start": None}
+    with pytest.raises(InputError, match="scenes.seed 0, as the run began, got 4"):
+        ask(replace(config, scenes=replace(config.scenes, seed=4)))
+    with pytest.raises(InputError, match="at least the 2 that are done, got 1"):
+        ask(replace(config, steps=1))
+    with pytest.raises(ModelError, match="got no file"):
+        ask(start=tmp_path / "none.pt")
+    changed(path, origin={"start": None, "assets": "9 maps"})
+    monkeypatch.setattr(mask_run, "load_assets", lambda light, data: some_stock("0a"))
+    with pytest.raises(InputError, match="expected --data with 9 maps, as the run began, got 1 maps"):
+        ask(scenes=None)
+    changed(path, optimizer=None)
+    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
+        ask()

@@ -1,0 +1,97 @@
+"""The commands that train, evaluate and report: what is refused is one line and exit status 2, and writes nothing."""
+
+from __future__ import annotations
+
+import pytest
+from support.folders import snapshot
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
+
+from anyprobe.train.loop import make_learner, save_checkpoint  # noqa: E402
+from anyprobe.train.runs import RUNS, smoke  # noqa: E402
+
+TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
+        (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
+        (("train", "mask", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
+        (("train", "lift", "--start", "none.pt"), "none.pt: expected weights of this run"),
+        (("weights", "o", "lift", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
+        (("weights", "o", "mask", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
+        (("weights", "o", "lift", "--mean-map", "m.exr"), "checkpoint, found none; train first"),
+        (("evaluate", "--real", "r", "--pairs", "5"), "--pairs: expected test pairs to render, got --real"),
+        (("evaluate", "--real", "r", "--seed", "5"), "--seed: expected test pairs to render, got --real"),
+        (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
+        (
+            ("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"),
+            "--pairs 2000: expected at most the 1000",
+        ),
+    ],
+)
+def test_what_is_refused_is_one_line(work, command, arguments, words):
+    before = snapshot(work)
+    assert words in command(*arguments).complaint
+    assert snapshot(work) == before
+
+
+@pytest.mark.parametrize("name", ["compare", "scaling"])
+def test_there_are_no_more_frozen_pairs(work, command, name):
+    refused = command(name, *TEST_ASSETS, "--pairs", "1001")
+    assert refused.status == 2
+    assert "'--pairs': Input should be less than or equal to 1000" in refused.err
+    assert "Traceback" not in refused.err
+
+
+def test_a_gpu_that_is_not_there_is_one_line(work, command, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert "--device cuda: expected a GPU" in command("train", "lift", "--device", "cuda").complaint
+    assert not list(work.iterdir())
+
+
+def write_run(work, name):
+    config = smoke(RUNS[name](), 3)
+    nets = make_learner(config, "cpu").nets
+    path = work / "runs" / name / "checkpoint.pt"
+    save_checkpoint(path, nets, config, torch.optim.AdamW(nets.parameters()), 3, 12)
+    return path
+
+
+def test_weights_of_a_run_that_is_only_a_folder_have_no_mean_map(work, command):
+    path = write_run(work, "normals")
+    path.parent.rename(work / "runs" / "normals-dry")
+    before = snapshot(work)
+    refused = command("weights", "o", "normals-dry", "--mean-map", "m.exr").complaint
+    assert "--mean-map: expected one of the runs paper, lift" in refused
+    assert "got normals-dry" in refused
+    assert snapshot(work) == before
+
+
+def test_a_run_is_not_kept_in_its_own_place(work, command):
+    """It would lose what its next step needs."""
+    for name, arguments in (
+        ("designs", ("runs/designs", "designs")),
+        ("normals", ("o", "normals", "--start", "runs/normals/checkpoint.pt")),
+    ):
+        write_run(work, name)
+        before = snapshot(work)
+        assert "got the run's own checkpoint" in command("weights", *arguments).complaint
+        assert snapshot(work) == before
+
+
+def test_a_damaged_checkpoint_is_one_line(work, command):
+    path = write_run(work, "normals")
+    path.write_bytes(path.read_bytes()[:5000])
+    before = snapshot(work)
+    for asked in (
+        ("train", "normals"),
+        ("weights", "o", "normals"),
+        ("weights", "o", "normals", "--start", "s.pt"),
+    ):
+        assert "expected a run's checkpoint, got a damaged file" in command(*asked).complaint
+    assert snapshot(work) == before
