@@ -16,14 +16,23 @@ from anyprobe.core.response import MEAN_CURVE, inverse_response
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.laboratory import CAMERA, MATERIALS, material_of
 from anyprobe.dataset.material import SPECULAR_BELOW
-from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair, render_pair, shot_of
+from anyprobe.dataset.pair import (
+    _draw,
+    fibonacci_viewpoint,
+    is_too_thin,
+    render_map_pair,
+    render_pair,
+    shot_of,
+)
 from anyprobe.dataset.plan import balanced_recipes, full_plan
 from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
 from anyprobe.dataset.stock import Stock, load_stock
-from anyprobe.errors import InputError
+from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import rotate
+from anyprobe.render.mesh import make_mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
+from anyprobe.render.surface import frame_object, see
 
 RECIPE = Recipe(
     kind="object", map_id="00c0ffee", shape_id="deadbeef", material=5, view=22, conditions=1, seed=2**63 + 7
@@ -249,6 +258,49 @@ def test_own_assets_depend_on_seed_and_split_alone() -> None:
 def test_an_asset_that_is_not_there_is_one_line(stock) -> None:
     with pytest.raises(InputError, match="map 00c0ffee: expected one of the 3 maps given"):
         render_pair(RECIPE, stock)
+
+
+BOX = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+BOX_FACES = np.array(
+    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+    + [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+)
+
+
+def box(*size: float) -> ShapeAsset:
+    return ShapeAsset(id="0b0b0b0b", name="box", licence="own", mesh=make_mesh(BOX * size, BOX_FACES))
+
+
+def test_a_card_seen_edge_on_is_seen_from_aside(stock) -> None:
+    """No pixel's centre is on it from there: the photo shows its front."""
+    card = box(1.0, 1.0, 0.001)
+    own = Stock(stock.maps.values(), [card])
+    plan = full_plan(own)
+
+    def is_empty(recipe: Recipe) -> bool:
+        drawn = _draw(recipe, recipe.rng())
+        camera = frame_object(card.mesh, drawn.world_from_camera, fov_deg=drawn.fov_deg)
+        return not see(card.mesh, camera).mask.any()
+
+    recipe = next(filter(is_empty, map(plan.recipe, range(plan.count))))
+    for conditions in (0, 1):
+        pair = render_pair(replace(recipe, conditions=conditions), own)
+        assert (pair.photo[..., 3] > 0).mean() > 0.03
+        assert np.isfinite(pair.gain).all()
+        assert pair.photo[pair.photo[..., 3] > 0].std() > 1
+
+
+def test_a_pole_thinner_than_a_pixel_is_too_thin(stock) -> None:
+    """And one line, if it is rendered all the same. One and a half pixels wide it is seen."""
+    pole = box(0.004, 1.0, 0.004)
+    assert is_too_thin(pole.mesh)
+    own = Stock(stock.maps.values(), [pole])
+    upright = replace(full_plan(own).recipe(0), view=0)  # seen level, it stands between two columns of pixels
+    with pytest.raises(InvalidMesh, match="box: expected a shape that 128 pixels can show"):
+        render_pair(upright, own)
+    for size in ((0.013, 1.0, 0.013), (1.0, 1.0, 0.001), (1.0, 1.0, 1.0)):
+        assert not is_too_thin(box(*size).mesh)
+    assert not is_too_thin(sphere(8))
 
 
 def test_viewpoints_are_spread_evenly_over_the_upper_hemisphere() -> None:

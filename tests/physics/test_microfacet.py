@@ -6,7 +6,6 @@ import pytest
 from anyprobe.core.frames import normalize
 from anyprobe.scatter.brdf import Material, evaluate
 from anyprobe.scatter.microfacet import (
-    alpha_from_roughness,
     f0_from_ior,
     ggx_distribution,
     schlick_weight,
@@ -87,10 +86,9 @@ def test_schlick_at_the_wrong_angle():
     np.testing.assert_allclose(schlick_weight(np.array([1.0, 0.0, 0.5, -0.2])), [0, 1, 0.5**5, 1])
 
 
-def test_ior_and_roughness_borders():
+def test_ior_borders():
     np.testing.assert_allclose(f0_from_ior(1.5), 0.04)
     assert f0_from_ior(1.0) == 0
-    assert alpha_from_roughness(0.5) == 0.25
 
 
 @pytest.mark.parametrize("material", [PLASTIC, GOLD])

@@ -11,12 +11,13 @@ import pytest
 from PIL import Image
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
-from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.export.bc6h import encode_bc6h
 from anyprobe.export.cubemap import box_mips, cube_faces, face_directions, face_size
-from anyprobe.export.gltf import pack_rgbd
+from anyprobe.export.gltf import pack_rgbd, prefiltered
 from anyprobe.export.light import prepare
 from anyprobe.export.targets import export
+from anyprobe.light.environment import shrink
 from anyprobe.light.harmonics import sh_basis
 from anyprobe.light.main_light import split_main_light
 
@@ -296,6 +297,15 @@ def test_gltf_of_a_large_map_is_no_larger_than_it_must_be(tmp_path, monkeypatch)
     (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
     assert light["specularImageSize"] == 16
     assert len(light["specularImages"]) == 1
+
+
+def test_a_sun_between_the_points_of_a_large_map_is_not_lost():
+    d = pixel_directions(1024)
+    sun = np.where(d @ (0.48, 0.6, -0.64) > np.cos(np.radians(0.55)), 1e4, 0.01)
+    large = np.repeat(sun[..., None], 3, axis=-1).astype(np.float32)
+    assert 30 < (sun > 1).sum() < 50
+    found, expected = (prefiltered(one, 32)[-1].max() for one in (large, shrink(large, 128)))
+    assert found == pytest.approx(expected, rel=0.05)
 
 
 def assert_same_side(blurred: np.ndarray, radiance: np.ndarray) -> None:

@@ -325,10 +325,31 @@ def test_mask_command_by_depth(tmp_path, monkeypatch, command):
     np.testing.assert_array_equal(np.asarray(Image.open("masks/a_mask.png")) > 127, depth == 700)
 
 
+def test_results_among_the_photos_are_not_photos(tmp_path, monkeypatch, command):
+    """A second run over the folder does what the first did; an overlay of no photo is one."""
+    monkeypatch.chdir(tmp_path)
+    depth = np.full((120, 160), 2000, np.uint16)
+    depth[30:90, 40:100] = 700
+    for name in ("a", "b", "old_overlay"):
+        Image.new("RGB", (160, 120), "grey").save(f"{name}.png")
+        (tmp_path / "depths").mkdir(exist_ok=True)
+        Image.fromarray(depth).save(f"depths/{name}_depth.png")
+    for _ in range(2):
+        outcome = command("mask", ".", "-o", ".", "--depth", "depths", "--far", "900")
+        assert outcome.status == 0, outcome.err
+        assert [line.split(":")[0] for line in outcome.out.splitlines()] == [
+            "a_mask.png",
+            "b_mask.png",
+            "old_overlay_mask.png",
+        ]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (("--click", "10"), ("--click", "X,Y")),
+        (("--depth", "a.png", "--near", "1", "--not", "5,5"), ("--not", "got --depth")),
+        (("--click", "80,60", "--far", "9"), ("--far: expected --depth",)),
         (("--click", "500,10"), ("X < 160", "500,10")),
         (("--depth", "gone.png", "--near", "1"), ("gone.png",)),
         (("--depth", "a.png", "--box", "1,2,90,90"), ("--depth and --box",)),

@@ -21,12 +21,14 @@ from anyprobe import __version__
 from anyprobe.dataset import download
 from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
 from anyprobe.dataset.download import Client, RemoteFile
-from anyprobe.dataset.polyhaven import LICENCE, Asset, choose, family, split_of
+from anyprobe.dataset.manifest import Manifest
+from anyprobe.dataset.polyhaven import COLUMNS, LICENCE, Asset, choose, family, split_of
 from anyprobe.errors import DownloadError, OutputError
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
 
 SMALL = {"hdr": "/file/HDRIs/hdr/1k/{}_1k.hdr", "exr": "/file/HDRIs/exr/1k/{}_1k.exr"}
+ROOF = SMALL["hdr"].format("roof")
 
 
 @pytest.fixture(autouse=True)
@@ -173,6 +175,66 @@ def test_rows_and_files_of_others_stay(fetch, site):
     assert len(text) == 2 + 4
 
 
+def test_manifest_of_a_spreadsheet_is_gone_on_with(fetch, site):
+    """A byte-order mark before the first column's name, and rows cut short."""
+    (fetch.to / "hdri").mkdir(parents=True)
+    (fetch.to / "hdri" / "manifest.csv").write_bytes(b"\xef\xbb\xbffile,licence,source\r\ntrain/mine.exr\r\n")
+    assert fetch("--type", "hdris", "--split", 0).status == 0
+    text = (fetch.to / "hdri" / "manifest.csv").read_text(encoding="utf-8").splitlines()
+    assert text[0].startswith("file,licence,source,slug")
+    assert text[1].startswith("train/mine.exr,,")
+    assert len(text) == 2 + 6
+
+
+def test_manifest_in_another_encoding_is_one_line(fetch, site):
+    (fetch.to / "hdri").mkdir(parents=True)
+    (fetch.to / "hdri" / "manifest.csv").write_bytes("file,authors\na.hdr,Jörg\n".encode("cp1252"))
+    before = snapshot(fetch.to)
+    outcome = fetch("--type", "hdris", "--split", 0)
+    assert outcome.status == 2
+    assert "manifest.csv: expected a table in UTF-8" in outcome.err.splitlines()[-1]
+    assert "Traceback" not in outcome.err
+    assert snapshot(fetch.to) == before
+
+
+def test_row_without_a_sum_is_fetched_again(fetch, site):
+    """Made by hand after the file was; the file under that name is the published one afterwards."""
+    (fetch.to / "hdri" / "train").mkdir(parents=True)
+    (fetch.to / "hdri" / "train" / "roof.hdr").write_bytes(b"cut")
+    (fetch.to / "hdri" / "manifest.csv").write_text(
+        "file,licence,source\ntrain/roof.hdr,CC0,https://polyhaven.com/a/roof\n"
+    )
+    assert fetch("--type", "hdris", "--split", 0).status == 0
+    assert (fetch.to / "hdri/train/roof.hdr").read_bytes() == site.bodies[ROOF]
+    assert hashlib.md5(site.bodies[ROOF]).hexdigest() == fetch.rows()["roof"]["md5"]
+    assert len(fetch.rows()) == 6
+
+
+PUT_SOME = """
+import sys
+from pathlib import Path
+from anyprobe.dataset.manifest import Manifest
+_, path, who = sys.argv
+manifest = Manifest(Path(path), ["file", "source"])
+for number in range(20):
+    manifest.put({"file": f"{who}{number}.hdr", "source": f"{who}{number}"})
+"""
+
+
+def test_rows_of_processes_that_fetch_at_once_all_stay(tmp_path):
+    """Of each that was opened before the others wrote, and of four that write as fast as they can."""
+    first, second = (Manifest(tmp_path / "manifest.csv", COLUMNS) for _ in range(2))
+    first.put({"file": "a.hdr", "source": "a"})
+    second.put({"file": "b.hdr", "source": "b"})
+    first.put({"file": "a2.hdr", "source": "a"})
+    assert [row["file"] for row in Manifest(tmp_path / "manifest.csv", COLUMNS).rows] == ["a2.hdr", "b.hdr"]
+    many = tmp_path / "many.csv"
+    writers = [subprocess.Popen([sys.executable, "-c", PUT_SOME, str(many), who]) for who in "wxyz"]
+    assert [one.wait(timeout=120) for one in writers] == [0] * 4
+    found = {row["source"] for row in Manifest(many, COLUMNS).rows}
+    assert found == {f"{who}{number}" for who in "wxyz" for number in range(20)}
+
+
 # What is chosen
 
 
@@ -301,8 +363,6 @@ def test_lost_manifest_is_written_again(fetch, site):
 
 
 # Trouble on the way
-
-ROOF = SMALL["hdr"].format("roof")
 
 
 @pytest.mark.parametrize(

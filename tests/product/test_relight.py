@@ -113,6 +113,12 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
         return
     put = Stage(photo, mesh, corner)
     assert put.view.pixels(put.placement.mesh.positions)[:, 0].max() > WIDTH
+    # what is drawn is the part that the photo shows, and all of it, however large the object
+    drawn = put.window
+    shown = np.clip(put.view.pixels(put.placement.mesh.positions), 0, (WIDTH, HEIGHT))
+    assert (shown >= (drawn.left, drawn.top)).all()
+    assert (shown <= (drawn.left + drawn.size, drawn.top + drawn.size)).all()
+    assert drawn.size <= max(WIDTH, HEIGHT) + 4
 
 
 @pytest.mark.parametrize(("fov_deg", "stretch"), [(None, 1.044), (65.0, 1.145)])

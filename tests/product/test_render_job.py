@@ -21,6 +21,7 @@ from PIL import Image
 from support import drawn_pairs
 from support.drawn_pairs import DrawnRenderer
 from support.folders import names, snapshot
+from support.mesh_files import obj
 
 from anyprobe.cli import render as render_command
 from anyprobe.dataset import render_again, render_job, shards
@@ -143,7 +144,8 @@ def test_dataset_holds_every_recipe_of_its_plan_once_in_order(rendered):
 
 def test_plan_says_what_it_is_made_of(rendered):
     plan = render_job.read_plan(rendered)
-    assert [plan[name] for name in render_job.SETTINGS] == ["object", "train", "clean", 2020, 23, 5, 3, 0]
+    expected = ["object", "train", "clean", 2020, 23, 5, 3, 0, False]
+    assert [plan[name] for name in render_job.SETTINGS] == expected
     assert plan["maps"][2] == {"id": "00000002", "name": "own-2", "licence": "own"}
     assert plan["shapes"] == [{"id": "0a0a0a0a", "name": "ball", "licence": "CC0"}]
 
@@ -173,25 +175,37 @@ def test_true_renderer_gives_the_same_in_processes_as_here(command, tmp_path):
     assert snapshot(tmp_path / "a") == snapshot(tmp_path / "b")
 
 
-def test_folder_of_assets_with_a_bad_file(tmp_path):
-    """It is named when the dataset is begun; workers and verify leave it out as well."""
+SOLID = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+SIDES = [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]
+
+
+@pytest.fixture
+def assets(tmp_path) -> Path:
+    """A folder with one map and one shape, and nothing that says whose they are."""
     noise = np.random.default_rng(3).gamma(1.0, 2.0, (16, 32, 3)).astype(np.float32)
     write_hdr(tmp_path / "data/hdri/train/hall.hdr", noise)
-    (tmp_path / "data/hdri/train/cut.hdr").write_bytes(b"#?RADIANCE")
     (tmp_path / "data/meshes/train").mkdir(parents=True)
-    (tmp_path / "data/meshes/train/solid.obj").write_text(
-        "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n"
-    )
+    (tmp_path / "data/meshes/train/solid.obj").write_bytes(obj(SOLID, SIDES))
+    return tmp_path / "data"
+
+
+def begin_true(folder: Path, data: Path, resume: bool = False, **given) -> tuple[render_job.Job, list[str]]:
+    """A dataset of the true renderer, and what it says."""
+    said = []
+    job = render_job.begin(folder, given, data, StockRenderer, resume=resume, report=said.append)
+    return job, said
+
+
+def test_folder_of_assets_with_a_bad_file(tmp_path, assets):
+    """It is named when the dataset is begun; workers and verify leave it out as well."""
+    (tmp_path / "data/hdri/train/cut.hdr").write_bytes(b"#?RADIANCE")
     for folder in ("hdri", "meshes"):
         (tmp_path / "data" / folder / "manifest.csv").write_text(
             "file,category,licence,split\n"
             + ("hall.hdr,indoor,CC0,train\ncut.hdr,indoor,CC0,train\n" if folder == "hdri" else "")
             + ("solid.obj,,CC0,train\n" if folder == "meshes" else "")
         )
-    said = []
-    job = render_job.begin(
-        tmp_path / "set", {"pairs": 1}, tmp_path / "data", StockRenderer, resume=False, report=said.append
-    )
+    job, said = begin_true(tmp_path / "set", assets, pairs=1)
     assert len(said) == 1
     assert "cut.hdr" in said[0]
     render_job.render_missing(job, here, ignore)
@@ -201,6 +215,48 @@ def test_folder_of_assets_with_a_bad_file(tmp_path):
         ("hall", "CC0"),
         ("solid", "CC0"),
     ]
+
+
+def test_assets_of_unknown_licence_are_used_unless_told(tmp_path, assets, command):
+    """They are the user's own; the plan says which, and --resume abides by it."""
+    job, said = begin_true(tmp_path / "all", assets, pairs=1)
+    assert said == []
+    assert [one["licence"] for one in job.plan["maps"] + job.plan["shapes"]] == ["not stated"] * 2
+    given = ("data", "render", tmp_path / "free", "--data", assets, "--commercial-only")
+    outcome = command(*given)
+    assert outcome.status == 2
+    assert outcome.err.count("1 files left out, their licence does not allow commercial use") == 2
+    assert "got 0 and 0" in outcome.err.splitlines()[-1]
+    for folder, name in (("hdri", "hall.hdr"), ("meshes", "solid.obj")):
+        (assets / folder / "manifest.csv").write_text(f"file,licence,split\n{name},CC BY 4.0,train\n")
+    free, _ = begin_true(tmp_path / "free", assets, pairs=1, commercial_only=True)
+    assert free.plan["commercial_only"] is True
+    begin_true(tmp_path / "free", assets, resume=True)
+    with pytest.raises(InputError, match="commercial only False, as the dataset was begun, got True"):
+        begin_true(tmp_path / "all", assets, resume=True, commercial_only=True)
+
+
+def test_plan_without_the_choice_of_licences_keeps_to_free_ones(tmp_path, assets):
+    """Older datasets were made of those alone."""
+    begin_true(tmp_path / "set", assets, pairs=1)
+    plan = json.loads((tmp_path / "set/dataset.json").read_text())
+    del plan["commercial_only"]
+    (tmp_path / "set/dataset.json").write_text(json.dumps(plan))
+    assert render_job.read_plan(tmp_path / "set")["commercial_only"] is True
+    with pytest.raises(InputError, match="expected at least one map and one shape, got 0 and 0"):
+        begin_true(tmp_path / "set", assets, resume=True)
+
+
+def test_shape_that_no_pixel_shows_is_left_out(tmp_path, assets):
+    """A pole thinner than a pixel, however it is seen."""
+    (assets / "meshes/train/pole.obj").write_bytes(obj(SOLID * [0.004, 1.0, 0.004], SIDES))
+    job, said = begin_true(tmp_path / "set", assets, pairs=1)
+    assert said == ["pole: expected a shape that photos show, got one thinner than a pixel; left out"]
+    assert [one["name"] for one in job.plan["shapes"]] == ["solid"]
+    begin_true(tmp_path / "set", assets, resume=True)
+    (assets / "meshes/train/solid.obj").unlink()
+    with pytest.raises(InputError, match="got 1 and 0"):
+        begin_true(tmp_path / "other", assets)
 
 
 # Stopped
@@ -360,6 +416,41 @@ def test_resume_by_another_version_is_refused(whole, version):
         begin(whole, resume=True)
 
 
+@pytest.mark.parametrize("version", ["anyprobe_version", "recipe_version", "procedural_version"])
+def test_repair_leaves_a_dataset_of_another_release_alone(whole, drawn_command, version):
+    """Its shards are whole, though this release cannot read their recipes or would make others."""
+    plan = render_job.read_plan(whole)
+    (whole / "dataset.json").write_text(json.dumps({**plan, version: "0.0.1"}))
+    if version == "recipe_version":
+        for path in whole.glob("shard-*.json"):
+            path.write_text(path.read_text().replace('"json"', '"recipe"'))  # bad by the rules of this one
+    before = snapshot(whole)
+    for options in ((), ("--repair",), ("--render", 3, "--repair")):
+        complaint = drawn_command("verify", whole, *options).complaint
+        assert f"expected {version.replace('_', ' ')} 0.0.1, as the dataset was begun" in complaint
+    assert snapshot(whole) == before
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_of_two_that_begin_at_once_one_is_refused(tmp_path, monkeypatch, links):
+    """The second has loaded its assets while the first wrote its plan."""
+    if not links:
+        monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(PermissionError(1, "no links here")))
+    folder, plans = tmp_path / "set", []
+
+    class Slow(DrawnRenderer):
+        def __init__(self, *arguments, **options) -> None:
+            super().__init__(*arguments, **options)
+            plans.append(begin(folder, seed=7).plan)
+
+    with pytest.raises(InputError, match=r"dataset\.json: expected none, but another process") as caught:
+        render_job.begin(folder, {"procedural_maps": 3}, None, Slow, resume=False)
+    assert "\n" not in str(caught.value)
+    assert [render_job.read_plan(folder)] == plans
+    assert plans[0]["seed"] == 7
+    assert names(folder) == {"dataset.json"}
+
+
 def test_resume_with_other_assets_is_refused(tmp_path, drawn_command):
     assets = tmp_path / "assets"
     assets.mkdir()
@@ -418,6 +509,29 @@ def test_damaged_plan_is_refused(whole, drawn_command, damage):
     (whole / "dataset.json").write_text(damage)
     for verb in (("status", whole), ("verify", whole), ("render", whole, "--resume")):
         assert "dataset.json: expected" in drawn_command(*verb).complaint
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [
+        ("maps", None, "'maps'"),
+        ("shapes", None, "'shapes'"),
+        ("shapes", [{"id": "0a0a0a0a"}], "asset"),
+        ("kind", "film", "kind 'film'"),
+        ("conditions", "space", "conditions 'space'"),
+        ("pairs", 23.5, "pairs 23.5"),
+        ("pairs", 0, "0 pairs"),
+        ("seed", None, "'seed'"),
+    ],
+)
+def test_plan_that_lacks_something_is_refused(whole, drawn_command, name, value, word):
+    plan = json.loads((whole / "dataset.json").read_text())
+    del plan[name]
+    (whole / "dataset.json").write_text(json.dumps(plan if value is None else {**plan, name: value}))
+    for verb in (("status", whole), ("verify", whole, "--repair"), ("render", whole, "--resume")):
+        complaint = drawn_command(*verb).complaint
+        assert "dataset.json: expected the plan of a dataset, got damage" in complaint
+        assert word in complaint
 
 
 def test_folder_that_cannot_be_made_is_one_line(drawn_command, tmp_path):

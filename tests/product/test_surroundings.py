@@ -163,7 +163,9 @@ def test_surroundings_change_the_light_and_are_noted():
     told = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
     assert alone.sidecar()["known"] == {"normals": False}
     assert 0.02 < told.sidecar()["known"]["surroundings"] < 0.06
-    assert alone.confidence.max() == 0  # a black object tells nothing; what is seen beside it does not hang on that
+    assert (
+        alone.confidence.max() == 0
+    )  # a black object tells nothing; what is seen beside it does not hang on that
     assert told.confidence.max() == pytest.approx(SEEN)
     behind = pixel_directions(64)[..., 2] > 0.3
     assert np.abs(told.radiance - alone.radiance)[behind].mean() > 1e-4  # not only where it was seen

@@ -75,6 +75,13 @@ def render(
     procedural_shapes: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Shapes of our own; 32 without --data, 0 with.")
     ] = None,
+    commercial_only: Annotated[
+        bool,
+        typer.Option(
+            "--commercial-only",
+            help="Leave out assets whose licence, by manifest.csv, forbids commercial use or is not known.",
+        ),
+    ] = False,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes on this machine.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a dataset; settings not given are its own.")
@@ -101,6 +108,7 @@ def render(
         "shard_size": shard_size,
         "procedural_maps": procedural_maps,
         "procedural_shapes": procedural_shapes,
+        "commercial_only": commercial_only or None,
     }
     given = {name: getattr(value, "value", value) for name, value in settings.items() if value is not None}
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -233,6 +241,7 @@ def verify(
     from anyprobe.dataset import render_again, render_job, shards
 
     plan = render_job.read_plan(folder)
+    render_job.check_versions(folder, plan)  # another release's shards are no damaged ones
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     bad, there = {}, []
     with _progress(talk) as progress:

@@ -52,6 +52,13 @@ def read_where(
     told = [name for name, value in given.items() if value]
     if len(told) > 1 and told != ["--box", "--click"]:
         raise InputError(f"{' and '.join(told)}: expected one of them, got both")
+    if click_off and (mask is not None or depth is not None):
+        raise InputError(
+            f"--not: expected --click, --box or neither with it, got {told[0]}; leave one of them out"
+        )
+    if depth is None and (near is not None or far is not None):
+        option = "--far" if near is None else "--near"
+        raise InputError(f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it")
     if mask is not None and not mask.exists():
         raise InvalidMask(f"{mask}: expected a mask file or folder, found none; check the path")
     if depth is not None and not depth.exists():
@@ -83,7 +90,8 @@ def where_for(photo: Path, where: dict) -> dict:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in the order one counts in, without NAME_mask pictures."""
+    """Files as given; folders as the photos in them, in the order one counts in, without what
+    `anyprobe mask` wrote beside them: NAME_mask and NAME_overlay."""
     listed: list[Path] = []
     for path in photos:
         if not path.is_dir():
@@ -91,8 +99,8 @@ def list_photos(photos: list[Path]) -> list[Path]:
             continue
         found = [p for p in path.iterdir() if p.suffix.lower() in PHOTO_SUFFIXES]
         found.sort(key=lambda p: natural_order(p.name))
-        stems = {p.stem for p in found}
-        found = [p for p in found if not (p.stem.endswith("_mask") and p.stem[:-5] in stems)]
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay")}
+        found = [p for p in found if p.stem not in written]
         if not found:
             raise InputError(f"{path}: expected a folder with photos, found none; check the path")
         listed += found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, pixel_solid_angles
+from anyprobe.dataset.manifest import read_table
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.meshes import SUFFIXES as MESH_SUFFIXES
 from anyprobe.files.meshes import read_mesh
@@ -37,21 +37,28 @@ Report = Callable[[str], None]
 Asset = TypeVar("Asset", "MapAsset", "ShapeAsset")
 
 _OPEN = re.compile(
-    r"^(CC0|public domain|CC BY \d|CC BY$|MIT$|MIT repository$|Apache-2\.0$|BSD-style|BSD-\d|own\b)",
-    re.IGNORECASE,
+    r"cc ?0\b|creative commons zero\b|public domain\b|own\b"
+    r"|(cc by|(cc|creative commons) attribution)( licence)?(?= v?\d|[;,(]|$)"
+    r"|(the )?mit( licence| repository)?$"
+    r"|apache( licence)?,?( version)? 2(\.0)?( licence)?$"
+    r"|0bsd\b|bsd (style|\d)\b"
 )
+"""How the licences below begin, or read as a whole where more could say of another than the file."""
 _CLOSED = re.compile(
-    r"not stated|unknown|non-commercial|no commercial|BY-NC|BY-SA|examples licen[cs]e", re.IGNORECASE
+    r"commercial|\b(nc|nd|sa)\b|no ?deriv|share ?alike|resale|\b(not|only|unknown|unclear|probably)\b|\?"
+    r"|\b(research|academic|educational|editorial|personal|private) (use|purpose)|examples licence"
 )
+"""What takes back what the beginning gave, or leaves it in doubt, wherever it stands."""
 
 
 def allows_commercial_use(licence: str) -> bool:
     """Whether shipped weights may learn from an asset under this licence text.
 
-    CC0, public domain, CC BY, MIT, Apache, BSD. Anything unclear is refused, as are
-    files whose repository is open but whose own origin is not stated.
+    CC0, public domain, CC BY, MIT, Apache, BSD, by their short, long and SPDX names. Anything unclear is
+    refused, as are files whose repository is open but whose own origin is not stated.
     """
-    return bool(_OPEN.match(licence.strip())) and not _CLOSED.search(licence)
+    text = re.sub(r"[\s_\u2010-\u2015-]+", " ", licence.casefold()).strip().replace("license", "licence")
+    return bool(_OPEN.match(text)) and not _CLOSED.search(text)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -199,7 +206,7 @@ def _rows(
     place = folder.resolve()
     rows: dict[str, dict[str, str]] = {}
     for home in (place, place.parent):
-        for row in _read_manifest(home / "manifest.csv"):
+        for row in read_table(home / "manifest.csv")[1]:
             listed = Path(row["file"])
             folders = (row.get("split", ""), listed.parent.name if home != place else "")
             if any(name not in ("", place.name) for name in folders):
@@ -211,21 +218,3 @@ def _rows(
         raise InputError(f"{folder}: expected {'/'.join(suffixes)} files, found none; check the path")
     for name in sorted(files | set(rows)):
         yield folder / name, {"licence": "not stated"} | rows.get(name, {})
-
-
-def _read_manifest(path: Path) -> list[dict[str, str]]:
-    """Rows of a manifest.csv, none if there is none; a short row's missing fields are empty."""
-    if not path.is_file():
-        return []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:  # spreadsheets put a mark before
-            reader = csv.DictReader(stream)
-            rows = [{key: value or "" for key, value in row.items() if key} for row in reader]
-            columns = reader.fieldnames or []
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it"
-        ) from error
-    if "file" not in columns:
-        raise InputError(f"{path}: expected a table with the column file; move it away")
-    return rows

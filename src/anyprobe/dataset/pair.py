@@ -23,6 +23,7 @@ from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
 from anyprobe.dataset.stock import Stock
+from anyprobe.errors import InvalidMesh
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import Shading, shade
@@ -36,6 +37,9 @@ Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 NUM_SAMPLES = 64
 LN_RANGE = (-7.0, 9.0)
 """Bounds of ln radiance in targets: 0.001 to 8000 of the photo's white."""
+
+LINE = 2.2**2 / 128
+"""Area of a line one pixel wide across a photo of 128, which shows 2.2 of the unit sphere's world at most."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,7 +98,7 @@ def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, flo
 
 
 def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, laboratory: bool = False) -> Pair:
-    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape.
+    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape, or nobody can see it.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
     laboratory: with the camera and one of the materials of dataset.laboratory in the place of what the recipe draws.
@@ -104,8 +108,7 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, labora
     material, shot = drawn.material, drawn.shot
     if laboratory:
         material, shot = MATERIALS[recipe.material], CAMERA
-    camera = frame_object(shape.mesh, drawn.world_from_camera, fov_deg=drawn.fov_deg)
-    surface = see(shape.mesh, camera)
+    camera, surface = _look(shape.mesh, drawn, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
     map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
     shading = shade_surface(stock.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
@@ -170,6 +173,32 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
 def shot_of(recipe: Recipe) -> Shot:
     """How the photo of an "object" recipe is taken, without taking it."""
     return _draw(recipe, recipe.rng()).shot
+
+
+def _look(mesh: Mesh, drawn: _Drawn, name: str) -> tuple[Camera, Surface]:
+    """The camera of a pair and what it sees of the shape; from quarter turns aside where that is nothing, as of cards
+    seen edge on."""
+    turned = drawn.world_from_camera
+    for _ in range(4):
+        camera = frame_object(mesh, turned, fov_deg=drawn.fov_deg)
+        surface = see(mesh, camera)
+        if surface.mask.any():
+            return camera, surface
+        turned = rotation_y(np.pi / 2) @ turned
+    raise InvalidMesh(
+        f"{name}: expected a shape that {camera.size} pixels can show, got one too thin from all sides; leave it out"
+    )
+
+
+def is_too_thin(mesh: Mesh) -> bool:
+    """Whether photos show next to nothing of a shape: a line at most, see LINE.
+
+    From all sides a shape covers in the mean no more than a quarter of its surface (Cauchy).
+    """
+    corners = mesh.positions[mesh.faces]
+    edges = corners[:, 1:] - corners[:, :1]
+    surface = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2
+    return bool(surface / 4 < LINE)
 
 
 def render_map_pair(recipe: Recipe, stock: Stock) -> MapPair:

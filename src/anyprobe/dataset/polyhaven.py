@@ -164,9 +164,9 @@ class Library:
         old = folder / row["file"] if row else target
         if manifest.has_other(asset.source, asset.slug):
             return "kept", 0
-        whole = row is not None and old.is_file() and md5_of(old) == row["md5"]
-        same = whole and old.suffix == target.suffix and row["resolution"] == resolution
-        if same and asset.files_hash and row["files_hash"] == asset.files_hash:
+        whole = row is not None and old.is_file() and md5_of(old) == row.get("md5")
+        same = whole and old.suffix == target.suffix and row.get("resolution", "") == resolution
+        if same and asset.files_hash and row.get("files_hash") == asset.files_hash:
             return self._complete(manifest, row, old, target, split)
 
         sources = _sources(self.client.get_json(f"{self.api}/files/{asset.slug}"), asset.kind, self)
@@ -185,7 +185,7 @@ class Library:
             "files_hash": asset.files_hash,
             "upstream_md5": upstream,
         }
-        if same and row["upstream_md5"] == upstream:
+        if same and row.get("upstream_md5") == upstream:
             return self._complete(manifest, {**row, "files_hash": asset.files_hash}, old, target, split)
         if row is None and target.is_file():
             if not is_map or md5_of(target) != upstream:

@@ -15,7 +15,7 @@ from pathlib import Path
 from anyprobe import __version__
 from anyprobe.dataset import shards
 from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
-from anyprobe.dataset.samples import Renderer
+from anyprobe.dataset.samples import CONDITIONS, Renderer
 from anyprobe.dataset.stock import PROCEDURAL_VERSION
 from anyprobe.errors import InputError, OutputError
 
@@ -30,8 +30,12 @@ SETTINGS = {
     "shard_size": 500,
     "procedural_maps": 0,
     "procedural_shapes": 0,
+    "commercial_only": False,
 }
 """What a dataset is made by, and what stands for what is not given; pairs None means all."""
+
+WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CONDITIONS}
+"""What the settings that are words may be."""
 
 PROCEDURAL = 32
 """Maps and shapes of our own when no folder of assets is given."""
@@ -105,8 +109,8 @@ def read_plan(folder: Path) -> dict:
         plan = json.loads(path.read_text(encoding="utf-8"))
         if plan["format"] != FORMAT:
             raise InputError(f"{path}: expected format {FORMAT}, got {plan['format']}; use another version")
-        if min(plan["pairs"], plan["shard_size"]) < 1 or not set(SETTINGS) < set(plan):
-            raise KeyError("settings")
+        plan.setdefault("commercial_only", True)  # what it was before there was a choice
+        _check_plan(plan)
     except FileNotFoundError as error:
         raise InputError(f"{folder}: expected a rendered dataset, found no {NAME}; check the path") from error
     except (OSError, ValueError, TypeError, KeyError) as error:
@@ -114,6 +118,19 @@ def read_plan(folder: Path) -> dict:
             raise
         raise InputError(f"{path}: expected the plan of a dataset, got damage ({error})") from error
     return plan
+
+
+def _check_plan(plan: Mapping) -> None:
+    """ValueError, KeyError or TypeError where a plan lacks anything that is read of it later."""
+    for name, default in SETTINGS.items():
+        expected = int if default is None else type(default)
+        if type(plan[name]) is not expected or plan[name] not in WORDS.get(name, (plan[name],)):
+            raise ValueError(f"{name.replace('_', ' ')} {plan[name]!r}")
+    if min(plan["pairs"], plan["shard_size"]) < 1:
+        raise ValueError(f"{plan['pairs']} pairs, {plan['shard_size']} a shard")
+    for asset in (*plan["maps"], *plan["shapes"]):
+        if not {"id", "name"} <= set(asset):
+            raise ValueError(f"the asset {asset!r}")
 
 
 def begin(
@@ -134,10 +151,11 @@ def begin(
         old = read_plan(folder)
         for name, value in given.items():
             if old[name] != value:
-                raise _differs(folder, name.replace("_", " "), old[name], value)
-        for name, value in _versions().items():
-            if old.get(name) != value:
-                raise _differs(folder, name.replace("_", " "), old.get(name), value)
+                raise InputError(
+                    f"{folder.name}: --resume expected {name.replace('_', ' ')} {old[name]}, as the dataset was "
+                    f"begun, got {value}; give the same or another folder"
+                )
+        check_versions(folder, old)
         _open(job, old, **options)
         return job
     _refuse_occupied(folder)
@@ -160,7 +178,8 @@ def begin(
         "maps": [asdict(one) for one in renderer.maps],
         "shapes": [asdict(one) for one in renderer.shapes],
     }
-    shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n")
+    # loading the assets took a while: another process may have begun a dataset here
+    shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
     return job
 
 
@@ -173,11 +192,14 @@ def _versions() -> dict[str, object]:
     }
 
 
-def _differs(folder: Path, name: str, old: object, new: object) -> InputError:
-    return InputError(
-        f"{folder.name}: --resume expected {name} {old}, as the dataset was begun, got {new}; "
-        "give the same or another folder"
-    )
+def check_versions(folder: Path, plan: Mapping) -> None:
+    """InputError if the dataset is of another release: of the same settings this one would make other pairs."""
+    for name, value in _versions().items():
+        if plan.get(name) != value:
+            raise InputError(
+                f"{folder}: expected {name.replace('_', ' ')} {plan.get(name)}, as the dataset was begun, "
+                f"got {value}; use that release, or another folder"
+            )
 
 
 def _same_assets(folder: Path, plan: Mapping, renderer: Renderer) -> None:

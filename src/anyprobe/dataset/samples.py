@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
-from anyprobe.dataset.pair import MapPair, Pair, render_map_pair, render_pair
+from anyprobe.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
 from anyprobe.dataset.plan import full_plan
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.stock import load_stock
@@ -70,15 +70,27 @@ class StockRenderer:
         self.stock = load_stock(
             data,
             settings["split"],
+            commercial_only=settings["commercial_only"],
             procedural_maps=settings["procedural_maps"],
             procedural_shapes=settings["procedural_shapes"],
             report=report,
         )
+        if self.kind == "object":
+            self._leave_out_lines(report)
         conditions = CONDITIONS.index(settings["conditions"])
         self.plan = full_plan(self.stock, self.kind, conditions, settings["seed"])
         self.count = self.plan.count
         self.maps = _notes(self.stock.maps)
         self.shapes = _notes(self.stock.shapes) if self.kind == "object" else []
+
+    def _leave_out_lines(self, report: Report) -> None:
+        """Without the shapes that photos would not show."""
+        for shape in [one for one in self.stock.shapes.values() if is_too_thin(one.mesh)]:
+            del self.stock.shapes[shape.id]
+            if report is not None:
+                report(
+                    f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out"
+                )
 
     def recipe(self, index: int) -> Recipe:
         """Recipe number index of the plan."""

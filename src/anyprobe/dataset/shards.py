@@ -110,17 +110,40 @@ def write_shard(folder: Path, shard: int, samples: Iterable[Sample]) -> ShardInd
     return index
 
 
-def write_durably(path: Path, text: str) -> None:
-    """Write a small file whole, and return once it will outlive a power cut."""
-    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
+def write_durably(path: Path, text: str, *, new: bool = False) -> None:
+    """Write a small file whole, and return once it will outlive a power cut.
+
+    Raises:
+        InputError: it is to be new, and there is one, for instance of a process that was a moment faster.
+    """
+    with atomic_path(path) as temporary:
+        with temporary.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if new:
+            _claim(path, temporary)
     if hasattr(os, "O_DIRECTORY"):
         descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
         with suppress(OSError):  # some shared file systems do not sync folders
             os.fsync(descriptor)
         os.close(descriptor)
+
+
+def _claim(path: Path, content: Path) -> None:
+    """Give a file its name unless another has it; of several processes one succeeds."""
+    try:
+        try:
+            os.link(content, path)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links: the name first, its content by a rename a moment later
+            path.open("x").close()
+    except FileExistsError as error:
+        raise InputError(
+            f"{path}: expected none, but another process has just written one; "
+            "go on with that, or choose another folder"
+        ) from error
 
 
 def remove_shard(folder: Path, shard: int, *, index_only: bool = False) -> None:

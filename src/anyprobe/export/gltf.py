@@ -22,8 +22,10 @@ from anyprobe.export.cubemap import C_FROM_OURS, clipped_share, cube_faces, face
 from anyprobe.export.light import ExportedLight, numbers
 from anyprobe.export.sh_layouts import gltf
 from anyprobe.export.usd import pointing_away
+from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_LAMPS, shade_specular
+from anyprobe.render.picture import LIGHT_ROWS
 
 RGBD_MAX = 255.0
 """Largest value that RGBD holds: colour 1 over alpha 1 / 255."""
@@ -57,7 +59,8 @@ def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
     """
     count = max(1, size.bit_length() - SMALLEST_SIDE.bit_length() + 1)
     levels = [cube_faces(radiance, size)[:, ::-1]]
-    pyramid, u = build_pyramid(radiance, lamps=NUM_LAMPS), hammersley(NUM_SAMPLES)
+    light = reduced(radiance, LIGHT_ROWS)  # a larger map would be read at points between which a sun is lost
+    pyramid, u = build_pyramid(light, lamps=NUM_LAMPS), hammersley(NUM_SAMPLES)
     for i in range(1, count):
         roughness = i / (count - 1)
         side = size >> i

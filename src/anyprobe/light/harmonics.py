@@ -41,36 +41,21 @@ def sh_basis(d: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=4)
-def _pixel_integrals(height: int) -> np.ndarray:
-    """Integral of Y_i over every pixel, [H, 2H, 9], in closed form.
+def _pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Integrals over every row [6, H] and every column [6, 2H] whose products give those of Y_i / K over pixels.
 
-    With d = (sin t sin p, cos t, -sin t cos p) and dw = sin t dt dp each Y_i is a
-    product of a function of t and one of p. Reading Y_i at the pixel's centre
+    With d = (sin t sin p, cos t, -sin t cos p) and dw = sin t dt dp each Y_i is a sum of products of a
+    function of t and one of p: here sin t times 1, cos t, sin t, sin t cos t, sin^2 t, cos^2 t, and
+    1, sin p, cos p, sin^2 p, cos^2 p, sin p cos p, in closed form. Reading Y_i at the pixel's centre
     instead would give a uniform map a false order 2 of 1e-3.
     """
     t = np.linspace(0, np.pi, height + 1)
     p = np.linspace(-np.pi, np.pi, 2 * height + 1)
     s, c = np.sin(t), np.cos(t)
-    # antiderivatives over t of sin t times the named function
-    t_one, t_y, t_s, t_sy, t_ss, t_yy = np.diff(
-        [-c, s**2 / 2, t / 2 - np.sin(2 * t) / 4, s**3 / 3, c**3 / 3 - c, -(c**3) / 3], axis=1
-    )
-    p_one, p_sin, p_cos, p_sin2, p_cos2, p_sincos = np.diff(
-        [p, -np.cos(p), np.sin(p), p / 2 - np.sin(2 * p) / 4, p / 2 + np.sin(2 * p) / 4, np.sin(p) ** 2 / 2],
-        axis=1,
-    )
-    parts = [
-        np.outer(t_one, p_one),
-        np.outer(t_y, p_one),
-        -np.outer(t_s, p_cos),
-        np.outer(t_s, p_sin),
-        np.outer(t_sy, p_sin),
-        -np.outer(t_sy, p_cos),
-        3 * np.outer(t_ss, p_cos2) - np.outer(t_one, p_one),
-        -np.outer(t_ss, p_sincos),
-        np.outer(t_ss, p_sin2) - np.outer(t_yy, p_one),
-    ]
-    return np.stack(parts, axis=-1) * K
+    rows = [-c, s**2 / 2, t / 2 - np.sin(2 * t) / 4, s**3 / 3, c**3 / 3 - c, -(c**3) / 3]
+    sin_2p = np.sin(2 * p) / 4
+    columns = [p, -np.cos(p), np.sin(p), p / 2 - sin_2p, p / 2 + sin_2p, np.sin(p) ** 2 / 2]
+    return np.diff(rows, axis=1), np.diff(columns, axis=1)
 
 
 def project(radiance: np.ndarray) -> np.ndarray:
@@ -84,8 +69,22 @@ def project(radiance: np.ndarray) -> np.ndarray:
     Returns:
         [9, 3]
     """
-    integrals = _pixel_integrals(radiance.shape[0])
-    return np.tensordot(integrals, radiance.astype(np.float64), axes=([0, 1], [0, 1])).astype(np.float32)
+    rows, columns = _pixel_integrals(radiance.shape[0])
+    # columns first, row by row: a map of thousands of rows is never copied in float64
+    seen = np.stack([columns @ row for row in radiance], axis=1)  # [6, H, 3], by functions of p
+    one, sine, cosine, sine2, cosine2, mixed = rows @ seen  # [6, 3] each, by functions of t
+    parts = [
+        one[0],
+        one[1],
+        -cosine[2],
+        sine[2],
+        sine[3],
+        -cosine[3],
+        3 * cosine2[4] - one[0],
+        -mixed[4],
+        sine2[4] - one[5],
+    ]
+    return (np.stack(parts) * K[:, None]).astype(np.float32)
 
 
 def evaluate(coefficients: np.ndarray, d: np.ndarray) -> np.ndarray:

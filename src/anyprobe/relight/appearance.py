@@ -15,6 +15,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.infer.photo import Photo
+from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.balls import ball_normals, diffuse, mirror
 from anyprobe.render.integrate import NUM_LAMPS, shade
@@ -36,7 +37,8 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
     seen = photo.rgb[photo.mask > 0.5] if len(seen) == 0 else seen
     mean = inverse_response(seen).mean(axis=0)
     quantiles = np.quantile(luminance(seen), _levels())
-    pyramid, u = build_pyramid(radiance, side=64, lamps=NUM_LAMPS), hammersley(64)
+    # a larger map would be read at points between which a sun is lost
+    pyramid, u = build_pyramid(reduced(radiance), side=64, lamps=NUM_LAMPS), hammersley(64)
     n, _ = ball_normals(BALL)
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
     best, least = None, np.inf

@@ -28,17 +28,16 @@ class Window:
     size: int
     camera: Camera
 
-    def meets(self, view: View) -> bool:
-        """Whether any of it lies in the photo."""
-        return -self.size < self.left < view.width and -self.size < self.top < view.height
 
-
-def window_around(placement: Placement, view: View) -> Window:
-    """The smallest square of whole pixels around the object; it may run over the photo's border."""
-    pixels = view.pixels(placement.mesh.positions)
-    low = np.floor(pixels.min(axis=0)).astype(int) - BORDER_PX
-    size = int(np.ceil(pixels.max(axis=0) - low).max()) + BORDER_PX
-    size = min(size, 2 * max(view.width, view.height))
+def window_around(placement: Placement, view: View) -> Window | None:
+    """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
+    pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
+    low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
+    high = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
+    if (low >= high).any():
+        return None
+    low -= BORDER_PX
+    size = int((high - low).max()) + BORDER_PX
     middle = low + size / 2
     camera = Camera(
         world_from_camera=np.eye(3),

@@ -61,13 +61,14 @@ class Stage:
                 "--size: expected an object in front of the camera, got one that reaches behind it; make it smaller "
                 "or stand it farther away with --at"
             )
-        self.window: Window = window_around(self.placement, self.view)
-        if not self.window.meets(self.view):
+        window = window_around(self.placement, self.view)
+        if window is None:
             x, y = self.view.pixels(self.placement.foot[None])[0]
             raise InputError(
                 f"--at: expected a place where the photo shows the object, got one around {x:.0f},{y:.0f} of "
                 f"{self.view.width} x {self.view.height} pixels; choose another"
             )
+        self.window: Window = window
 
     def on(self, photo: Photo) -> Stage:
         """The same place in another photo of the same camera, a frame of a video."""

@@ -71,7 +71,8 @@ def silver(radiance: np.ndarray, size: int = BALL_SIZE) -> np.ndarray:
     """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = ball_normals(size)
     wo, _, _ = _lookups(size)
-    pyramid = build_pyramid(radiance, side=PYRAMID_SIDE, lamps=NUM_LAMPS)
+    # a larger map would be read at points between which a sun is lost
+    pyramid = build_pyramid(reduced(radiance), side=PYRAMID_SIDE, lamps=NUM_LAMPS)
     _, s1, ss = shade_specular(pyramid, normals, wo, SILVER_ALPHA, hammersley(NUM_SAMPLES))
     return _picture(SILVER_F0 * s1 + (1 - SILVER_F0) * ss, size)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from anyprobe.core.sampling import hammersley
+from anyprobe.light.environment import reduced
 from anyprobe.render.by_maps import radiance_by_maps
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.mesh import Mesh
@@ -19,6 +20,8 @@ CHUNK = 4096
 MAPS_FROM = 0.3
 """Materials of this alpha or more are looked up in reflectance maps of side MAP_SIZE if points are more."""
 MAP_SIZE = 48
+LIGHT_ROWS = 256
+"""Rows of the light that is drawn with: a pyramid reads a larger map at points, and misses what lies between."""
 
 
 def draw_mesh(
@@ -36,7 +39,7 @@ def draw_mesh(
 
     Args:
         camera: in the mesh's frame.
-        radiance: [H, 2H, 3] linear, in the same frame.
+        radiance: [H, 2H, 3] linear, in the same frame; more than LIGHT_ROWS rows are averaged down.
     Returns:
         [S, S, 4] float32: linear radiance in the map's units, 0 where nothing is, and coverage in [0, 1].
         The radiance is the object's own, not multiplied by the coverage.
@@ -50,7 +53,7 @@ def draw_mesh(
     n, wo = (_mean_direction(v, pixel, size * size)[seen] for v in (fine.normals, fine.wo))
     turn = np.asarray(camera.world_from_camera, np.float32).T
     n, wo = n @ turn, wo @ turn
-    light, u = np.asarray(radiance, np.float32), hammersley(num_samples)
+    light, u = reduced(np.asarray(radiance, np.float32), LIGHT_ROWS), hammersley(num_samples)
     wide = shading_pyramid(light)
     pyramid = wide if material.alpha >= PATCHES[0][0] else shading_pyramid(light, material.alpha)
     picture = np.zeros((size * size, 4), np.float32)

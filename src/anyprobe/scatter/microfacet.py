@@ -37,8 +37,3 @@ def schlick_weight(wo_dot_h):
 def f0_from_ior(ior):
     """Reflectance at normal incidence of a dielectric in air: ((n - 1) / (n + 1))^2."""
     return ((ior - 1.0) / (ior + 1.0)) ** 2
-
-
-def alpha_from_roughness(roughness):
-    """glTF's perceptual roughness to GGX alpha: alpha = roughness^2. For file borders only."""
-    return roughness**2

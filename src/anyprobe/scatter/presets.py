@@ -29,7 +29,7 @@ DULL = "matte"
 """The material that has the albedo where only an albedo is told."""
 
 
-def told_material(name: str | None = None, albedo: Sequence[float] | None = None) -> Material | None:
+def told_material(name: str | None = None, albedo: float | Sequence[float] | None = None) -> Material | None:
     """A material by its name, by its albedo, or by both; None where nothing is told.
 
     Args:
@@ -43,7 +43,7 @@ def told_material(name: str | None = None, albedo: Sequence[float] | None = None
     material = material_named(DULL if name is None else name)
     if albedo is None:
         return material
-    values = np.asarray(albedo, np.float64)
+    values = np.asarray(albedo, np.float64).reshape(-1)
     if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
         raise InputError(
             f"albedo: expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
