@@ -24,6 +24,18 @@ export default async ({ page, url }) => {
   await page.focus("#mask");
   await page.keyboard.press("ArrowRight");
   const cross = await page.evaluate(() => document.getElementById("cross").style.left);
+  const taken = await page.evaluate(() => {
+    const isTaken = (id, key, modifier) => {
+      const event = new KeyboardEvent("keydown", { key, [modifier]: true, bubbles: true, cancelable: true });
+      document.getElementById(id).dispatchEvent(event);
+      return event.defaultPrevented;
+    };
+    const keys = { overlay: ["+", "=", "-", "ArrowLeft"], mask: ["ArrowLeft", "Enter", "Backspace"] };
+    const tried = Object.entries(keys).flatMap(([id, keys]) =>
+      keys.flatMap((key) => ["ctrlKey", "metaKey", "altKey"].map((modifier) => [id, key, modifier])),
+    );
+    return tried.filter((one) => isTaken(...one));
+  });
   return {
     named,
     reached,
@@ -31,6 +43,7 @@ export default async ({ page, url }) => {
     drawn: await foot(),
     sizes: [size, larger].map(Number),
     cross,
+    taken,
     live: await page.getAttribute("#status", "aria-live"),
     headings: await page.evaluate(() => [...document.querySelectorAll("h1, h2, h3")].map((one) => one.tagName)),
     width: await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]),

@@ -41,81 +41,132 @@ const spread = element("spread");
 for (const row of ["surroundings-row", "spread-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const asked = () => ({ surroundings: surroundings.checked, spread: spread.checked });
 
-const live = new LiveSession({ networks, config, stage, light, stages, editor, asked });
-
+/** The picture, its field of view and name; mask and box of its object and the light told from them, once there are any. */
 let opened = null;
-let marked = null; // the mask that the light on show was told from
-let turn = 0; // of what was asked for last: older answers are dropped
+let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
+let turn = 0; // of questions about the picture on show: older answers are dropped
 
-/** Show a photo; find its object; estimate. */
+const live = new LiveSession({
+  networks,
+  config,
+  stage,
+  light,
+  stages,
+  editor,
+  asked,
+  onShown: () => turn++,
+  onFault: (error) => {
+    showAgain();
+    setStatus(error.message, true);
+  },
+});
+
+/** Show a photo; find its object; estimate. What was on show stays until the photo is decoded. */
 async function open(blob, name) {
-  live.stop();
-  const mine = ++turn;
+  const mine = ++choice;
   setStatus("Opening the photo …");
   const found = await openPhoto(blob, name, config.server);
-  if (mine !== turn) return;
-  opened = found;
-  stage.showPicture(opened.picture);
+  if (mine !== choice) return;
+  put(found);
+  await examine(ownMask);
+}
+
+/** A picture in the place of another or of the camera's. */
+function put(found) {
+  live.stop();
+  turn++;
+  opened = { mask: null, box: null, result: null, ...found };
+  showOpened();
+}
+
+function showOpened() {
+  const { picture, mask, result } = opened;
+  stage.showPicture(picture);
+  editor.open(picture);
+  if (mask) editor.show(mask);
+  if (result) return showLight();
+  light.clear();
   stages.clear();
-  editor.open(opened.picture);
-  const mask = maskFromAlpha(opened.picture) ?? (await proposal());
-  if (mine === turn) await estimate(mask);
 }
 
-/** The mask network's own proposal, or null: then a click is needed. */
-async function proposal() {
+/** The opened picture where the camera's has ended. */
+function showAgain() {
+  if (opened && !stage.video.hidden) showOpened();
+}
+
+/** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
+async function ownMask(picture) {
+  const mask = maskFromAlpha(picture);
+  if (mask) return mask;
   const { hasMask } = await networks.open(config);
-  return hasMask ? networks.ask("mask", { picture: opened.picture, hints: editor.hints }) : null;
+  return hasMask ? networks.ask("mask", { picture, hints: editor.hints }) : null;
 }
 
-async function remask(hints) {
-  await attempt(async () => {
+function remask(hints) {
+  return examine(async (picture, isLate) => {
     await networks.open(config);
+    if (isLate()) return null;
     setStatus("Finding the object …");
-    await estimate(await networks.ask("mask", { picture: opened.picture, hints }));
+    return networks.ask("mask", { picture, hints });
   });
 }
 
-async function estimate(mask) {
-  const mine = turn;
+/** Find the object of the picture on show, and its light. What is told or fails after something newer was asked is dropped. */
+async function examine(findMask) {
+  const mine = ++turn;
+  const isLate = () => mine !== turn;
+  try {
+    const mask = await findMask(opened.picture, isLate);
+    if (!isLate()) await estimate(mask, isLate);
+  } catch (error) {
+    if (!isLate()) setStatus(error.message, true);
+  }
+}
+
+async function estimate(mask, isLate) {
   const { picture, longFovDeg } = opened;
   editor.show(mask);
   const box = mask && objectBox(mask, picture.width);
   if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
+  Object.assign(opened, { mask, box, result: null });
   await networks.open(config);
+  if (isLate()) return;
   setStatus("Estimating the light …");
   const isWhole = maskFromAlpha(picture) === null; // else no canvas tells what is hidden
   const wanted = { ...asked(), surroundings: surroundings.checked && isWhole };
   const result = await networks.ask("estimate", { picture, mask, longFovDeg, asked: wanted });
-  if (mine !== turn) return;
-  show(result, mask, box);
+  if (isLate()) return;
+  opened.result = result;
+  showLight();
   if (surroundings.checked && !result.known.surroundings) {
     return setStatus("Around the object this photo shows no place but one colour or nothing: the object alone told this light.");
   }
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 
-function show(result, mask, box) {
-  marked = mask;
-  stage.place(opened.picture.width, opened.picture.height, opened.longFovDeg, mask, box);
+function showLight() {
+  const { picture, longFovDeg, name, mask, box, result } = opened;
+  stage.place(picture.width, picture.height, longFovDeg, mask, box);
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
-  light.show(result, { photo: opened.name, model: config.model, longFovDeg: opened.longFovDeg });
+  light.show(result, { photo: name, model: config.model, longFovDeg });
 }
 
 /** The example comes with its answer, so that the page is finished before any network is opened. */
 async function openExample() {
-  live.stop();
-  const mine = ++turn;
+  const mine = ++choice;
   const { picture, mask, longFovDeg, result } = await readExample();
-  if (mine !== turn) return;
-  opened = { picture, longFovDeg, name: "example" };
-  stage.showPicture(opened.picture);
-  editor.open(opened.picture);
-  editor.show(mask);
-  show(result, mask, objectBox(mask, opened.picture.width));
-  if (surroundings.checked || spread.checked) return estimate(mask);
+  if (mine !== choice) return;
+  put({ picture, longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
+  if (surroundings.checked || spread.checked) return examine(async () => mask);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
+}
+
+/** The camera is closed at once; the example takes its place. */
+function closeCamera() {
+  live.stop();
+  showAgain();
+  return openExample();
 }
 
 /** Run what a user asked for; what fails becomes one line on the page. */
@@ -131,13 +182,24 @@ listenForPhotos((blob, name) => attempt(() => open(blob, name)));
 element("example").addEventListener("click", () => attempt(openExample));
 element("reset").addEventListener("click", () => {
   if (live.running) return live.mark(editor.reset());
+  if (!opened) return;
   editor.open(opened.picture);
-  attempt(async () => estimate(maskFromAlpha(opened.picture) ?? (await proposal())));
+  examine(ownMask);
 });
 for (const box of [surroundings, spread]) {
-  box.addEventListener("change", () => attempt(() => (live.running ? live.ask() : estimate(marked))));
+  box.addEventListener("change", () => {
+    if (live.running) return attempt(() => live.ask());
+    if (opened?.mask) examine(async () => opened.mask);
+  });
 }
-element("camera").addEventListener("click", () => attempt(() => (live.running ? openExample() : (++turn, live.start()))));
+element("camera").addEventListener("click", () => {
+  if (live.running) return attempt(closeCamera);
+  choice++;
+  live.start();
+});
 tools.onFault = (error) => setStatus(error.message, true);
 await attempt(openExample);
+if (!stage.stage.canDraw) {
+  setStatus("This browser has no WebGL: lights are estimated, but no virtual object is drawn.", true);
+}
 document.documentElement.dataset.ready = "true";

@@ -70,6 +70,34 @@ test("a box is told in pixels, and from then on the place of what it had inside"
   assert.deepEqual(hints[3].on, [[25 + 60 / 2, 60]]);
 });
 
+test("a camera that is turned is looked at anew: nothing of its last pictures is kept", async () => {
+  const random = numbers(5);
+  let level = 0.5;
+  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(level) }) };
+  const told = [];
+  const findMask = async ({ rgba }, hints) => {
+    told.push(hints);
+    return Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
+  };
+  const lights = new FrameLight(models, findMask, { on: [[0.5, 0.5]], off: [] }, 65);
+  const landscape = () => frameOf(50, 10, random);
+  const portrait = () => {
+    const { layout, ...frame } = frameOf(50, 10, random);
+    layout.forEach((plane) => (plane.stride *= HEIGHT / WIDTH));
+    return { ...frame, layout, width: HEIGHT, height: WIDTH };
+  };
+  assert.ok((await lights.next(landscape(), 0)).mask);
+  level = 0.52; // so near that a light of the same camera would move there slowly
+  const turned = await lights.next(portrait(), 1 / 15);
+  assert.deepEqual([turned.width, turned.height, turned.mask?.length], [HEIGHT, WIDTH, WIDTH * HEIGHT]);
+  assert.deepEqual(told[1], { on: [], off: [], box: null });
+  assert.ok(Math.abs(turned.light.radiance[0] - level) < 1e-6);
+  assert.equal((await lights.next(portrait(), 2 / 15)).mask, null);
+  lights.mark({ on: [[0.5, 0.5]], off: [], box: null });
+  await lights.next(portrait(), 3 / 15);
+  assert.deepEqual(told[2].on, [[HEIGHT / 2, WIDTH / 2]]);
+});
+
 test("what is seen around the object is told while it is asked for, and part of the light", async () => {
   const told = [];
   const light = async (image, tanHalf, { around }) => {

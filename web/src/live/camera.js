@@ -19,7 +19,14 @@ export async function openCamera() {
   }
 }
 
-export function closeCamera(video) {
-  for (const track of video.srcObject?.getTracks() ?? []) track.stop();
-  video.srcObject = null;
+/** Call onEnd where the camera ends by itself: unplugged, or taken away by the user or the system. */
+export function watchCamera(stream, onEnd) {
+  for (const track of stream.getVideoTracks()) {
+    track.addEventListener("ended", () => onEnd(new Error("The camera has ended: it was unplugged or taken away.")));
+  }
+}
+
+/** @param {MediaStream | null} stream */
+export function closeCamera(stream) {
+  for (const track of stream?.getTracks() ?? []) track.stop();
 }

@@ -35,6 +35,7 @@ export class FrameLight {
     this.state = null;
     this.count = 0;
     this.masked = null;
+    this.size = null;
   }
 
   /** New clicks or a new box: the mask is found anew at the next frame. */
@@ -60,11 +61,12 @@ export class FrameLight {
       begun = now;
     };
     const picture = readFrame(frame);
+    this.#fit(picture);
     lap("read");
     const isNew = await this.#findObject(picture);
     lap("mask");
     const { box, mask } = this;
-    const size = { width: picture.width, height: picture.height };
+    const { size } = this;
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg, box);
     lap("crop");
@@ -89,6 +91,15 @@ export class FrameLight {
     ms.all = performance.now() - start;
     const known = { surroundings: around ? shareOf(around) : 0 };
     return { light, known, spread, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
+  }
+
+  /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */
+  #fit({ width, height }) {
+    const isTurned = this.size && (this.size.width !== width || this.size.height !== height);
+    this.size = { width, height };
+    if (!isTurned) return;
+    this.mark({ on: [], off: [], box: null });
+    this.state = null;
   }
 
   /** Mask and box of the object, found anew where they may have changed; whether they were. */

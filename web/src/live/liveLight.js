@@ -14,13 +14,15 @@ export class LiveLight {
   constructor(video, networks, { onLight, onError }) {
     Object.assign(this, { video, networks, onLight, onError });
     this.running = false;
+    this.hints = { on: [], off: [], box: null };
     this.updates = [];
     this.frames = [];
   }
 
-  async start(hints, longFovDeg, asked) {
-    await this.networks.ask("startLive", { hints, longFovDeg, asked });
+  async start(longFovDeg, asked) {
     this.running = true;
+    await this.networks.ask("startLive", { hints: this.hints, longFovDeg, asked });
+    if (!this.running) return; // stopped meanwhile
     this.networks.onLive = (answer) => this.#hear(answer);
     this.#watch();
   }
@@ -29,14 +31,15 @@ export class LiveLight {
     this.running = false;
   }
 
-  /** @param {import("../photo/picture.js").Hints} hints as shares of width and height */
-  mark(hints) {
-    return this.networks.ask("markLive", { hints });
+  /** @param {import("../photo/picture.js").Hints} hints as shares of width and height; before the start they are held */
+  async mark(hints) {
+    this.hints = hints;
+    if (this.running) await this.networks.ask("markLive", { hints });
   }
 
   /** Another kind of light, from the next frame on. @param {import("../networks/worker.js").Asked} asked */
-  ask(asked) {
-    return this.networks.ask("askLive", { asked });
+  async ask(asked) {
+    if (this.running) await this.networks.ask("askLive", { asked });
   }
 
   /** Lights and pictures a second. */

@@ -7,60 +7,88 @@
 import { DEFAULT_LONG_FOV_DEG } from "../photo/crop.js";
 import { element, setStatus } from "../view/elements.js";
 import { LiveLight } from "./liveLight.js";
-import { closeCamera, openCamera } from "./camera.js";
+import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readFrame, takeFrame } from "./frames.js";
 
 const RATES_EVERY_MS = 500;
 
 export class LiveSession {
-  /** @param {object} parts of the page; asked: tells what is asked of the light now, see networks/worker.js */
-  constructor({ networks, config, stage, light, stages, editor, asked }) {
-    Object.assign(this, { networks, config, stage, light, stages, editor, asked });
+  /**
+   * @param {object} parts of the page; asked: tells what is asked of the light now, see networks/worker.js; onShown: the
+   *   camera's picture has taken the photo's place; onFault: the camera, or what follows it, failed and is closed
+   */
+  constructor({ networks, config, stage, light, stages, editor, asked, onShown, onFault }) {
+    Object.assign(this, { networks, config, stage, light, stages, editor, asked, onShown, onFault });
     this.button = element("camera");
-    this.live = null;
-  }
-
-  get running() {
-    return this.live !== null;
+    this.live = null; // since start was called; what was begun with one that is here no longer has been stopped
+    this.running = false; // since the camera's first picture
   }
 
   async start() {
+    if (this.live) return; // the camera is being opened
+    const live = new LiveLight(this.stage.video, this.networks, {
+      onLight: (answer) => this.#show(answer),
+      onError: (error) => this.#fail(live, error),
+    });
+    this.live = live;
+    try {
+      await this.#open(live);
+    } catch (error) {
+      this.#fail(live, error);
+    }
+  }
+
+  async #open(live) {
     const { video } = this.stage;
     setStatus("Opening the camera …");
     const opening = this.networks.open(this.config); // while the user is asked for the camera
     opening.catch(() => {}); // told where it is awaited
-    video.srcObject = await openCamera();
+    const stream = await openCamera();
+    if (this.live !== live) return closeCamera(stream);
+    video.srcObject = stream;
+    watchCamera(stream, (error) => this.#fail(live, error));
     await video.play();
-    this.stage.showVideo();
-    this.placed = false;
-    this.button.setAttribute("aria-pressed", "true");
-    this.live = new LiveLight(video, this.networks, {
-      onLight: (answer) => this.#show(answer),
-      onError: (error) => {
-        this.stop();
-        setStatus(error.message, true);
-      },
-    });
-    const { live } = this;
-    this.still = await takePicture(video);
-    this.editor.open(this.still);
+    const still = await takePicture(video);
+    if (this.live !== live) return;
+    this.#begin(still);
     const { hasMask, provider, threads } = await opening;
-    if (this.live !== live) return; // stopped meanwhile
+    if (this.live !== live) return;
     this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
-    await live.start({ on: [], off: [], box: null }, DEFAULT_LONG_FOV_DEG, this.asked());
+    await live.start(DEFAULT_LONG_FOV_DEG, this.asked());
+    if (this.live !== live) return;
     setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
     element("rates").hidden = false;
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
+  }
+
+  /** The camera's first picture takes the photo's place. */
+  #begin(still) {
+    this.running = true;
+    this.button.setAttribute("aria-pressed", "true");
+    this.said = null;
+    this.isMaskDue = false;
+    this.#fit(still);
+    this.#look(still);
+    this.onShown();
   }
 
   stop() {
     if (!this.live) return;
     this.live.stop();
     this.live = null;
+    this.running = false;
     clearInterval(this.timer);
-    closeCamera(this.stage.video);
+    const { video } = this.stage;
+    closeCamera(video.srcObject);
+    video.srcObject = null;
     element("rates").hidden = true;
     this.button.setAttribute("aria-pressed", "false");
+  }
+
+  #fail(live, error) {
+    if (this.live !== live) return; // it was stopped: what fails of it is of no interest
+    this.stop();
+    this.onFault(error);
   }
 
   /** @param {import("../photo/picture.js").Hints} hints in pixels of the still picture */
@@ -68,6 +96,7 @@ export class LiveSession {
     const { width, height } = this.still;
     const shares = (points) => points.map(([x, y]) => [x / width, y / height]);
     this.placed = false;
+    this.said = null;
     return this.live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
   }
 
@@ -77,9 +106,11 @@ export class LiveSession {
   }
 
   #show(answer) {
-    if (answer.lost) return setStatus("No object is seen. Click on it in the picture “Object” below.");
+    if (answer.width !== this.size.width || answer.height !== this.size.height) this.#turn(answer);
+    if (answer.lost) return this.#say("No object is seen. Click on it in the picture “Object” below.");
     if (answer.mask) this.#setMask(answer);
     if (!this.placed) return;
+    this.#say("Live, in this browser.");
     this.stage.setLight(answer.light);
     document.dispatchEvent(new CustomEvent("anyprobe-light", { detail: answer }));
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
@@ -96,20 +127,59 @@ export class LiveSession {
     }
   }
 
+  /** The state once, not with every light: each line is read aloud, and others' lines stay until it changes. */
+  #say(text) {
+    if (text === this.said) return;
+    this.said = text;
+    setStatus(text);
+  }
+
+  /** Pictures of another size from here on: the object has no place in them yet. */
+  #fit({ width, height }) {
+    this.size = { width, height };
+    this.mask = null;
+    this.placed = false;
+    this.stage.showVideo();
+  }
+
+  /** The camera is held another way; frameLight.js has forgotten what was marked and found before, too. */
+  async #turn(size) {
+    this.#fit(size);
+    const still = await this.#takeStill();
+    if (still) this.#look(still);
+  }
+
+  /** A still picture to click in. */
+  #look(still) {
+    this.still = still;
+    this.editor.open(still);
+  }
+
   #setMask({ width, height, mask, box }) {
     this.mask = mask;
     if (this.placed) return this.stage.stage.setMask(mask);
     this.stage.place(width, height, DEFAULT_LONG_FOV_DEG, mask, box);
     this.placed = true;
-    setStatus("Live, in this browser.");
   }
 
   async #showMask() {
-    const { video } = this.stage;
-    const { mask } = this;
-    if (!this.live || !video.srcObject) return;
-    this.still = await takePicture(video);
-    if (this.live && mask.length === this.still.width * this.still.height) this.editor.showOn(this.still, mask);
+    const { mask, size } = this;
+    const still = await this.#takeStill();
+    if (!still || this.size !== size || still.width !== size.width || still.height !== size.height) return;
+    this.still = still;
+    this.editor.showOn(still, mask);
+  }
+
+  /** What the camera shows now, or null where it has been stopped meanwhile. */
+  async #takeStill() {
+    const { live } = this;
+    try {
+      const still = await takePicture(this.stage.video);
+      return this.live === live ? still : null;
+    } catch (error) {
+      this.#fail(live, error);
+      return null;
+    }
   }
 
   #showRates() {

@@ -1,7 +1,7 @@
 /** The page's side of the networks' thread: one promise a request. */
 
 export class Networks {
-  #worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+  #worker = null;
   #waiting = new Map();
   #count = 0;
 
@@ -17,8 +17,13 @@ export class Networks {
    */
   constructor(onProgress, sparedCores) {
     this.sparedCores = sparedCores;
-    this.#worker.onmessage = ({ data }) => {
-      if (data.progress) return onProgress(data.progress);
+    this.onProgress = onProgress;
+  }
+
+  #begin() {
+    const worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+    worker.onmessage = ({ data }) => {
+      if (data.progress) return this.onProgress(data.progress);
       if (data.live) return this.onLive(data.live);
       if (data.spare) return this.spares.push(data.spare);
       const { resolve, reject } = this.#waiting.get(data.id);
@@ -26,11 +31,18 @@ export class Networks {
       if (data.error === undefined) resolve(data.result);
       else reject(new Error(data.error));
     };
-    this.#worker.onerror = (event) => {
+    worker.onerror = (event) => {
       const error = new Error(event.message || "The networks' thread could not be started.");
       for (const { reject } of this.#waiting.values()) reject(error);
       this.#waiting.clear();
     };
+    return worker;
+  }
+
+  /** An engine that did not open once never does: the next call of open begins with another thread. */
+  #end() {
+    this.#worker.terminate();
+    this.#worker = this.opened = null;
   }
 
   /** Ask for a task of worker.js. */
@@ -47,7 +59,10 @@ export class Networks {
     this.#worker.postMessage({ task: "frame", frame, time }, transfer);
   }
 
-  /** Open the networks once, at the first call; ?engine= and ?threads= in the page's address have their way. */
+  /**
+   * Open the networks at the first call, and again after one that failed; ?engine= and ?threads= in the page's address
+   * have their way.
+   */
   open(config) {
     const base = document.baseURI;
     const weights = Object.fromEntries(
@@ -57,7 +72,11 @@ export class Networks {
     const engine = asked.get("engine");
     const cores = navigator.hardwareConcurrency || 1;
     const threads = Number(asked.get("threads")) || Math.max(cores - this.sparedCores, 1);
-    this.opened ??= this.ask("open", { base, weights, engine, threads });
+    this.#worker ??= this.#begin();
+    this.opened ??= this.ask("open", { base, weights, engine, threads }).catch((error) => {
+      this.#end();
+      throw error;
+    });
     return this.opened;
   }
 }

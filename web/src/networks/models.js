@@ -47,7 +47,7 @@ export class Models {
     const sessions = {};
     for (const [index, stage] of stages.entries()) {
       onProgress(index, stages.length);
-      sessions[stage] = await ort.InferenceSession.create(weights[stage], {
+      sessions[stage] = await ort.InferenceSession.create(await graphOf(weights[stage]), {
         executionProviders: providers,
         graphOptimizationLevel: "all",
       });
@@ -124,6 +124,19 @@ export class Models {
     const feeds = Object.fromEntries(session.inputNames.map((name, i) => [name, tensors[i]]));
     const outputs = await session.run(feeds);
     return session.outputNames.map((name) => outputs[name].data);
+  }
+}
+
+/** Bytes of a graph, fetched where its address is given; what cannot be fetched is named. */
+async function graphOf(weights) {
+  if (typeof weights !== "string") return weights;
+  try {
+    const answer = await fetch(weights);
+    if (!answer.ok) throw new Error(`answer ${answer.status}`);
+    return new Uint8Array(await answer.arrayBuffer());
+  } catch (error) {
+    const name = new URL(weights).pathname.split("/").at(-1);
+    throw new Error(`${name} could not be fetched (${error.message})`);
   }
 }
 

@@ -29,9 +29,13 @@ const tasks = {
   async open({ base, weights, engine, threads: most }) {
     const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
     const provider = chooseEngine(engine);
-    const { ort, threads } = await openRuntime(base, provider, most);
-    models = await Models.open(ort, weights, { providers: [provider], onProgress });
-    return { provider, threads, hasMask: models.hasMask };
+    try {
+      const { ort, threads } = await openRuntime(base, provider, most);
+      models = await Models.open(ort, weights, { providers: [provider], onProgress });
+      return { provider, threads, hasMask: models.hasMask };
+    } catch (error) {
+      throw new Error(`The networks could not be opened, try again: ${error.message ?? error}.`);
+    }
   },
 
   /** The mask of a still picture from clicks or a box; without any, the network's own proposal. */

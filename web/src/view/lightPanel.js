@@ -36,7 +36,22 @@ export class LightPanel {
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
     element("direction").textContent = marker.hidden ? "none stands out" : describeDirection(direction);
-    for (const button of document.querySelectorAll("#downloads button, #export")) button.disabled = false;
+    this.#setReady(true);
+  }
+
+  /** Nothing is known of the light any more. */
+  clear() {
+    this.result = null;
+    for (const canvas of [element("map"), ...Object.values(this.balls)]) {
+      canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
+    }
+    element("marker").hidden = true;
+    element("direction").textContent = "not yet known";
+    this.#setReady(false);
+  }
+
+  #setReady(isReady) {
+    for (const button of document.querySelectorAll("#downloads button, #export")) button.disabled = !isReady;
   }
 
   #drawMap() {

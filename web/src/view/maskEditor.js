@@ -127,6 +127,7 @@ export class MaskEditor {
 
   /** Arrows move a cross, Enter adds, Delete takes away; while a box is drawn Enter marks its corners. */
   #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return; // the browser's own
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     if (event.key in moves) {
       this.at = this.at.map((value, i) => Math.min(Math.max(value + STEP * moves[event.key][i], 0), 1));

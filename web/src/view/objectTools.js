@@ -1,7 +1,7 @@
 /** The virtual object's controls: shape, material, own model, turn, size, tilt of the camera; keys. */
 
 import { element } from "./elements.js";
-import { makeMaterial, makeShape, openModel } from "./virtualObjects.js";
+import { dress, makeMaterial, makeShape, openModel } from "./virtualObjects.js";
 
 const MOVE_SHARE = 0.015;
 
@@ -14,6 +14,7 @@ export class ObjectTools {
     this.shape = element("shape");
     this.material = element("material");
     const { stage } = photoStage;
+    element("tools").disabled = !stage.canDraw;
     const bind = (id, set) => {
       element(id).addEventListener("input", (event) => {
         set(Number(event.target.value));
@@ -34,22 +35,13 @@ export class ObjectTools {
   /** Put the chosen shape in the chosen material on the stage. */
   #pick() {
     if (this.shape.value === "own") {
-      this.photoStage.stage.setObject(this.#dressed(this.own.clone(true)));
+      this.photoStage.stage.setObject(dress(this.own, this.material.value));
     } else {
       if (this.material.value === "own") this.material.value = "chrome";
       this.photoStage.stage.setObject(makeShape(this.shape.value, makeMaterial(this.material.value)));
     }
     this.material.querySelector("[value=own]").hidden = this.shape.value !== "own";
     this.photoStage.render();
-  }
-
-  #dressed(model) {
-    model.traverse((part) => {
-      if (!part.isMesh) return;
-      part.geometry = part.geometry.clone(); // the stage frees what it shows
-      part.material = this.material.value === "own" ? part.material.clone() : makeMaterial(this.material.value);
-    });
-    return model;
   }
 
   async #openOwn(input) {
@@ -72,6 +64,7 @@ export class ObjectTools {
 
   /** Arrows move on the ground, plus and minus scale, comma and full stop turn. */
   #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return; // the browser's own: it zooms by + and -
     const { stage } = this.photoStage;
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     if (event.key in moves) {

@@ -14,7 +14,7 @@ const FAR_PX = 1e4;
  * @returns {Float32Array} x, y, z of points in the group's own frame
  */
 export function outlineOf(group) {
-  group.updateWorldMatrix(true, true);
+  group.updateMatrixWorld(true); // what is bound to bones follows this alone
   const inverse = group.matrixWorld.clone().invert();
   const points = [];
   const point = new Vector3();

@@ -14,6 +14,7 @@ export class PhotoStage {
     this.overlay = element("overlay");
     this.frame = element("frame");
     this.stage = new Stage(this.overlay);
+    for (const part of [this.overlay, element("divide")]) part.hidden = !this.stage.canDraw;
     this.#listen();
   }
 

@@ -35,8 +35,8 @@ import { installCameraCurve, shadowOpacity } from "./curve.js";
 import { extentOf, outlineOf } from "./outline.js";
 import { beside } from "./placement.js";
 import { RealObject } from "./realObject.js";
-import { isDrawnInSoftware } from "./software.js";
 import { dispose } from "./virtualObjects.js";
+import { findWebgl } from "./webgl.js";
 
 /** Distance of the real object's base, in units of the scene; only proportions are seen. */
 const DISTANCE = 5;
@@ -51,22 +51,15 @@ const COARSE = 0.7;
 const SAME_DIRECTION = 0.99999;
 
 export class Stage {
-  /** @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow */
+  /**
+   * Without WebGL everything has its place, and nothing is drawn.
+   *
+   * @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow
+   */
   constructor(canvas) {
-    installCameraCurve();
-    this.isSoftware = isDrawnInSoftware();
-    this.canvas = canvas;
-    this.renderer = new WebGLRenderer({
-      canvas: this.isSoftware ? document.createElement("canvas") : canvas,
-      alpha: true,
-      antialias: !this.isSoftware,
-    });
-    this.aside = this.isSoftware ? new DrawnAside(this.renderer.getContext(), canvas) : null;
-    this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
-    this.renderer.toneMapping = CustomToneMapping;
-    this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = PCFShadowMap;
-    this.renderer.shadowMap.autoUpdate = false;
+    const { canDraw, isSoftware } = findWebgl();
+    Object.assign(this, { canvas, canDraw, isSoftware });
+    if (canDraw) this.#openRenderer();
     this.environment = new EnvironmentTexture();
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
@@ -77,6 +70,21 @@ export class Stage {
     this.isLive = false;
     this.isTouched = false;
     this.#buildGround();
+  }
+
+  #openRenderer() {
+    const { canvas, isSoftware } = this;
+    this.renderer = new WebGLRenderer({
+      canvas: isSoftware ? document.createElement("canvas") : canvas,
+      alpha: true,
+      antialias: !isSoftware,
+    });
+    this.aside = isSoftware ? new DrawnAside(this.renderer.getContext(), canvas) : null;
+    this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
+    this.renderer.toneMapping = CustomToneMapping;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer.shadowMap.autoUpdate = false;
   }
 
   #buildGround() {
@@ -241,7 +249,7 @@ export class Stage {
 
   /** Let the main light cast the object's shadow, as dark as its share of the ground's light is. */
   #aimShadow() {
-    if (!this.light || !this.up) return;
+    if (!this.canDraw || !this.light || !this.up) return;
     const { mainLight, sh9 } = this.light;
     const towards = new Vector3(...mainLight.direction);
     const cosine = Math.max(towards.dot(this.up), 0);
@@ -293,7 +301,7 @@ export class Stage {
     const { renderer, canvas } = this;
     const ratio = this.isLive && this.isSoftware ? COARSE : Math.min(window.devicePixelRatio, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    if (!width || !height || !this.box) return;
+    if (!this.canDraw || !width || !height || !this.box) return;
     const size = renderer.getDrawingBufferSize(new Vector2());
     if (size.x !== Math.floor(width * ratio) || size.y !== Math.floor(height * ratio)) {
       renderer.setPixelRatio(ratio);

@@ -14,6 +14,7 @@ import {
 } from "three";
 import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.js";
 import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
+import { clone } from "three/addons/utils/SkeletonUtils.js";
 
 const VASE = [
   [0, 0], [0.3, 0], [0.34, 0.03], [0.42, 0.2], [0.44, 0.34], [0.36, 0.52], [0.2, 0.66], [0.15, 0.76],
@@ -60,7 +61,19 @@ export async function openModel(file) {
   } catch (error) {
     throw new Error(`${file.name}: expected a .glb model that needs no other file (${error.message}).`);
   }
+  if (!scene?.getObjectByProperty("isMesh", true)) throw new Error(`${file.name}: this model has no surface to show.`);
   return stand(new Group().add(scene));
+}
+
+/** A copy of a model, its skeleton's too, in its own materials ("own") or one of the picker's; whoever shows it frees it. */
+export function dress(model, name) {
+  const copy = clone(model);
+  copy.traverse((part) => {
+    if (!part.isMesh) return;
+    part.geometry = part.geometry.clone();
+    part.material = name === "own" ? part.material.clone() : makeMaterial(name);
+  });
+  return copy;
 }
 
 /** Scale a group to height 1 (or to that size, lying things) and put it on the ground, origin below it. */
@@ -79,10 +92,14 @@ function stand(group) {
   return group;
 }
 
-/** Free what a group holds on the GPU. */
+/** Free what a group holds on the GPU; textures that a copy shares with its model are sent there again with the next one. */
 export function dispose(group) {
   group.traverse((part) => {
     part.geometry?.dispose();
-    for (const material of [part.material ?? []].flat()) material.dispose();
+    part.skeleton?.dispose();
+    for (const material of [part.material ?? []].flat()) {
+      for (const value of Object.values(material)) if (value?.isTexture) value.dispose();
+      material.dispose();
+    }
   });
 }

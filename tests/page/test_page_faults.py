@@ -1,0 +1,109 @@
+"""What comes late, is interrupted or fails leaves the page showing one thing, and usable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from support.browser import run_steps
+
+pytestmark = pytest.mark.slow
+
+ENDED = "The camera has ended"
+
+
+@pytest.fixture
+def broken_photo(tmp_path) -> Path:
+    path = tmp_path / "broken.png"
+    path.write_bytes(b"no picture")
+    return path
+
+
+@pytest.fixture
+def half_photo(tmp_path, vase_photo) -> Path:
+    """The opaque example at half its size."""
+    path = tmp_path / "half.jpg"
+    with Image.open(vase_photo) as image:
+        image.reduce(2).save(path, quality=95)
+    return path
+
+
+@pytest.fixture
+def plain_photo(tmp_path) -> Path:
+    path = tmp_path / "plain.png"
+    Image.new("RGB", (320, 240), (128, 127, 126)).save(path)
+    return path
+
+
+def part(whole: dict, names) -> dict:
+    return {name: whole[name] for name in names}
+
+
+def test_late_mask_is_not_put_on_another_picture(page_url, vase_photo, half_photo, plain_photo):
+    photos = {"photo": vase_photo, "other": half_photo, "plain": plain_photo}
+    seen = run_steps("page_late.mjs", page_url, {name: str(path) for name, path in photos.items()})
+    kept = {"status": True, "direction": True, "mask": True, "estimates": 0}
+    assert seen["late"] == {"click": kept, "reset": kept}
+    assert seen["waiting"] == {"direction": "not yet known", "usable": 0, "estimates": 0}
+    with Image.open(half_photo) as picture:
+        assert seen["told"]["estimates"] == [{"task": "estimate", "width": picture.width, "spread": True}]
+    assert seen["told"]["usable"] > 0
+    assert seen["nothing"]["status"].startswith("Click on the object")
+    assert [seen["nothing"][part] for part in ("usable", "estimates")] == [0, 0]
+
+
+def test_camera_is_one_and_ends_with_what_takes_its_place(page_url, vase_photo, broken_photo):
+    given = {"photo": str(vase_photo), "broken": str(broken_photo)}
+    seen = run_steps(
+        "page_camera_states.mjs",
+        page_url,
+        given,
+        viewport=(1000, 800),
+        complaints_allowed=True,  # the server refuses the broken photo
+    )
+    live = {"pressed": "true", "tracks": ["live"], "shown": ["video"], "aspect": "640 / 480"}
+    assert part(seen["live"], live) == live
+    assert part(seen["broken"], live) == live
+    assert "expected an image" in seen["broken"]["status"]
+    assert seen["turned"]["tracks"] == ["live"]
+    assert seen["turned"]["mask"] < 1
+    assert seen["overlay"] == "visible"
+    assert seen["lines"] == 0
+    assert seen["found"] == "Live, in this browser."
+    photo = {"pressed": "false", "shown": ["photo"]}
+    assert part(seen["ended"], photo) == photo
+    assert seen["ended"]["status"].startswith(ENDED)
+    assert seen["usable"] > 0
+    assert part(seen["photo"], photo) == photo
+    assert seen["photo"]["tracks"] == ["ended", "ended"]
+    assert seen["photo"]["status"].startswith("Estimated")
+    assert part(seen["closed"], photo) == photo
+    assert seen["closed"]["tracks"] == ["ended"] * 3
+    assert seen["unheard"] == []
+
+
+def test_networks_that_were_missing_are_fetched_again(page_url, vase_photo):
+    missing = {
+        "**/weights/light.onnx*": "light.onnx could not be fetched",
+        "**/ort/*.min.mjs": "ort.wasm.min.mjs",
+        "**/ort/*threaded.wasm": "ort-wasm-simd-threaded.wasm",
+        "**/assets/worker-*.js": "thread",
+    }
+    given = {"photo": str(vase_photo), "missing": list(missing)}
+    seen = run_steps("page_networks.mjs", page_url, given, complaints_allowed=True)
+    for pattern, name in missing.items():
+        fault, then = seen[pattern]
+        assert name in fault
+        assert then.startswith("Estimated")
+
+
+def test_lights_are_told_without_webgl(page_url, vase_photo):
+    seen = run_steps(
+        "page_without_webgl.mjs", page_url, {"photo": str(vase_photo)}, flags=("--disable-3d-apis",)
+    )
+    assert seen["first"].startswith("This browser has no WebGL")
+    assert not seen["usable"]
+    assert not seen["shown"]
+    assert seen["told"].startswith("Estimated")
+    assert seen["direction"] != "not yet known"
