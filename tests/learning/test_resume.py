@@ -191,7 +191,7 @@ def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):
 
     path = ask(stop_after=2)
     assert torch.load(path, weights_only=True)["origin"] == {"start": None}
-    with pytest.raises(InputError, match="scenes.seed 0, as the run began, got 4"):
+    with pytest.raises(InputError, match=f"scenes.seed {config.scenes.seed}, as the run began, got 4"):
         ask(replace(config, scenes=replace(config.scenes, seed=4)))
     with pytest.raises(InputError, match="at least the 2 that are done, got 1"):
         ask(replace(config, steps=1))
