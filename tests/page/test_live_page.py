@@ -79,7 +79,9 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
     spread = estimator.with_lamps("spread")(vase_photo, click=[click])
     found = read_radiance(Path(seen["spread"]["exr"]))
-    assert np.abs(response(found) - response(spread.radiance)).mean() < 0.01
+    # by masks that both cut out anew, around the same click: they differ by some pixels of the edge
+    assert np.abs(response(found) - response(spread.radiance)).mean() < 0.02
+    assert np.abs(response(found[:, ::-1]) - response(spread.radiance)).mean() > 0.05
     assert found.max() == pytest.approx(spread.radiance.max(), rel=0.1)
     assert [told["lamps"], json.loads(Path(seen["spread"]["json"]).read_text())["lamps"]] == [
         "drawn",
