@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -126,6 +128,22 @@ def test_photos_without_surroundings_are_fused_as_ever(estimator):
     apart = fuse_lights([estimator.from_photo(photo) for photo in photos], POSES[:2])
     np.testing.assert_array_equal(together.radiance, apart.radiance)
     assert "surroundings" not in together.info["known"]
+
+
+def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
+    """Several are opened in turn; no two need be in memory."""
+    alive = []
+
+    def opened():
+        for pose in POSES:
+            gc.collect()
+            assert all(pixels() is None for pixels in alive[:-1])
+            photo = take(pose)
+            alive.append(weakref.ref(photo.rgb))
+            yield photo
+
+    anyprobe.estimate_together(estimator, opened(), POSES)
+    assert len(alive) == len(POSES)
 
 
 def test_exposures_that_photos_tell_are_made_one_there_too(estimator):

@@ -59,7 +59,8 @@ class Photo:
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
-        return replace(self, rgb=self.rgb[:0], mask=self.mask[:0], normals=None, around=None)
+        rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
+        return replace(self, rgb=rgb, mask=mask, normals=None, around=None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
