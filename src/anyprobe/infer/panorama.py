@@ -6,10 +6,14 @@ radiance times cover, and cover in [0, 1]. What is shown counts as infinitely fa
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response, response
+from anyprobe.infer.photo import Crop, Photo, crop_object
+from anyprobe.infer.runtime import PHOTO_SIZE
 from anyprobe.infer.surroundings import BURNT
 from anyprobe.light.environment import rotate
 
@@ -19,6 +23,12 @@ COMPARED = 0.02, 0.8
 """Radiance between which both tell how much brighter one is: neither noise nor burnt out."""
 DIFFER = 0.12
 """Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
+
+
+def cut_out(photo: Photo, *, first: bool) -> Crop:
+    """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
+    own = first or photo.around is True
+    return crop_object(photo if own else replace(photo, around=None), PHOTO_SIZE)
 
 
 def window(around: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
@@ -34,12 +44,16 @@ def window(around: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -
     return np.maximum(rotate(shown.astype(np.float32), world_from_crop), 0.0)
 
 
-def lay_over(newer: np.ndarray, older: np.ndarray) -> np.ndarray:
+def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
     """The newer panorama where it shows something, else the older, brought to the newer's exposure by what both show.
+
+    older: None where there is none yet.
 
     Where both show the same place and it looks otherwise in the newer, the older is forgotten: a lamp went out, or the
     poses are wrong.
     """
+    if older is None:
+        return newer
     both = (newer[..., 3] > 0.5) & (older[..., 3] > 0.5)
     if both.sum() >= SHARED:
         now, then = (one[both, :3] / one[both, 3:] for one in (newer, older))

@@ -10,10 +10,9 @@ import numpy as np
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.panorama import lay_over, seen_from, window
-from anyprobe.infer.photo import Crop, Photo, crop_object
+from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.infer.photo import Crop, Photo
 from anyprobe.infer.result import Light
-from anyprobe.infer.runtime import PHOTO_SIZE
 from anyprobe.light.fuse import fuse
 from anyprobe.scatter.brdf import Material
 
@@ -43,7 +42,7 @@ def estimate_together(
     Raises:
         InputError: as fuse_lights.
     """
-    taken = [(photo.without_pixels(), _cut_out(photo, first=k == 0)) for k, photo in enumerate(photos)]
+    taken = [(photo.without_pixels(), cut_out(photo, first=k == 0)) for k, photo in enumerate(photos)]
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
@@ -55,19 +54,12 @@ def estimate_together(
     return fuse_lights(lights, world_from_camera)
 
 
-def _cut_out(photo: Photo, *, first: bool) -> Crop:
-    """The object's crop; a panorama is of the first photo's frame, and not of the others'."""
-    own = first or photo.around is True
-    return crop_object(photo if own else replace(photo, around=None), PHOTO_SIZE)
-
-
 def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
     """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
         if crop.around is not None:
-            shown = window(crop.around, turn, gain)
-            panorama = shown if panorama is None else lay_over(shown, panorama)
+            panorama = lay_over(window(crop.around, turn, gain), panorama)
     if panorama is None:
         return [None] * len(crops)
     return [

@@ -13,10 +13,9 @@ from anyprobe.core.color import to_bytes
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.radiance import write_exr
 from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.panorama import lay_over, seen_from, window
-from anyprobe.infer.photo import Photo, crop_object
+from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.infer.photo import Photo
 from anyprobe.infer.result import FRAME, SCALE, Light
-from anyprobe.infer.runtime import PHOTO_SIZE
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
@@ -189,13 +188,10 @@ class ClipRun:
         if self.poses is None or photo.around is None:
             return self.estimator.from_photo(photo)
         done = self.progress
-        # a panorama from a file is of the first frame's camera; what later frames know of it comes by way of the world
-        own = photo.around is True or done.panorama is None
-        crop = crop_object(photo if own else replace(photo, around=None), PHOTO_SIZE)
+        crop = cut_out(photo, first=done.panorama is None)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
         if crop.around is not None:
-            shown = window(crop.around, world_from_crop)
-            done.panorama = shown if done.panorama is None else lay_over(shown, done.panorama)
+            done.panorama = lay_over(window(crop.around, world_from_crop), done.panorama)
         known = seen_from(done.panorama, world_from_crop, crop.around)
         return self.estimator.from_crop(photo, crop, gathered=known)
 
