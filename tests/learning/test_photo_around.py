@@ -5,9 +5,17 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
+from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
-from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady  # noqa: E402
+from anyprobe.dataset.surroundings import (  # noqa: E402
+    MOST_OTHERS,
+    _shown,
+    draw_frame,
+    gather,
+    photo_around,
+    unsteady,
+)
 from anyprobe.infer.surroundings import see_around  # noqa: E402
 
 
@@ -75,3 +83,41 @@ def test_surroundings_are_a_little_off():
         for one, gain in zip(off, gains, strict=True)
     ]
     assert set(turns) == {-2, -1, 0, 1, 2}
+
+
+def test_other_photos_show_more_of_the_same_map():
+    """Own window as it is; elsewhere the map, off by no more than 3 columns and a gain; those not chosen as before."""
+    rng = np.random.default_rng(3)
+    count, tan_half = 24, 0.2
+    light, mask = waves().expand(count, 3, 64, 128), disc().expand(count, 1, 128, 128)
+    angles = torch.full((count,), tan_half)
+    frames = np.stack([draw_frame(rng, tan_half) for _ in range(count)])
+    own = photo_around(light, mask, angles, frames, tone)
+    chosen = np.arange(count) % 2 == 0
+    all_seen = gather(own, light, mask, angles, chosen, rng, tone)
+    assert torch.equal(all_seen[~chosen], own[~chosen])
+    assert torch.equal(torch.where(own[:, 3:] == 1, all_seen, own), own)
+    more = all_seen[chosen][:, 3].mean(dim=(1, 2)) / own[chosen][:, 3].mean(dim=(1, 2))
+    assert more.min() >= 1.0
+    assert 1.5 < more.mean() < MOST_OTHERS + 1
+    assert all_seen[:, 3].max() <= 1.0
+    behind = all_seen[chosen][:, 3, :, :32].mean()  # behind the camera, which its own photo cannot show
+    assert behind > 0.1
+    assert own[:, 3, :, :32].max() == 0.0
+    sure = (all_seen[chosen][:, 3] > 0.999) & (own[chosen][:, 3] < 0.001)
+    shown, truth = all_seen[chosen][:, :3], tone(light[chosen])
+    off = torch.stack([(shown - torch.roll(truth, k, dims=3)).abs().amax(dim=1) for k in range(-2, 3)]).amin(
+        dim=0
+    )
+    assert off[sure].mean() < 0.05  # the gain alone
+    assert off[sure].quantile(0.99) < 0.2
+
+
+def test_another_cameras_window_lies_where_it_looks():
+    """A camera turned a quarter to the left (yaw +90 degrees: towards -X) shows the map's middle of the left half."""
+    frame = np.array([[-0.3, 0.3, -0.2, 0.2]])
+    turn = rotation_y(np.pi / 2)[None]
+    cover = _shown(64, torch.zeros(1, 1, 128, 128), torch.tensor([0.1]), frame, turn)[0, 0].numpy()
+    d = pixel_directions(64)
+    middle = (d * cover[..., None]).sum(axis=(0, 1))
+    np.testing.assert_allclose(middle / np.linalg.norm(middle), [-1, 0, 0], atol=1e-3)

@@ -26,7 +26,7 @@ from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.reshaped import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
-from anyprobe.dataset.surroundings import draw_frame, photo_around, unsteady
+from anyprobe.dataset.surroundings import draw_frame, gather, photo_around, unsteady
 from anyprobe.render.reflectance import stand_ins
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.albedo import albedo_table
@@ -47,6 +47,7 @@ class PairConfig:
         tracked model.
     around: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.surroundings).
+    gathered: of these, the share of which also what other photos of the object show is known.
     joined, reshaped: shares of surfaces before which another is put, and that are given another shape
         (dataset.reshaped).
     """
@@ -63,6 +64,7 @@ class PairConfig:
     cut_out: float = 0.0
     told: float = 0.0
     around: float = 0.0
+    gathered: float = 0.0
     joined: float = 0.0
     reshaped: float = 0.0
 
@@ -188,13 +190,11 @@ class PairSource:
         if self.config.around > 0:
             framed &= rng.random(count) < self.config.around
             frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
-            around = photo_around(
-                unsteady(light, rng),
-                photo_mask,
-                angles,
-                frames,
-                partial(self._tone, curve=curves(shots, self.device)),
-            )
+            tone = partial(self._tone, curve=curves(shots, self.device))
+            around = photo_around(unsteady(light, rng), photo_mask, angles, frames, tone)
+            if self.config.gathered > 0:
+                more = framed & (rng.random(count) < self.config.gathered)
+                around = gather(around, light, photo_mask, angles, more, rng, tone)
         return Batch(
             photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
+from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 
 GROW = 4
@@ -17,6 +18,10 @@ TURN_COLUMNS = 2
 """Columns of the map (2.8 degrees) that the surroundings are off by at most: they are not as far as the light."""
 GAIN_STOPS = 0.1
 """Standard deviation of what they are brighter by in the photo, by vignetting and the like."""
+MOST_OTHERS = 7
+"""Photos beside the one, of which surroundings may be gathered."""
+PITCH_DEG = 10.0
+"""Standard deviation of how far up or down the others look."""
 
 
 def draw_frame(rng: np.random.Generator, tan_half: float) -> np.ndarray:
@@ -45,18 +50,67 @@ def photo_around(
         frames: [B, 4] of draw_frame; an empty one shows nothing.
         tone: the cameras' response.
     """
-    d = torch.from_numpy(pixel_directions(light.shape[2])).to(light.device)
-    depth = -d[..., 2].clip(max=-0.05)
-    plane = torch.stack([d[..., 0], d[..., 1]], dim=-1) / depth[..., None]  # [H, 2H, 2]
-    x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(light.device).T[..., None, None]
-    x, y = plane.unbind(dim=-1)
-    inside = (d[..., 2] < -0.05) & (x > x0) & (x < x1) & (y > y0) & (y < y1)
-    on_crop = plane * torch.tensor([1.0, -1.0], device=light.device) / tan_half.reshape(-1, 1, 1, 1)
-    grown = F.max_pool2d(mask, 2 * GROW + 1, 1, GROW)
-    hidden = F.grid_sample(grown, on_crop, mode="bilinear", align_corners=False)
-    cover = inside[:, None] * (1 - hidden)
+    turns = np.broadcast_to(np.eye(3), (len(light), 3, 3))
+    cover = _shown(light.shape[2], mask, tan_half, frames, turns)
     display = (tone(light).clip(0.0, 1.0) * 255).round() / 255
     return torch.cat([display * cover, cover], dim=1)
+
+
+def gather(
+    around: torch.Tensor,
+    light: torch.Tensor,
+    mask: torch.Tensor,
+    tan_half: torch.Tensor,
+    chosen: np.ndarray,
+    rng: np.random.Generator,
+    tone: Callable[[torch.Tensor], torch.Tensor],
+) -> torch.Tensor:
+    """What photos show, of photo_around, and where they show nothing what other photos of the same object do.
+
+    Their cameras went round it; each shows the map a little off in its own way.
+
+    Args:
+        chosen: [B], which photos come with 1 to MOST_OTHERS others.
+        light, mask, tan_half, tone: of photo_around; the mask stands for the object as the others see it.
+    """
+    counts = rng.integers(1, MOST_OTHERS + 1, len(chosen)) * chosen
+    for number in range(counts.max(initial=0)):
+        turns = np.stack([_turn_round(rng) for _ in chosen])
+        frames = np.stack([draw_frame(rng, each) for each in tan_half.tolist()])
+        frames *= (counts > number)[:, None]
+        cover = _shown(light.shape[2], mask, tan_half, frames, turns)
+        display = (tone(unsteady(light, rng)).clip(0.0, 1.0) * 255).round() / 255
+        around = around + (1 - around[:, 3:]) * torch.cat([display * cover, cover], dim=1)
+    return around
+
+
+def _turn_round(rng: np.random.Generator) -> np.ndarray:
+    """map_from_other [3, 3] of a camera somewhere else round the object, about as high as the first."""
+    turn = rotation_y(rng.uniform(-np.pi, np.pi)) @ rotation_x(np.radians(rng.normal(0.0, PITCH_DEG)))
+    return turn.astype(np.float32)
+
+
+def _shown(
+    height: int, mask: torch.Tensor, tan_half: torch.Tensor, frames: np.ndarray, map_from_photo: np.ndarray
+) -> torch.Tensor:
+    """Which part of a map's pixels photos show beside the object, [B, 1, H, 2H] in [0, 1]; see photo_around.
+
+    map_from_photo: [B, 3, 3], how each camera was turned.
+    """
+    device = mask.device
+    turns = torch.from_numpy(np.asarray(map_from_photo, np.float32)).to(device)
+    d = (
+        torch.from_numpy(pixel_directions(height)).to(device) @ turns[:, None]
+    )  # as rows: in the photos' frames
+    depth = -d[..., 2].clip(max=-0.05)
+    plane = d[..., :2] / depth[..., None]  # [B, H, 2H, 2]
+    x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(device).T[..., None, None]
+    x, y = plane.unbind(dim=-1)
+    inside = (d[..., 2] < -0.05) & (x > x0) & (x < x1) & (y > y0) & (y < y1)
+    on_crop = plane * torch.tensor([1.0, -1.0], device=device) / tan_half.reshape(-1, 1, 1, 1)
+    grown = F.max_pool2d(mask, 2 * GROW + 1, 1, GROW)
+    hidden = F.grid_sample(grown, on_crop, mode="bilinear", align_corners=False)
+    return inside[:, None] * (1 - hidden)
 
 
 def unsteady(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:

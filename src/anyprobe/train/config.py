@@ -73,11 +73,11 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=2_800,
+        steps=4_400,
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=91, cut_out=0.2, told=0.3, around=0.7, joined=0.3, reshaped=0.4),
+        pairs=PairConfig(seed=101, cut_out=0.2, told=0.3, around=0.7, gathered=0.4, joined=0.3, reshaped=0.4),
         surfaces=SurfaceConfig(
             views=12,
             own_views=1,
@@ -90,7 +90,7 @@ def lift() -> RunConfig:
             relief=0.55,
             seed=21,
         ),
-        light=LightConfig(procedural=200, variants=600, seed=14),
+        light=LightConfig(procedural=200, variants=600, seed=18),
     )
 
 
