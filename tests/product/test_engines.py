@@ -2,12 +2,15 @@
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
+import onnxruntime
 import pytest
 from support.some_pair import ball_pair
 
 from anyprobe.errors import InputError, MissingExtra
+from anyprobe.infer import engines
 from anyprobe.infer.runtime import Models
 
 
@@ -50,3 +53,29 @@ def test_absent_engine_names_its_extra(monkeypatch):
 def test_unknown_engine_names_the_known():
     with pytest.raises(InputError, match="expected one of onnxruntime, openvino"):
         Models(engine="tensorrt")
+
+
+def test_cuda_is_refused_where_there_is_none_and_never_replaced_in_silence(monkeypatch):
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
+    with pytest.raises(InputError, match="expected an NVIDIA GPU and onnxruntime-gpu"):
+        Models(engine="cuda")
+    asked = []
+
+    class Session:
+        """A runtime with CUDA, on a machine with or without a GPU."""
+
+        has_gpu = False
+
+        def __init__(self, path, providers):
+            asked.append(providers)
+
+        def get_providers(self):
+            return ["CUDAExecutionProvider", "CPUExecutionProvider"][0 if self.has_gpu else 1 :]
+
+    monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CUDAExecutionProvider"])
+    monkeypatch.setattr(engines.onnxruntime, "InferenceSession", Session)
+    with pytest.raises(InputError, match="expected an NVIDIA GPU"):
+        engines._open_cuda(Path("light.onnx"))
+    Session.has_gpu = True
+    assert isinstance(engines._open_cuda(Path("light.onnx")), Session)
+    assert asked == [["CUDAExecutionProvider", "CPUExecutionProvider"]] * 2

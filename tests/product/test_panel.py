@@ -5,7 +5,7 @@ import pytest
 from support.some_pair import ball_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.core.response import response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.evaluate.lights import find_lights, matched_lights_deg, nearest_mean_deg, peak_direction
@@ -23,10 +23,13 @@ from anyprobe.evaluate.panel import (
     tone,
 )
 from anyprobe.evaluate.three_balls import (
+    MIRROR_SIZE,
+    _mirror,
     clean_scores,
     field_scores,
     field_tone,
     normalised_rmse,
+    pixel_angle_deg,
     pixel_rmse,
     pixel_si_rmse,
 )
@@ -154,6 +157,28 @@ def test_field_scores_do_not_see_exposure_and_clean_ones_do():
     assert clean["clean_silver_si_rmse"] == pytest.approx(0.0, abs=1e-4)
 
 
+def test_a_mirror_ball_shows_as_much_light_as_the_sphere_sends():
+    """Seen from far away, each pixel of the ball shows the same solid angle: its mean is the map's, sun or not."""
+    sun = uniform(0.02)
+    sun[20, 17] = 900.0  # one pixel of 2.8 degrees
+    weights = np.broadcast_to(pixel_solid_angles(64), (64, 128)) / (4 * np.pi)
+    (ball,) = _mirror([sun], 1.0)
+    assert ball.mean() == pytest.approx((sun[..., 0] * weights).sum(), rel=0.03)
+
+
+def test_the_fields_mirror_grows_brighter_towards_its_edge():
+    (ball,) = _mirror([uniform()], 0.8)
+    slant = ball_normals(MIRROR_SIZE)[0][:, 2]
+    np.testing.assert_allclose(ball[slant > 0.99], 0.8, atol=1e-4)
+    assert ball[slant < 0.1].min() > 0.9
+
+
+def test_black_pixels_count_no_angle_in_the_published_figure():
+    p, g = np.array([[1.0, 0, 0], [0, 0, 0]]), np.array([[0, 1.0, 0], [1.0, 0, 0]])
+    assert pixel_angle_deg(p, g) == pytest.approx(45.0)
+    assert pixel_angle_deg(np.zeros((2, 3)), g) == 0.0
+
+
 def test_white_ball_sends_back_what_it_gets():
     matrix = ball_matrix(64, 16, albedo=1.0)
     (ball,) = light(matrix, [uniform(0.7)])
@@ -214,5 +239,10 @@ def test_the_truth_scores_perfectly_and_ldr_methods_have_no_hdr_figures():
         else:
             assert value == pytest.approx(0.0, abs=0.1), name
     assert "hdr_rmse" not in rows["grey"]
+    assert "flux_stops" not in rows["grey"]
+    linear = inverse_response(np.repeat(ldr.mean(axis=2, keepdims=True), 3, axis=2))
+    (relit,) = relight_scores([pair.radiance, linear])
+    assert rows["grey"]["relight_rmse"] == pytest.approx(relit["relight_rmse"])
+    assert {"field_mirror_rmse", "clean_mirror_rmse", "array_rmse"} <= set(rows["grey"])
     assert "irradiance_ssim" not in rows["grey"]
     assert rows["grey"]["ldr_rmse"] > 0.0

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from anyprobe.cli.app import app
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
-from anyprobe.evaluate.lamps import lamp_angles, lamp_group, load_lamps
+from anyprobe.evaluate.lamps import CONSTANT, lamp_angles, lamp_group, load_lamps
 from anyprobe.evaluate.panel import Estimate
 from anyprobe.evaluate.real import COLUMNS, load_real, read_real, score_real
 from anyprobe.evaluate.report import _real
@@ -106,7 +106,8 @@ def test_a_lamp_s_angle_is_that_to_an_object_beside_the_middle(folder, fov_deg):
     ):
         write(folder, LAMP | {"lamp": lamp, "fov_deg": fov_deg})
         angles = lamp_angles(load_lamps(folder, read_real(folder)), {"behind": behind_the_camera})
-        assert angles == {"ball.png": {"behind": pytest.approx(expected, abs=0.02)}}
+        angle = pytest.approx(expected, abs=0.02)
+        assert angles == {"ball.png": {CONSTANT: angle, "behind": angle}}
 
 
 def test_a_lamp_group_has_means_and_medians_and_leaves_out_methods_without_radiance(folder):
@@ -115,7 +116,10 @@ def test_a_lamp_group_has_means_and_medians_and_leaves_out_methods_without_radia
 
     write(folder, LAMP)
     photos = load_lamps(folder, read_real(folder))
-    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["ball.png"]) == {"behind"}
+    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["ball.png"]) == {
+        CONSTANT,
+        "behind",
+    }
     group = lamp_group({"a": {"one": 1.0}, "b": {"one": 2.0}, "c": {"one": 9.0}})
     assert group == {
         "pairs": 3,
@@ -177,7 +181,12 @@ def test_the_command_writes_what_the_report_reads(folder):
     content = json.loads((out / "real.json").read_text())
     designs = [row["design"] for row in content["groups"]["specular"]["rows"]]
     assert designs == ["mean map", "chrome ball", "paper"]
-    text = "\n".join(_real({"real": content}))
+    text = "\n".join(_real({"real": content}, {"real": "real.jpg"}))
+    assert text.endswith("(real.jpg)")
+    with Image.open(out / "real.jpg") as sheet:
+        assert sheet.width > 5 * 80  # photo, measured, and a ball of each method
+    assert content["paper"]["last_run_pairs"] == 320_000
+    assert content["commit"]
     assert "Specular, 1 photos" in text
     assert "| chrome ball (no network) |" in text
     assert "photos" not in content  # no lamps
@@ -195,17 +204,51 @@ def test_a_mixed_folder_gives_both_groups_and_the_report_shows_them(folder):
     assert content["groups"]["specular"]["pairs"] == content["groups"]["lamp"]["pairs"] == 1
     assert set(content["photos"]) == {"ball.png"}
     angles = content["photos"]["ball.png"]
-    assert list(angles) == ["mean map", "chrome ball", "paper"]
+    assert list(angles) == [CONSTANT, "mean map", "chrome ball", "paper"]
     for row in content["groups"]["lamp"]["rows"]:
         assert row["main_light_deg"] == row["main_light_median_deg"] == angles[row["design"]]
-    lines = list(_real({"real": content}))
+    lines = list(_real({"real": content}, {}))
     assert "Specular, 1 photos:" in lines
     below = lines[lines.index("Lamp, 1 photos:") :]
     assert "| method | main light | main light median |" in below
-    assert "| photo | mean map (no network) | chrome ball (no network) | paper |" in below
+    assert (
+        "| photo | towards the camera | mean map (no network) | chrome ball (no network) | paper |" in below
+    )
     assert [line for line in below if line.startswith("| ball.png |")] == [
         "| ball.png | " + " | ".join(f"{angle:.1f}" for angle in angles.values()) + " |"
     ]
+
+
+def test_a_method_that_is_told_normals_is_scored_where_all_photos_have_them(folder):
+    """A bent normal map of the photo's size: seen by the method in the crop's frame, unit, as large as the crop."""
+    normals = np.zeros((120, 240, 3), np.uint8)
+    normals[40:80, 180:220] = (128, 128, 255)  # towards the camera
+    Image.fromarray(normals).save(folder / "n.png")
+    seen = []
+
+    def meka(pair):
+        seen.append(pair.normals)
+        return Estimate(ldr=response(pair.radiance))
+
+    def score(*rows):
+        write(folder, *rows)
+        found = score_real(load_real(folder, read_real(folder)), {"meka": meka, "other": meka_twin})
+        return {kind: [row["design"] for row in one["rows"]] for kind, one in found.items()}
+
+    def meka_twin(pair):
+        return Estimate(ldr=response(pair.radiance))
+
+    told = GOOD | {"normals": "n.png"}
+    assert score(told, told | {"kind": "diffuse"}, GOOD | {"kind": "diffuse"}) == {
+        "specular": ["meka", "other"],
+        "diffuse": ["other"],
+    }
+    assert seen[0].shape == (128, 128, 3)
+    inside = seen[0][60:68, 60:68].reshape(-1, 3).mean(axis=0)
+    off = np.arctan(80 / 120 * np.tan(np.radians(30)))  # the crop looks that far to the right
+    np.testing.assert_allclose(inside, [np.sin(off), 0, np.cos(off)], atol=0.02)
+    with pytest.raises(InputError, match="the file m2.png, found none"):
+        score(GOOD | {"normals": "m2.png"})
 
 
 def test_lamps_alone_need_no_other_columns(folder):
@@ -215,6 +258,13 @@ def test_lamps_alone_need_no_other_columns(folder):
     rows = read_real(folder)
     assert list(load_real(folder, rows)) == []
     assert [photo.name for photo in load_lamps(folder, rows)] == ["ball.png"]
+
+
+@pytest.mark.parametrize("more", [("--model", "lift", "--model", "paper"), ("--run", "training/designs")])
+def test_more_than_one_model_is_for_real_photos(tmp_path, more):
+    refused = CliRunner().invoke(app, ["evaluate", "--hdri", str(tmp_path), "--meshes", str(tmp_path), *more])
+    assert isinstance(refused.exception, InputError)
+    assert "expected one model and no designs without --real DIR" in str(refused.exception)
 
 
 def test_neither_assets_nor_real_photos_is_one_clear_line():

@@ -21,10 +21,10 @@ from anyprobe.evaluate.panel import Estimate
 from anyprobe.evaluate.report import smooth, write_report
 from anyprobe.evaluate.sheets import draw_chart, heat
 from anyprobe.evaluate.study import Study, clustered_error, one_way_variance, study
-from anyprobe.evaluate.tables import result_files
+from anyprobe.evaluate.tables import beside_rivals, by_group, result_files
 from anyprobe.evaluate.tolerance import Tolerance, tolerated
 from anyprobe.evaluate.trials import trial_lines
-from anyprobe.evaluate.verdict import order_lines, step_holds, tolerance_lines
+from anyprobe.evaluate.verdict import order_lines, rival_lines, step_holds, tolerance_lines
 
 ABOUT = {"command": "anyprobe compare", "commit": "abc", "recipes": "0123"}
 
@@ -114,6 +114,28 @@ def test_sentences_count_what_holds():
     assert "Every step of the paper's order holds" in text
 
 
+def test_rivals_are_told_apart_by_two_standard_errors():
+    def ahead(**gains):
+        differences = {
+            rival: {"ball_rmse": {"mean": mean, "standard_error": 0.01}} for rival, mean in gains.items()
+        }
+        return {"groups": {"diffuse": {"pairs": 4, "ahead": {"ours": differences}}}}
+
+    (_, line) = rival_lines(ahead(meka=-0.03, georgoulis=0.015), ("ball_rmse",))
+    assert line == "- diffuse, RMSE: ours is better than meka; is level with georgoulis."
+    (_, line) = rival_lines(ahead(meka=-0.03, georgoulis=-0.025), ("ball_rmse",))
+    assert line == "- diffuse, RMSE: ours is better than every rival and baseline."
+    (_, line) = rival_lines(ahead(meka=0.03), ("ball_rmse",))
+    assert line == "- diffuse, RMSE: ours is behind meka."
+
+
+def test_rivals_are_compared_group_by_group():
+    result = invented(ours=(0.1, 0.3, 0.5, 0.9), meka=(0.2, 0.4, 0.1, 0.5))
+    groups = beside_rivals(result, by_group(result, ("ldr_ssim",), ("specular", "diffuse")), ("ldr_ssim",))
+    means = {name: one["ahead"]["ours"]["meka"]["ldr_ssim"]["mean"] for name, one in groups.items()}
+    assert means == {"specular": pytest.approx(-0.1), "diffuse": pytest.approx(0.4)}
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Result files and pictures of a real study of two pairs, with invented designs."""
@@ -169,7 +191,14 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
     assert len(steps) == 1
     assert "holds in 6" not in steps[0]
     assert "- direct: 0.3700 to 0.2200 (40.5 % less)" in text  # means of three, ending at 15 and at 30
-    assert "not better than meka" in text  # it was given the truth
+    balls = text.split("## Balls")[1].split("\n## ")[0]
+    assert re.search(r"- specular, RMSE: ours .*is behind meka", balls)  # it was given the truth
+    assert "- all, RMSE: ours is" in text.split("## Relighting")[1].split("\n## ")[0]
+    table = text.split("HDR network: ideal")[1]
+    assert [line.split(" |")[0] for line in table.splitlines()[4:6]] == ["| ideal", "| ours"]
+    assert "nearer than ideal" not in table
+    assert "**-**" not in text
+    assert "of 2 maps\nand 1 shapes" in text
     assert not re.search(r"\bnan\b|\binf\b", text)
     for line in text.splitlines():
         if line.startswith("!["):

@@ -29,6 +29,8 @@ def test_every_network_and_the_whole_call_are_timed(content):
         assert 0 < times["fastest"] <= times["median"]
         assert times["processor"] > 0
     assert content["command"] == "anyprobe timing --model paper --threads 1"
+    assert content["paper"]["last_run_pairs"] == 320_000
+    assert content["commit"]
 
 
 def test_the_page_has_ours_and_the_paper_s(content):

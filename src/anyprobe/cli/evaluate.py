@@ -79,7 +79,10 @@ def evaluate(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
     ),
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    model: Annotated[
+        list[str] | None,
+        typer.Option(help="Bundled model, or a folder of graphs; with --real repeat for more."),
+    ] = None,
     engine: Annotated[
         str, typer.Option(help=f"What computes it: one of {', '.join(ENGINES)}.")
     ] = DEFAULT_ENGINE,
@@ -87,10 +90,14 @@ def evaluate(
         Path | None,
         typer.Option(help="Folder of real photos with measured maps or known lamps instead."),
     ] = None,
+    run: Annotated[
+        Path | None, typer.Option(help="With --real: also the trained designs of a run's folder.")
+    ] = None,
 ) -> None:
     """Render a fixed test set, score the model and two baselines, print the table."""
     from anyprobe.core.response import response
 
+    models = model or [DEFAULT_MODEL]
     if real is not None:
         others = {
             "--hdri": hdri,
@@ -109,8 +116,14 @@ def evaluate(
                 raise InputError(
                     f"{option}: expected test pairs to render, got --real; leave one of them out"
                 )
-        evaluate_real(real, model, out)
+        evaluate_real(real, models, run, out)
         return
+    if len(models) > 1 or run is not None:
+        given = "--run" if run is not None else f"{len(models)} times --model"
+        raise InputError(
+            f"expected one model and no designs without --real DIR, got {given}; compare sets more beside"
+        )
+    name = models[0]
     if hdri is None or meshes is None:
         raise InputError(
             "expected --hdri DIR and --meshes DIR of held-out assets, or --real DIR, got neither"
@@ -128,7 +141,8 @@ def evaluate(
     from anyprobe.evaluate.methods import TOLD
     from anyprobe.evaluate.noisy_masks import with_noisy_mask
     from anyprobe.evaluate.pictures import PictureGrid
-    from anyprobe.evaluate.protocol import METRICS, run
+    from anyprobe.evaluate.protocol import METRICS
+    from anyprobe.evaluate.protocol import run as run_methods
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
@@ -140,27 +154,27 @@ def evaluate(
             f"--pairs {pairs}: expected at most the {len(listed)} pairs that --frozen has, got more; ask for fewer"
         )
     trace = _tracer() if path_traced else None
-    models = Models(model, engine=engine)
-    lifts = models.stages == LIFT_STAGES
-    spread = models.with_lamps(SPREAD) if lifts else None
+    runtime = Models(name, engine=engine)
+    lifts = runtime.stages == LIFT_STAGES
+    spread = runtime.with_lamps(SPREAD) if lifts else None
     irradiance_scores, calibration = [], Calibration()
 
     def network(pair):
-        outputs = models(pair.crop, pair.tan_half)
+        outputs = runtime(pair.crop, pair.tan_half)
         irradiance_scores.append(irradiance_score(outputs.irradiance, pair.irradiance / 255.0))
         if outputs.confidence is not None:
             calibration.add(outputs.confidence, outputs.ldr, response(pair.radiance))
         return outputs.radiance
 
-    name = Path(model).name
+    title = Path(name).name
     if told and not lifts:
         raise InputError(
-            f"--told: expected a model that can be told normals, got {name}; use {DEFAULT_MODEL}"
+            f"--told: expected a model that can be told normals, got {title}; use {DEFAULT_MODEL}"
         )
     methods = {
-        name: network,
-        **({f"{name}, lamps {SPREAD}": partial(_radiance_told, spread, set())} if spread else {}),
-        **{f"{name}, told {what}": partial(_radiance_told, models, TOLD[what]) for what in TOLD if told},
+        title: network,
+        **({f"{title}, lamps {SPREAD}": partial(_radiance_told, spread, set())} if spread else {}),
+        **{f"{title}, told {what}": partial(_radiance_told, runtime, TOLD[what]) for what in TOLD if told},
         "mean map": lambda pair: mean_map(),
         "chrome ball": lambda pair: chrome_ball(pair.crop),
     }
@@ -183,7 +197,7 @@ def evaluate(
             progress.advance(task)
 
         rendered = (render_pair(recipe, stock, trace) for recipe in recipes)
-        scores = run(map(with_noisy_mask, rendered) if noisy_masks else rendered, methods, watch)
+        scores = run_methods(map(with_noisy_mask, rendered) if noisy_masks else rendered, methods, watch)
     table = scores.table()
     irradiance = {
         name: round(sum(one[name] for one in irradiance_scores) / pairs, 5) for name in irradiance_scores[0]
@@ -196,7 +210,7 @@ def evaluate(
         + (" --path-traced" if path_traced else "")
         + (" --told" if told else "")
         + ("" if engine == DEFAULT_ENGINE else f" --engine {engine}"),
-        "model": model_id(model),
+        "model": model_id(name),
         "recipes": digest(recipes),
         "maps": [asset.name for asset in stock.maps.values()],
         "shapes": [asset.name for asset in stock.shapes.values()],

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.compare import RESULTS, write_result
+from anyprobe.cli.compare import RESULTS, commit, write_result
 from anyprobe.infer.engines import DEFAULT_ENGINE, ENGINES
 from anyprobe.infer.runtime import DEFAULT_MODEL
 
@@ -39,6 +39,7 @@ def timing(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for timing.json.")] = RESULTS,
 ) -> None:
     """Time each network, their sum and the whole call, as in the paper's Sect. 5, into timing.json."""
+    from anyprobe.evaluate.methods import origin
     from anyprobe.evaluate.timing import machine_name, time_model
 
     models, engines = model or [DEFAULT_MODEL], engine or [DEFAULT_ENGINE]
@@ -58,7 +59,9 @@ def timing(
                 f"--threads {threads}",
             ]
         ),
+        "commit": commit(),
         "machine": machine_name(),
+        **{Path(name).name: origin(name) for name in models},
         "threads": threads,
         "repeats": repeats,
         "models": made,

@@ -1,4 +1,4 @@
-"""The pictures of a study, collected while it runs: the paper's Figs. 7, 11, 12 and 14."""
+"""The pictures of a study, collected while it runs: the paper's Figs. 7, 11, 12 and 14, and those of real photos."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import numpy as np
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.metrics import rmse
-from anyprobe.evaluate.panel import Estimate, mirror_ball, relit, virtual_object
-from anyprobe.evaluate.sheets import draw_sheet, heat, save
+from anyprobe.evaluate.panel import BALL_SIZE, Estimate, mirror_ball, relit, virtual_object
+from anyprobe.evaluate.real import RealPair
+from anyprobe.evaluate.sheets import draw_sheet, heat, save_sheet
 from anyprobe.light.filtering import blur_cosine_power
 
 SHARPNESS = (1, 8, 64, 216, 512, 1331)
 CHAIN = "ours"
+EMPTY = np.ones((BALL_SIZE, BALL_SIZE, 3), np.float32)
+"""Where a method had not what it must be told."""
 
 
 class Figures:
@@ -32,12 +35,12 @@ class Figures:
 
     def save(self, folder: Path) -> list[Path]:
         """Draw every figure that there is something for; returns the files."""
-        drawn = {"fig7.png": self.gradual(), "fig12.png": self.maps(), "fig13.png": self.balls()}
-        drawn |= {"fig14.png": self.relighting()}
+        drawn = {"fig7.jpg": self.gradual(), "fig12.jpg": self.maps(), "fig13.jpg": self.balls()}
+        drawn |= {"fig14.jpg": self.relighting()}
         if any(CHAIN in estimates for _, estimates in self.kept):
-            drawn["fig11.png"] = self.chain()
+            drawn["fig11.jpg"] = self.chain()
         for name, image in drawn.items():
-            save(folder / name, image)
+            save_sheet(folder / name, image)
         return [folder / name for name in drawn]
 
     def gradual(self):
@@ -76,14 +79,44 @@ class Figures:
 
     def relighting(self):
         """Fig. 14: the virtual object under every map, with its RMSE."""
-        methods = [name for name, one in self.kept[0][1].items() if one.radiance is not None]
+        methods = list(self.kept[0][1])
         mask = virtual_object()[0].mask
         rows, notes = [], []
         for pair, estimates in self.kept:
-            truth, *others = relit([pair.radiance, *(estimates[name].radiance for name in methods)])
+            truth, *others = relit([pair.radiance, *(estimates[name].lights for name in methods)])
             rows.append([pair.crop[..., :3], truth, *others])
             notes.append(["", "", *(f"{rmse(one[mask], truth[mask]):.3f}" for one in others)])
         return draw_sheet(["photo", "truth", *methods], _on_grey(rows), notes, height=96)
+
+
+class RealBalls:
+    """Real photos and every method's LDR map as a mirror ball, beside the measured one: Fig. 12 of a user's own."""
+
+    MOST = 12
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[RealPair, dict[str, Estimate]]] = []
+
+    def add(self, pair: RealPair, estimates: Mapping[str, Estimate]) -> None:
+        """Watch of evaluate.real.score_real."""
+        if len(self.kept) < self.MOST:
+            self.kept.append((pair, dict(estimates)))
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write real.jpg, if there is anything to draw."""
+        if not self.kept:
+            return []
+        methods = list(dict.fromkeys(name for _, estimates in self.kept for name in estimates))
+        rows = [
+            [
+                pair.crop[..., :3],
+                mirror_ball(response(pair.radiance)),
+                *(mirror_ball(one[name].ldr) if name in one else EMPTY for name in methods),
+            ]
+            for pair, one in self.kept
+        ]
+        save_sheet(folder / "real.jpg", draw_sheet(["photo", "measured", *methods], rows, height=80))
+        return [folder / "real.jpg"]
 
 
 def _on_grey(rows: list[list[np.ndarray]]) -> list[list[np.ndarray]]:

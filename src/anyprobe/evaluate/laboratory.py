@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from anyprobe.evaluate.names import named
 from anyprobe.evaluate.paper_rows import TABLE1
 from anyprobe.evaluate.verdict import level_lines, limits_of, order_table, step_holds
 
@@ -38,7 +39,7 @@ def laboratory_lines(world: Mapping[str, Any], found: Mapping[str, Mapping[str, 
     yield "|" + "---|" * (len(heads) + 1)
     for name, row in rows.items():
         cells = [f"{row[figure]:.4f}" if figure in row else "-" for figure in SHOWN]
-        yield f"| {name.replace('_2', ', second seed')} | " + " | ".join(cells) + " |"
+        yield f"| {named(name)} | " + " | ".join(cells) + " |"
     yield ""
     yield from order_table(laboratory["order"])
     yield ""

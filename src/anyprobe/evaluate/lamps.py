@@ -10,9 +10,13 @@ import numpy as np
 
 from anyprobe.evaluate.metrics import direction_error_deg
 from anyprobe.evaluate.panel import Method
+from anyprobe.evaluate.real import can_see, read_direction
 from anyprobe.infer.photo import crop_object, load_photo
 from anyprobe.light.main_light import find_main_light
 
+CONSTANT = "towards the camera"
+"""The baseline that says so of every photo: what flash photos alone cannot tell from an estimate."""
+TOWARDS_CAMERA = np.array([0.0, 0.0, 1.0])
 GROUP = "lamp"
 """What real.json calls these photos, of all kinds together."""
 
@@ -25,18 +29,6 @@ class LampPhoto:
     crop: np.ndarray
     tan_half: float
     lamp: np.ndarray
-
-
-def read_direction(text: str) -> np.ndarray | None:
-    """Three numbers with spaces between them as a unit vector [3]; None where they are no direction."""
-    try:
-        direction = np.array([float(word) for word in text.split()])
-    except ValueError:
-        return None
-    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
-        return None
-    direction = direction / np.abs(direction).max()  # squares of very long or short ones would not fit
-    return direction / np.linalg.norm(direction)
 
 
 def load_lamps(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[LampPhoto]:
@@ -58,8 +50,8 @@ def lamp_angles(photos: Iterable[LampPhoto], methods: Mapping[str, Method]) -> d
     """Photo -> method -> angle [degrees] between its main light and the lamp; LDR methods are left out."""
     angles: dict[str, dict[str, float]] = {}
     for photo in photos:
-        estimates = {name: method(photo) for name, method in methods.items()}
-        angles[photo.name] = {
+        estimates = {name: method(photo) for name, method in methods.items() if can_see(name, photo)}
+        angles[photo.name] = {CONSTANT: round(direction_error_deg(TOWARDS_CAMERA, photo.lamp), 5)} | {
             name: round(direction_error_deg(find_main_light(one.radiance).direction, photo.lamp), 5)
             for name, one in estimates.items()
             if one.radiance is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +14,19 @@ from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair, shot_of
 from anyprobe.evaluate.baselines import chrome_ball, mean_map
 from anyprobe.evaluate.panel import Estimate, Method
+from anyprobe.files.graphs import open_graph
 from anyprobe.infer.known_material import use_material
 from anyprobe.infer.known_normals import SHORTEST
-from anyprobe.infer.runtime import LIFT_STAGES, NORMALS_SIZE, SPREAD, Models, Outputs, model_id
+from anyprobe.infer.runtime import (
+    LIFT_STAGES,
+    NORMALS_SIZE,
+    SPREAD,
+    Models,
+    Outputs,
+    model_id,
+    stages_of,
+    weights_folder,
+)
 from anyprobe.infer.surroundings import see_around, use_surroundings
 
 TOLD = {
@@ -77,7 +88,7 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     return see_around(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
 
 
-def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str, str]]:
+def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str, str | int]]:
     """A bundled model or a folder of graphs by its name, and what identifies it.
 
     told: also the model told a pair's true normals, where it can be, as <name>_normals, and with its lamps spread, as
@@ -95,4 +106,14 @@ def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str
     if told and models.stages == LIFT_STAGES:
         methods[f"{name}_normals"] = partial(method, told={"normals"})
         methods[f"{name}_spread"] = partial(method, told=set(), models=models.with_lamps(SPREAD))
-    return methods, {"model": model_id(model)}
+    return methods, origin(model)
+
+
+def origin(model: str) -> dict[str, str | int]:
+    """What result files say of a shipped model: its id, and how many pairs the last run of its training saw, drawn by
+    which seed, as far as its graphs tell it."""
+    folder = weights_folder(model)
+    told = open_graph(folder / f"{stages_of(folder)[0]}.onnx", 1).get_modelmeta().custom_metadata_map
+    seed = json.loads(told.get("config", "{}")).get("pairs", {}).get("seed")
+    found = {"last_run_pairs": int(told["pairs"]) if "pairs" in told else None, "last_run_seed": seed}
+    return {"model": model_id(model)} | {name: value for name, value in found.items() if value is not None}

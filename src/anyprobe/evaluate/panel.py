@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.core.frames import reflect, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.core.response import response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.dataset.pair import LN_RANGE, Pair
 from anyprobe.evaluate.lights import find_lights, matched_lights_deg, peak_direction
 from anyprobe.evaluate.metrics import (
@@ -36,7 +36,7 @@ from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import Surface, frame_object, see
 
 BALL_SIZE = 64
-VIRTUAL_SIZE = 48
+VIRTUAL_SIZE = 96
 VIRTUAL = {"albedo": 0.5, "f0": 0.05, "alpha": 0.2}
 """The virtual object's grey plastic."""
 
@@ -51,6 +51,11 @@ class Estimate:
     ldr: np.ndarray
     radiance: np.ndarray | None = None
     irradiance: np.ndarray | None = None
+
+    @property
+    def lights(self) -> np.ndarray:
+        """What lights virtual things [64, 128, 3]: the radiance, else the LDR map, linear again."""
+        return inverse_response(self.ldr) if self.radiance is None else self.radiance
 
 
 Method = Callable[[Pair], Estimate]
@@ -121,7 +126,7 @@ def virtual_object() -> tuple[Surface, np.ndarray]:
 
 
 def relit(maps: list[np.ndarray]) -> list[np.ndarray]:
-    """The virtual object under maps [64, 128, 3]: display pictures [48, 48, 3], black around it."""
+    """The virtual object under maps [64, 128, 3]: display pictures [96, 96, 3], black around it."""
     surface, matrix = virtual_object()
     pictures = []
     for values in light(matrix, maps):
@@ -203,7 +208,10 @@ def light_scores(p: Lights, g: Lights) -> dict[str, float]:
 
 
 def score_pair(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, dict[str, float]]:
-    """Every figure of every method on one pair; a figure that a method cannot have is absent."""
+    """Every figure of every method on one pair; a figure that a method cannot have is absent.
+
+    Pictures of virtual things are lit by Estimate.lights, so that methods without HDR maps have them too.
+    """
     true_ldr = response(pair.radiance)
     rows: dict[str, dict[str, float]] = {}
     for name, one in estimates.items():
@@ -212,22 +220,25 @@ def score_pair(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, dict[
             truth, there = pair.irradiance / 255.0, pair.normals.any(axis=-1)
             rows[name] |= irradiance_scores(one.irradiance, truth)
             rows[name]["irradiance_rmse_object"] = rmse(one.irradiance[there], truth[there])
-    lit = {name: one.radiance for name, one in estimates.items() if one.radiance is not None}
-    maps = [pair.radiance, *lit.values()]
+    maps = [pair.radiance, *(one.lights for one in estimates.values())]
     together = zip(
-        lit,
+        estimates,
         field_scores(pair.radiance, maps[1:]),
         clean_scores(pair.radiance, maps[1:]),
         sphere_array_scores(maps),
         relight_scores(maps),
         strict=True,
     )
-    true_lights = Lights.of(pair.radiance)
     for name, *parts in together:
-        for part in (*parts, light_scores(Lights.of(lit[name]), true_lights)):
+        for part in parts:
             rows[name] |= part
-        rows[name] |= hdr_scores(lit[name], pair.radiance) | flux_stops(lit[name], pair.radiance)
-        rows[name]["sh9_irradiance"] = sh_irradiance_error(lit[name], pair.radiance)
+    true_lights = Lights.of(pair.radiance)
+    for name, one in estimates.items():
+        if one.radiance is None:
+            continue
+        rows[name] |= light_scores(Lights.of(one.radiance), true_lights)
+        rows[name] |= hdr_scores(one.radiance, pair.radiance) | flux_stops(one.radiance, pair.radiance)
+        rows[name]["sh9_irradiance"] = sh_irradiance_error(one.radiance, pair.radiance)
     return rows
 
 

@@ -14,7 +14,7 @@ from anyprobe.files.atomic import atomic_path
 GAP, TOP = 3, 20
 COLORS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#7f7f7f", "#17becf")
 CHART = (640, 360)
-MARGIN = (58, 14, 16, 40)
+MARGIN = (58, 14, 30, 40)
 """Left, top, right and bottom of a chart [pixels]."""
 
 
@@ -99,8 +99,13 @@ def draw_chart(
     return image
 
 
-def save(path: Path, image: Image.Image) -> None:
-    """As a small .png of 256 colours, dithered."""
-    palette = image.quantize(256)
+def save_chart(path: Path, image: Image.Image) -> None:
+    """As a small .png: a chart has few colours."""
     with atomic_path(path) as temporary:
-        image.quantize(256, palette=palette).save(temporary, format="PNG", optimize=True)
+        image.quantize(256, dither=Image.Dither.NONE).save(temporary, format="PNG", optimize=True)
+
+
+def save_sheet(path: Path, image: Image.Image) -> None:
+    """As a .jpg of full colour: what looks like noise or texture in it is in the pictures."""
+    with atomic_path(path) as temporary:
+        image.save(temporary, format="JPEG", quality=92, subsampling=0, optimize=True)

@@ -63,14 +63,18 @@ class Study:
         """Pairs in a group."""
         return sum(group in member for member in self.groups)
 
-    def difference(self, better: str, worse: str, name: str) -> dict[str, float]:
-        """Mean of better minus worse over pairs, and its standard error (clustered_error)."""
-        both = zip(self.rows[better], self.rows[worse], self.maps, self.shapes, strict=True)
-        found = [(a[name] - b[name], *where) for a, b, *where in both if name in a and name in b]
+    def difference(self, better: str, worse: str, name: str, group: str = "all") -> dict[str, float]:
+        """Mean of better minus worse over a group's pairs, and its standard error (clustered_error)."""
+        both = zip(self.rows[better], self.rows[worse], self.maps, self.shapes, self.groups, strict=True)
+        found = [
+            (a[name] - b[name], *where)
+            for a, b, *where, member in both
+            if group in member and name in a and name in b
+        ]
         d, maps, shapes = zip(*found, strict=True)
         return {
-            "mean": round(float(np.mean(d)), 5),
-            "standard_error": round(clustered_error(d, maps, shapes), 5),
+            "mean": round(float(np.mean(d)), 7),
+            "standard_error": round(clustered_error(d, maps, shapes), 7),
         }
 
 

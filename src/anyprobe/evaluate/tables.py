@@ -56,6 +56,9 @@ SPLITS = (
 )
 ORDER = ("direct", "irradiance", "ours", "ideal")
 """The paper's, from worst to best."""
+RIVALS = ("georgoulis", "meka", "mean map", "chrome ball")
+"""And trivial baselines."""
+BESIDE_RIVALS = ("ours", "paper", "lift")
 
 NOTES = {
     "table1": "Mean over pairs. irradiance: 128 x 128 display values, whole picture. ldr: 64 x 128 display values, "
@@ -63,9 +66,11 @@ NOTES = {
     "SSIM of (L / (1 + L))^(1 / 2.2).",
     "fig13": "LDR maps as 64 x 64 mirror balls: PSNR and RMSE inside the ball, SSIM of the picture.",
     "fig14": "RMSE of the display values of a vase of grey plastic (albedo 0.5, f0 0.05, alpha 0.2) lit by the "
-    "estimate and by the truth.",
+    "estimate and by the truth. Methods without an HDR map light it with their LDR map, linear again by the inverse "
+    "curve.",
     "field": "Three balls by the field's published arithmetic (field_...), in linear radiance (clean_..., in units of "
-    "the true ball's mean), and nine spheres on a plane (median over pairs).",
+    "the true ball's mean), and nine spheres on a plane (median over pairs). Methods without an HDR "
+    "map light them with their LDR map, linear again by the inverse curve. Mirror balls: 282 pixels wide, others 32.",
     "lights": "Angles in degrees. peak: after a mean over 5 degrees; lights: matched as EnvMapNet does, with luminance "
     "put right and as published, over those pairs alone whose maps both have lights that can be counted (how many is "
     "given; rows do not compare); sh9_irradiance: relative RMS; flux in stops.",
@@ -86,11 +91,17 @@ def rows(study: Study, names: Iterable[str], group: str = "all") -> list[dict[st
 
 def result_files(study: Study, about: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Name without .json -> content; each carries `about` (command, commit, seed, pairs trained ...)."""
-    head = about | {"pairs": study.count("all")}
+    head = about | {
+        "pairs": study.count("all"),
+        "maps": len(set(study.maps)),
+        "shapes": len(set(study.shapes)),
+    }
     files: dict[str, dict[str, Any]] = {
         "table1": {"rows": rows(study, TABLE1), "order": order(study), "standard_errors": CLUSTERED},
-        "fig13": {"groups": by_group(study, FIG13, ("specular", "diffuse"))},
-        "fig14": {"groups": by_group(study, FIG14, ("all", "specular", "diffuse"))},
+        "fig13": {"groups": beside_rivals(study, by_group(study, FIG13, ("specular", "diffuse")), FIG13)},
+        "fig14": {
+            "groups": beside_rivals(study, by_group(study, FIG14, ("all", "specular", "diffuse")), FIG14)
+        },
         "field": {"rows": rows(study, (*FIELD, *CLEAN, *ARRAY))},
         "lights": {"rows": rows(study, LIGHTS)},
         "splits": {"groups": by_group(study, SPLITS, GROUPS)},
@@ -106,6 +117,22 @@ def by_group(study: Study, names: Iterable[str], groups: Iterable[str]) -> dict[
         for group in groups
         if study.count(group)
     }
+
+
+def beside_rivals(study: Study, groups: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """The groups of by_group, each with "ahead": method -> rival -> figure -> how much more the method has of it."""
+    names = tuple(names)
+    for group, one in groups.items():
+        one["ahead"] = {
+            method: {
+                rival: {name: study.difference(method, rival, name, group) for name in names}
+                for rival in RIVALS
+                if rival in study.rows
+            }
+            for method in BESIDE_RIVALS
+            if method in study.rows
+        }
+    return groups
 
 
 def order(study: Study) -> dict[str, Any]:

@@ -19,14 +19,18 @@ from anyprobe.evaluate.metrics import color_angle_deg, rmse, si_rmse
 from anyprobe.evaluate.transport import ball_matrix, light
 from anyprobe.light.environment import shrink
 from anyprobe.render.balls import SILVER_ALPHA, SILVER_F0, ball_normals
+from anyprobe.scatter.microfacet import schlick_weight
 
 FIELD_ROWS = 128
 FIELD_SIZE = 32
-"""Side of the ball's picture in pixels."""
+"""Side of the matt and the silver ball's picture in pixels: their lobes are wider than its pixels."""
+MIRROR_SIZE = 282
+"""Of the mirror ball's, which shows every sun of the map: as the published picture's ball (BALL_SHARE of 960 x 540)."""
 FIELD_BASE = 0.8
 FIELD_DIFFUSE = {"albedo": FIELD_BASE, "f0": 0.04, "alpha": 0.364**2}
 """Principled BSDF: metallic 0, specular 0.5, roughness 0.364, which is sqrt(alpha)."""
 FIELD_SILVER = {"f0": FIELD_BASE, "alpha": 0.3271**2}
+"""Metallic 1; like the mirror's, its Fresnel term rises from the base to 1 (Schlick)."""
 BALL_SHARE = 0.12
 """Share of the published picture (960 x 540, 85 mm, 16.1 radii away) that the ball fills."""
 BALLS = ("diffuse", "silver", "mirror")
@@ -47,10 +51,12 @@ def _resize(radiance: np.ndarray, rows: int) -> np.ndarray:
     return bilinear(radiance, np.stack([u, v], axis=-1).astype(np.float32))
 
 
-def _mirror(maps: Sequence[np.ndarray], size: int, base: float) -> list[np.ndarray]:
-    normals, _ = ball_normals(size)
+def _mirror(maps: Sequence[np.ndarray], f0: float) -> list[np.ndarray]:
+    """Mirror balls [P, 3] of MIRROR_SIZE: the map times Schlick's Fresnel term."""
+    normals, _ = ball_normals(MIRROR_SIZE)
     uv = direction_to_uv(reflect(np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape), normals))
-    return [base * bilinear(one, uv) for one in maps]
+    fresnel = f0 + (1.0 - f0) * schlick_weight(normals[:, 2:])
+    return [fresnel * bilinear(one, uv) for one in maps]
 
 
 def field_balls(maps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
@@ -59,7 +65,7 @@ def field_balls(maps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
     pictures = {
         "diffuse": light(ball_matrix(FIELD_ROWS, FIELD_SIZE, **FIELD_DIFFUSE), toned),
         "silver": light(ball_matrix(FIELD_ROWS, FIELD_SIZE, **FIELD_SILVER), toned),
-        "mirror": _mirror(toned, FIELD_SIZE, FIELD_BASE),
+        "mirror": _mirror(toned, FIELD_BASE),
     }
     return [{name: pictures[name][k] for name in BALLS} for k in range(len(maps))]
 
@@ -82,6 +88,12 @@ def normalised_rmse(p: np.ndarray, g: np.ndarray) -> float:
     return pixel_rmse(_spread(p), _spread(g))
 
 
+def pixel_angle_deg(p: np.ndarray, g: np.ndarray) -> float:
+    """Mean angle between RGB vectors [degrees]; 0 where either is black, as the script's NaN becomes."""
+    both = (p > 0).any(axis=-1) & (g > 0).any(axis=-1)
+    return color_angle_deg(p, g, both) * float(both.mean()) if both.any() else 0.0
+
+
 def _spread(ball: np.ndarray) -> np.ndarray:
     empty = np.zeros(round(ball.size * (1 / BALL_SHARE - 1)))
     low, high = np.percentile(np.concatenate([ball.reshape(-1), empty]), [0.01, 99.9])
@@ -98,7 +110,7 @@ def field_scores(truth: np.ndarray, estimates: Sequence[np.ndarray]) -> list[dic
             p, g = balls[name], true[name]
             row[f"field_{name}_rmse"] = pixel_rmse(p, g)
             row[f"field_{name}_si_rmse"] = pixel_si_rmse(p, g)
-            row[f"field_{name}_angle_deg"] = color_angle_deg(p, g, np.ones(len(p), bool))
+            row[f"field_{name}_angle_deg"] = pixel_angle_deg(p, g)
             row[f"field_{name}_n_rmse"] = normalised_rmse(p, g)
         result.append(row)
     return result
@@ -116,7 +128,7 @@ def clean_scores(
     pictures = {
         "diffuse": light(ball_matrix(height, size, albedo=1.0), maps),
         "silver": light(ball_matrix(height, size, f0=SILVER_F0, alpha=SILVER_ALPHA), maps),
-        "mirror": _mirror(maps, size, 1.0),
+        "mirror": _mirror(maps, 1.0),
     }
     result: list[dict[str, float]] = []
     for k in range(1, len(maps)):

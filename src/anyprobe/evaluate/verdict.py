@@ -10,12 +10,11 @@ from anyprobe.evaluate.paper_rows import TABLE1
 from anyprobe.evaluate.tolerance import DESIGNS as TOLERANT
 from anyprobe.evaluate.tolerance import tolerated
 
-LOWER_IS_BETTER = ("ldr_rmse", "hdr_rmse")
+LOWER_IS_BETTER = ("ldr_rmse", "hdr_rmse", "ball_rmse", "relight_rmse")
 SURE = 2.0
 """Standard errors from zero."""
 CURVES = ("direct", "irradiance", "ours_sharp", "irradiance_2", "ours_2_sharp")
 """Columns of a run's log that compare: each error is against the map itself."""
-RIVALS = ("georgoulis", "meka", "mean map", "chrome ball")
 
 
 def step_holds(name: str, difference: Mapping[str, float]) -> str:
@@ -73,7 +72,7 @@ def order_table(order: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Itera
 def gain_cell(name: str, one: Mapping[str, float]) -> str:
     """A step's gain in a figure, positive where the second is better, its standard error, and what follows."""
     gain = -one["mean"] if name in LOWER_IS_BETTER else one["mean"]
-    return f"{gain:+.4f} +- {one['standard_error']:.4f}, {step_holds(name, one)}"
+    return f"{gain:+.5f} +- {one['standard_error']:.5f}, {step_holds(name, one)}"
 
 
 def limit_lines(table1: Mapping[str, Any]) -> Iterable[str]:
@@ -97,10 +96,48 @@ def limit_lines(table1: Mapping[str, Any]) -> Iterable[str]:
     yield f"  {change('ldr_ssim')}, {change('ldr_rmse')}."
     yield "- Illumination network: the true LDR map in its place takes"
     yield f"  {change('hdr_ssim')}, {change('hdr_rmse')}."
-    if "paper" in rows:
+    if "paper" in rows and "last_run_pairs" in table1.get("paper", {}):
         yield "- Size and other pairs: the shipped chain `paper`, wider and of larger pictures and maps, after"
-        yield f"  320,000 older pairs, takes {change('ldr_ssim', rows['paper'])},"
+        yield f"  {table1['paper']['last_run_pairs']:,} older pairs, takes {change('ldr_ssim', rows['paper'])},"
         yield f"  {change('ldr_rmse', rows['paper'])}."
+
+
+LIT = {
+    "relit object, RMSE": ("fig14", "relight_rmse"),
+    "irradiance, SH9": ("lights", "sh9_irradiance"),
+    "flux, stops": ("lights", "flux_stops"),
+    "main light, degrees": ("lights", "main_light_deg"),
+}
+"""What an HDR map is for: the result file and the figure."""
+
+
+def hdr_lines(found: Mapping[str, Any]) -> Iterable[str]:
+    """What the HDR network loses by itself: ideal, which gives it the true LDR map, beside light from photos."""
+    if not {"fig14", "lights"} <= set(found):
+        return
+    rows = {
+        "fig14": {row["design"]: row for row in found["fig14"]["groups"]["all"]["rows"]},
+        "lights": {row["design"]: row for row in found["lights"]["rows"]},
+    }
+    methods = [name for name in ("ideal", "ours", "paper", "lift") if name in rows["lights"]]
+    if "ideal" not in methods:
+        return
+    yield "- HDR network: ideal gives it the *true* LDR map; what its light still loses, beside light from photos:"
+    yield ""
+    yield "| light of | " + " | ".join(LIT) + " |"
+    yield "|" + "---|" * (len(LIT) + 1)
+    for name in methods:
+        yield f"| {name} | " + " | ".join(f"{rows[file][name][key]:.3f}" for file, key in LIT.values()) + " |"
+    lost = {
+        name: [
+            title for title, (file, key) in LIT.items() if rows[file][name][key] < rows[file]["ideal"][key]
+        ]
+        for name in methods[1:]
+    }
+    yield ""
+    for name, figures in lost.items():
+        if figures:
+            yield f"  {name}, which sees the photo alone, is nearer than ideal in: {'; '.join(figures)}."
 
 
 def tolerance_lines(tolerance: Mapping[str, Any]) -> Iterable[str]:
@@ -236,22 +273,28 @@ def curve_lines(gradual: Mapping[str, Any]) -> Iterable[str]:
             yield f"- {title}: {middle:.4f} to {last:.4f} ({fall:.1f} % less)"
 
 
-def rival_lines(fig13: Mapping[str, Any], ours: str = "ours") -> Iterable[str]:
-    """Whether `ours` is better than every rival and baseline, group by group."""
+def rival_lines(found: Mapping[str, Any], figures: Sequence[str]) -> Iterable[str]:
+    """Of each method that is set beside rivals and baselines, group by group and figure by figure: better, level or
+    behind, by two standard errors pair by pair."""
     yield ""
-    for group, one in fig13["groups"].items():
-        rows = {row["design"]: row for row in one["rows"]}
-        if ours not in rows:
-            continue
-        for name, better in (("ball_ssim", 1), ("ball_rmse", -1)):
-            lost = [
-                rival
-                for rival in RIVALS
-                if rival in rows and better * (rows[ours][name] - rows[rival][name]) <= 0
-            ]
-            verdict = (
-                "is better than every rival and baseline"
-                if not lost
-                else f"is not better than {', '.join(lost)}"
-            )
-            yield f"- {group}, {name.replace('ball_', '').upper()}: {ours} {verdict}."
+    for group, one in found["groups"].items():
+        for method, rivals in one.get("ahead", {}).items():
+            for name in figures:
+                if all(name in differences for differences in rivals.values()) and rivals:
+                    verdicts = {
+                        rival: step_holds(name, differences[name]) for rival, differences in rivals.items()
+                    }
+                    yield f"- {group}, {name.split('_')[-1].upper()}: {method} {_beside(verdicts)}."
+
+
+def _beside(verdicts: Mapping[str, str]) -> str:
+    """Of rival -> step_holds, in words."""
+    words = {"holds": "is better than", "is open": "is level with", "is reversed": "is behind"}
+    if set(verdicts.values()) == {"holds"}:
+        return "is better than every rival and baseline"
+    parts = []
+    for verdict, word in words.items():
+        named = [rival for rival, one in verdicts.items() if one == verdict]
+        if named:
+            parts.append(f"{word} {', '.join(named)}")
+    return "; ".join(parts)

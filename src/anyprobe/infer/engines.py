@@ -1,4 +1,4 @@
-"""Engines that run a graph on the CPU: ONNX Runtime, always there, and OpenVINO, faster where it is installed."""
+"""Engines that run a graph: ONNX Runtime on the CPU, always there; OpenVINO, faster where it is installed; CUDA."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import onnxruntime
 
 from anyprobe.errors import InputError, MissingExtra
 
-ENGINES = ("onnxruntime", "openvino", "openvino-bf16")
+ENGINES = ("onnxruntime", "openvino", "openvino-bf16", "cuda")
 DEFAULT_ENGINE = "onnxruntime"
+CUDA = "CUDAExecutionProvider"
 PRECISION = {"openvino": "f32", "openvino-bf16": "bf16"}
 
 Run = Callable[..., list[np.ndarray]]
@@ -23,18 +24,32 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
     """Run the graph at path, which session has open and checked, by an engine.
 
     openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
-    (docs/conventions.md says by how much); the others compute in float32.
+    (docs/conventions.md says by how much); the others compute in float32. cuda is ONNX Runtime on an NVIDIA GPU.
 
     Raises:
-        InputError: no such engine; MissingExtra: it is not installed.
+        InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
     """
-    if engine == "onnxruntime":
+    if engine == "cuda":
+        session = _open_cuda(path)
+    if engine in ("onnxruntime", "cuda"):
         names = [given.name for given in session.get_inputs()]
         return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
     if engine not in PRECISION:
         raise InputError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
     return _openvino(
         path, {given.name: given.shape for given in session.get_inputs()}, threads, PRECISION[engine]
+    )
+
+
+def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
+    """A session of which the GPU computes what it can; ONNX Runtime by itself would go on without one, silently."""
+    if CUDA in onnxruntime.get_available_providers():
+        session = onnxruntime.InferenceSession(str(path), providers=[CUDA, "CPUExecutionProvider"])
+        if CUDA in session.get_providers():
+            return session
+    raise InputError(
+        "engine 'cuda': expected an NVIDIA GPU and onnxruntime-gpu in the place of onnxruntime, found none; "
+        f"use {DEFAULT_ENGINE}"
     )
 
 
