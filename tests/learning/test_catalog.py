@@ -226,6 +226,14 @@ def test_row_of_another_folder_gives_no_licence(tmp_path):
     assert one.licence == "not stated"
 
 
+def test_the_manifest_says_whose_lights_are_made_up(tmp_path):
+    for name in ("a", "b", "c"):
+        write_hdr(tmp_path / f"{name}.hdr", WHITE)
+    rows = [{"file": "a.hdr", "lifted": "1"}, {"file": "b.hdr", "lifted": "0"}, {"file": "c.hdr"}]
+    write_manifest(tmp_path, rows, columns=("file", "lifted"))
+    assert {one.name: one.lifted for one in load_maps(tmp_path)} == {"a": True, "b": False, "c": False}
+
+
 def test_files_left_out_for_their_licence_are_counted(tmp_path):
     """Also a bad one: nobody asked for it."""
     for name in ("a", "b", "c"):

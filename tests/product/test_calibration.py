@@ -98,14 +98,15 @@ def test_a_model_without_confidence_cannot_be_calibrated():
 
 
 def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
-    made = {
-        only: [SimpleNamespace(id=name) for name in names] for only, names in ((True, "ab"), (False, "abc"))
-    }
+    def assets(names):
+        return [SimpleNamespace(id=name, lifted=name == "d") for name in names]
+
+    made = {True: assets("ab"), False: assets("abcd")}
     monkeypatch.setattr(
         stock, "load_stock", lambda data, split, commercial_only: stock.Stock(*2 * [made[commercial_only]])
     )
     left = stock.load_left_out(Path("data"))
-    assert (list(left.maps), list(left.shapes)) == (["c"], ["c"])
+    assert (list(left.maps), list(left.shapes)) == (["c"], ["c", "d"])  # d: its lights are made up
     made[False] = made[True]
     with pytest.raises(InputError, match="0 maps and 0 shapes"):
         stock.load_left_out(Path("data"))

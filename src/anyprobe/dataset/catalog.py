@@ -63,13 +63,17 @@ def allows_commercial_use(licence: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MapAsset:
-    """A real map: radiance [256, 512, 3], mean luminance 1 over the sphere; id as of file_id."""
+    """A real map: radiance [256, 512, 3], mean luminance 1 over the sphere; id as of file_id.
+
+    lifted: whether its light above white was made up, as of a map that had 8 bits; the manifest says so.
+    """
 
     name: str
     id: str
     licence: str
     indoor: bool
     radiance: np.ndarray
+    lifted: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -112,6 +116,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
             licence=row["licence"],
             indoor=row.get("category", "") in ("indoor", "studio"),
             radiance=normalize_map(_fit(radiance)),
+            lifted=row.get("lifted", "0") == "1",
         )
 
     return _load(Path(folder), MAP_SUFFIXES, STRANGE_MAPS, load, commercial_only, report)
