@@ -37,10 +37,10 @@ COLUMNS = (
 )
 PAIRS = 200
 SEED = 2020
+WIDTH = 230
+"""Of what is printed, in characters: no name of a row or a column is cut or broken."""
 PATHS = 128
 """Through each pixel of a path-traced photo; what noise is left is a dim room's."""
-PRINTED = ("all", "specular", "diffuse", "indoor", "outdoor", "one light", "one light, shiny")
-"""Groups whose tables are printed; scores.json has the others too."""
 
 
 class Conditions(StrEnum):
@@ -72,6 +72,13 @@ def evaluate(
         bool,
         typer.Option("--path-traced", help="Photos by Mitsuba 3: objects shadow and mirror themselves."),
     ] = False,
+    textured: Annotated[
+        bool,
+        typer.Option(
+            "--textured",
+            help="Objects of mild texture or of two materials, other than what the paper assumes.",
+        ),
+    ] = False,
     told: Annotated[
         bool,
         typer.Option("--told", help="Also with true normals, true materials and what is around told."),
@@ -95,8 +102,6 @@ def evaluate(
     ] = None,
 ) -> None:
     """Render a fixed test set, score the model and two baselines, print the table."""
-    from anyprobe.core.response import response
-
     models = model or [DEFAULT_MODEL]
     if real is not None:
         others = {
@@ -108,6 +113,7 @@ def evaluate(
             "--conditions": conditions != Conditions.clean,
             "--noisy-masks": noisy_masks,
             "--path-traced": path_traced,
+            "--textured": textured,
             "--told": told,
             "--engine": engine != DEFAULT_ENGINE,
         }
@@ -130,6 +136,10 @@ def evaluate(
         )
     if frozen and seed != SEED:
         raise InputError(f"--seed {seed}: expected pairs that are drawn, got --frozen; leave one of them out")
+    if textured and path_traced:
+        raise InputError(
+            "--textured: expected photos that anyprobe shades, got --path-traced; leave one of them out"
+        )
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.plan import balanced_recipes
@@ -157,24 +167,28 @@ def evaluate(
     runtime = Models(name, engine=engine)
     lifts = runtime.stages == LIFT_STAGES
     spread = runtime.with_lamps(SPREAD) if lifts else None
-    irradiance_scores, calibration = [], Calibration()
-
-    def network(pair):
-        outputs = runtime(pair.crop, pair.tan_half)
-        irradiance_scores.append(irradiance_score(outputs.irradiance, pair.irradiance / 255.0))
-        if outputs.confidence is not None:
-            calibration.add(outputs.confidence, outputs.ldr, response(pair.radiance))
-        return outputs.radiance
-
     title = Path(name).name
     if told and not lifts:
         raise InputError(
             f"--told: expected a model that can be told normals, got {title}; use {DEFAULT_MODEL}"
         )
+    irradiance_scores, calibration = [], Calibration()
+    asked = {f"{title}, told {what}": given for what, given in TOLD.items() if told}
+    calibration_told = {row: Calibration() for row in asked}
+
+    def network(pair):
+        outputs = runtime(pair.crop, pair.tan_half)
+        irradiance_scores.append(irradiance_score(outputs.irradiance, pair.irradiance / 255.0))
+        _judge(calibration, outputs, pair)
+        return outputs.radiance
+
     methods = {
         title: network,
         **({f"{title}, lamps {SPREAD}": partial(_radiance_told, spread, set())} if spread else {}),
-        **{f"{title}, told {what}": partial(_radiance_told, runtime, TOLD[what]) for what in TOLD if told},
+        **{
+            row: partial(_radiance_told, runtime, asked[row], calibration=calibration_told[row])
+            for row in asked
+        },
         "mean map": lambda pair: mean_map(),
         "chrome ball": lambda pair: chrome_ball(pair.crop),
     }
@@ -196,7 +210,7 @@ def evaluate(
             grid.add(index, pair, estimates)
             progress.advance(task)
 
-        rendered = (render_pair(recipe, stock, trace) for recipe in recipes)
+        rendered = (render_pair(recipe, stock, trace, textured=textured) for recipe in recipes)
         scores = run_methods(map(with_noisy_mask, rendered) if noisy_masks else rendered, methods, watch)
     table = scores.table()
     irradiance = {
@@ -208,6 +222,7 @@ def evaluate(
         + ("" if conditions is Conditions.clean else f" --conditions {conditions.value}")
         + (" --noisy-masks" if noisy_masks else "")
         + (" --path-traced" if path_traced else "")
+        + (" --textured" if textured else "")
         + (" --told" if told else "")
         + ("" if engine == DEFAULT_ENGINE else f" --engine {engine}"),
         "model": model_id(name),
@@ -217,19 +232,34 @@ def evaluate(
         "better": METRICS,
         "irradiance": irradiance,
         "confidence": calibration.result(),
+        "confidence_told": {row: calibration_told[row].result() for row in calibration_told},
         "scores": table,
     }
     with atomic_path(out / "scores.json") as temporary:
         temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     write_png(out / "pictures.png", grid.picture())
     _print(table, irradiance)
+    if result["confidence"] is not None:
+        _print_confidence(title, result["confidence"], result["confidence_told"])
     talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
-def _radiance_told(models, told: set[str], pair):
+def _judge(calibration, outputs, pair) -> None:
+    """Count what a model claims of its map, if it claims anything."""
+    from anyprobe.core.response import response
+    from anyprobe.evaluate.groups import groups_of
+
+    if outputs.confidence is not None:
+        calibration.add(outputs.confidence, outputs.ldr, response(pair.radiance), groups_of(pair))
+
+
+def _radiance_told(models, told: set[str], pair, calibration=None):
     from anyprobe.evaluate.methods import run_told
 
-    return run_told(models, pair, told).radiance
+    outputs = run_told(models, pair, told)
+    if calibration is not None:
+        _judge(calibration, outputs, pair)
+    return outputs.radiance
 
 
 def _tracer() -> Callable:
@@ -248,11 +278,27 @@ def irradiance_score(estimate, truth) -> dict[str, float]:
 
 
 def _print(table: dict, irradiance: dict[str, float]) -> None:
-    show = Console(highlight=False, width=210)
-    for group in [name for name in PRINTED if name in next(iter(table.values()))]:
+    show = Console(highlight=False, width=WIDTH)
+    for group in next(iter(table.values())):
         titles = [name.replace("_deg", "").replace("_stops", "") for name in COLUMNS]
         sheet = Table("method", *titles, title=group, title_justify="left")
         for method, groups in table.items():
             sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in COLUMNS])
         show.print(sheet)
     show.print("irradiance image: " + ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items()))
+
+
+def _print_confidence(title: str, confidence: dict, told: dict[str, dict]) -> None:
+    """A row for all pixels, for each group and, of all pixels, for each thing told."""
+    rows = {title: confidence, **confidence["groups"], **told}
+    sheet = Table(
+        "confidence",
+        *("claimed", "right", "ECE", "Brier", "log loss", "AUC"),
+        title="confidence, in brackets: a constant's, the share of all pixels right, which nobody knows beforehand",
+        title_justify="left",
+    )
+    for row, one in rows.items():
+        beside = (f"{one[name]:.3f} ({one['constant'][name]:.3f})" for name in ("error", "brier", "log_loss"))
+        auc = "" if one["auc"] is None else f"{one['auc']:.3f} (0.500)"
+        sheet.add_row(row, f"{one['claimed']:.3f}", f"{one['right']:.3f}", *beside, auc)
+    Console(highlight=False, width=WIDTH).print(sheet)
