@@ -25,6 +25,7 @@ from anyprobe.infer.photo import load_photo
 from anyprobe.infer.result import Light
 from anyprobe.infer.several import estimate_together, fuse_lights
 from anyprobe.light.main_light import MainLight
+from anyprobe.scatter.brdf import Material
 
 __version__ = "0.1.0"
 
@@ -39,6 +40,7 @@ __all__ = [
     "InvalidPhoto",
     "Light",
     "MainLight",
+    "Material",
     "MissingExtra",
     "ModelError",
     "OutputError",

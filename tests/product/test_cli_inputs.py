@@ -128,6 +128,28 @@ def test_unusable_mask(work, command, photo_path, photo_mask, kind):
     assert snapshot(work) == before
 
 
+@pytest.mark.parametrize("together", [False, True])
+def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, photo_mask, together):
+    """Once: what names it by itself stays as it is."""
+    for folder in ("photos", "masks"):
+        (work / folder).mkdir()
+    for stem in "abc":
+        Image.fromarray(photo_rgba).save(f"photos/{stem}.png")
+        Image.fromarray(photo_mask * (stem != "b")).save(f"masks/{stem}.png")
+    (work / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * 3))
+    poses = ("--poses", "poses.json") if together else ()
+    outcome = command("estimate", "photos", "--mask", "masks", "-o", "out", "--json", "-q", *poses)
+    assert outcome.status == 2
+    (line,) = (one for one in outcome.err.splitlines() if one.startswith("anyprobe: "))
+    assert line.startswith("anyprobe: photos/b.png: mask: expected white on the object, got an empty mask")
+    if not together:
+        told = [json.loads(one) for one in outcome.out.splitlines()]
+        assert line == f"anyprobe: {told[1]['error']}"
+    (work / "photos" / "b.png").write_text("no photo")
+    said = command("estimate", "photos", "--mask", "masks", "-o", "out", "-q", *poses).complaint
+    assert said.startswith("anyprobe: b.png: expected an image")
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

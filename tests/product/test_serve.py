@@ -21,6 +21,7 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 from fastapi.testclient import TestClient
 
 from anyprobe.cli.serve import is_loopback
+from anyprobe.infer.photo import load_photo
 from anyprobe.scatter.brdf import Material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import CLIENT_GONE, create_app
@@ -87,12 +88,17 @@ def test_accept_that_nothing_meets_is_refused(client, photo):
     assert "image/x-exr" in line
 
 
-def test_mask_shows_what_the_estimate_uses(client, photo, photo_mask):
+def test_mask_shows_what_the_estimate_uses(client, photo, photo_rgba, photo_mask):
     answer = client.post("/v1/mask", content=photo)
     assert answer.headers["content-type"] == "image/png"
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(answer.content))), photo_mask)
     told = client.post("/v1/mask?format=json", content=photo).json()
     assert told["size"] == [photo_mask.shape[1], photo_mask.shape[0]]
+    assert (told["source"], told["confidence"]) == ("alpha", None)
+    opaque = as_png(photo_rgba[..., :3])
+    found = client.post("/v1/mask?format=json&click=64,48", content=opaque).json()
+    assert found["source"] == "click"
+    assert found["confidence"] == round(load_photo(opaque, click=(64, 48)).mask_confidence, 4)
 
 
 def test_clicks_and_boxes_reach_the_mask(client, photo_rgba):
@@ -193,7 +199,7 @@ def test_full_house_answers_429_and_when_to_come_back(estimator, photo):
     class Slow:
         model_id = "slow"
 
-        def from_photo(self, photo, material=None):
+        def from_photo(self, photo, start, *, material):
             started.set()
             go_on.wait(20)
             return estimator.from_photo(photo)
@@ -412,7 +418,6 @@ def test_openapi_describes_every_address(client):
     for address in ("/v1/estimate", "/v1/fuse"):
         assert {"200", "413", "422", "429"} <= set(paths[address]["post"]["responses"])
     fused = paths["/v1/fuse"]["post"]
-    assert [one["name"] for one in fused["parameters"]] == ["format"]
     assert fused["requestBody"]["content"]["multipart/form-data"]["schema"]["required"] == ["photo", "poses"]
 
 

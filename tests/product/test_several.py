@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
-from anyprobe.files.images import read_image
+from anyprobe.files.images import photo_header, read_image
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_radiance
 from anyprobe.infer.result import Light
@@ -178,6 +179,79 @@ def test_file_that_holds_no_poses_is_one_line(tmp_path, content, words):
     (tmp_path / "poses.json").write_text(content)
     with pytest.raises(InputError, match=words):
         read_poses(tmp_path / "poses.json")
+
+
+def poses_file(path, frames, **common):
+    listed = [{"transform_matrix": np.eye(4).tolist(), **one} for one in frames]
+    path.write_text(json.dumps({"frames": listed, **common}))
+    return read_poses(path)
+
+
+def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
+    """Across and down; an entry's own before the object's for all; a photo that is upright takes in more downwards."""
+    for name, size in (("wide.png", (60, 40)), ("high.png", (40, 60))):
+        Image.new("RGB", size, "grey").save(tmp_path / name)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 36  # mm, as of 35 mm film
+    exif[0x0112] = 6  # on its side
+    Image.new("RGB", (60, 40), "grey").save(tmp_path / "told.jpg", exif=exif)
+    names = ["wide.png", "high.png", "told.jpg"]
+    photos = [tmp_path / name for name in names]
+    known = poses_file(
+        tmp_path / "a.json",
+        [{"file_path": names[0]}, {"file_path": names[1]}, {"file_path": names[2]}],
+        camera_angle_x=np.radians(50.0),
+    )
+    tall = 2 * np.degrees(np.arctan(np.tan(np.radians(25.0)) * 1.5))
+    assert known.fovs_deg(photos) == pytest.approx([50.0, tall, None])
+    data = [photo.read_bytes() for photo in photos]
+    assert known.fovs_deg([Path(name) for name in names], data) == pytest.approx([50.0, tall, None])
+    assert known.clip_fov_deg() == pytest.approx(50.0)
+    assert poses_file(tmp_path / "d.json", [{}], fl_x=50.0, w=60, h=100).clip_fov_deg() == pytest.approx(90.0)
+    assert poses_file(tmp_path / "e.json", [{}]).clip_fov_deg() is None
+    own = poses_file(
+        tmp_path / "b.json",
+        [{}, {"fl_x": 100.0, "fl_y": 110.0}],
+        fl_x=50.0,
+        w=100,
+        h=150,
+        camera_angle_x=1.0,
+    )
+    assert own.fovs_deg(photos[:1] * 2) == pytest.approx([90.0, 2 * np.degrees(np.arctan(0.5))])
+    assert own.fovs_deg([photos[1]] * 2)[1] == pytest.approx(2 * np.degrees(np.arctan(75 / 110)))
+    assert poses_file(tmp_path / "c.json", [{}]).fovs_deg(photos[:1]) == [None]
+    assert read_poses_of([np.eye(3)], tmp_path).fovs_deg(photos[:1]) == [None]
+
+
+def read_poses_of(matrices, folder):
+    (folder / "list.json").write_text(json.dumps([one.tolist() for one in matrices]))
+    return read_poses(folder / "list.json")
+
+
+def test_photo_on_its_side_is_measured_as_it_is_shown(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.new("RGB", (60, 40), "grey").save(tmp_path / "side.jpg", exif=exif)
+    pixels = read_image(tmp_path / "side.jpg")
+    assert photo_header(tmp_path / "side.jpg") == (pixels.rgb.shape[1::-1], None) == ((40, 60), None)
+    assert photo_header(tmp_path / "none.jpg") == photo_header(b"no photo") == ((0, 0), None)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        {"camera_angle_x": 0},
+        {"camera_angle_x": 3.2},
+        {"fl_x": "50", "w": 100},
+        {"fl_x": -1, "w": 100},
+        {"fl_x": 10**400, "w": 100},
+        {"h": float("nan")},
+    ],
+)
+def test_lens_that_is_none_is_one_line(tmp_path, lens):
+    with pytest.raises(InputError, match=r"expected \w+ to be a number above 0") as error:
+        poses_file(tmp_path / "poses.json", [lens])
+    assert len(str(error.value).splitlines()) == 1
 
 
 # The command

@@ -38,7 +38,7 @@ from anyprobe.cli.where import (
     read_where,
     where_for,
 )
-from anyprobe.errors import AnyprobeError, OutputError
+from anyprobe.errors import AnyprobeError, InputError, OutputError
 from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
 
 
@@ -115,6 +115,7 @@ def _one(
     from anyprobe.infer.outputs import write_results
     from anyprobe.infer.photo import load_photo
 
+    start = time.perf_counter()
     try:
         twins = [other for other in listed if other.stem == path.stem]
         if twins[0] != path:
@@ -124,12 +125,13 @@ def _one(
         told = where_for(path, where)
         _check_files(path, out, listed, told)
         photo = load_photo(path, fov_deg=fov, **told)
-        light = estimator.from_photo(photo, material=known)
+        light = estimator.from_photo(photo, start, material=known)
         written = write_results(photo, light, out, path.stem)
     except AnyprobeError as error:
+        line = _line(path, error)
         if as_json:
-            print(json.dumps({"photo": str(path), "error": str(error)}), flush=True)
-        return Done(photo=path, error=" ".join(str(error).splitlines()))  # a name may hold a line break
+            print(json.dumps({"photo": str(path), "error": line}), flush=True)
+        return Done(photo=path, error=line)
     if as_json:
         files = {kind: str(target) for kind, target in written.items()}
         print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
@@ -152,11 +154,14 @@ def _together(
     def load(path: Path) -> Photo:
         told = where_for(path, where)
         _check_files(listed[0], out, [*listed, poses], told)
-        return load_photo(path, fov_deg=fov, **told)
+        try:
+            return load_photo(path, fov_deg=fov, **told)
+        except AnyprobeError as error:
+            raise InputError(_line(path, error)) from error
 
     photos = map(load, steps)
     first = next(photos)
-    light = estimate_together(estimator, chain([first], photos), turned, material=known)
+    light = estimate_together(estimator, chain([first], photos), turned, start=start, material=known)
     written = write_results(first, light, out, listed[0].stem)
     if as_json:
         files = {kind: str(target) for kind, target in written.items()}
@@ -164,6 +169,14 @@ def _together(
     seconds = time.perf_counter() - start
     direction = light.main_light().direction
     return Done(photo=listed[0], direction=direction, seconds=seconds, warnings=light.warnings)
+
+
+def _line(path: Path, error: AnyprobeError) -> str:
+    """One line that says which photo an error is of; that of its mask may not."""
+    text = str(error)
+    if not text.startswith((f"{path}: ", f"{path.name}: ")):
+        text = f"{path}: {text}"
+    return " ".join(text.splitlines())  # a name may hold a line break
 
 
 def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
@@ -22,7 +23,10 @@ from anyprobe.infer.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.find import Where
 from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import material_named
+from anyprobe.scatter.presets import MATERIALS, told_material
+
+Albedo = float | Sequence[float]
+"""Linear: one number for grey, or red, green and blue."""
 
 ENOUGH_TOLD = 0.5
 """Where less of the object than this is neither black nor burnt out, confidence falls in proportion."""
@@ -64,6 +68,7 @@ class Estimator:
         fov_deg: float | None = None,
         normals: NormalsSource | None = None,
         material: Material | str | None = None,
+        albedo: Albedo | None = None,
         surroundings: SurroundingsSource | None = None,
         **where: Unpack[Where],
     ) -> Light:
@@ -74,8 +79,9 @@ class Estimator:
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
             normals: the object's, where they are known: a normal map of the photo's size in the camera's frame,
                 see infer.known_normals.read_normals; or "ball", if it is one. Light comes from truer directions then.
-            material: the object's, where it is known: of scatter.brdf, or a name of scatter.presets. Brightness and
-                colour of the light are made to fit it, see infer.known_material.
+            material: the object's, where it is known: an anyprobe.Material, or a name of scatter.presets ("chrome").
+                Brightness and colour of the light are made to fit it, see infer.known_material.
+            albedo: linear, one number or three (0.18 for a grey card): of a dull object, or of the material named.
             surroundings: "photo", where what the photo shows beside the object is far enough to light it; or a panorama
                 of the camera's frame, transparent where nothing is known, see infer.surroundings.read_surroundings.
             where: mask= (a picture of the photo's size, white on the object, or a function that
@@ -86,16 +92,27 @@ class Estimator:
             InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
         """
         start = time.perf_counter()
-        material = material_named(material) if isinstance(material, str) else material
+        material = as_material(material, albedo)
         photo = load_photo(source, fov_deg=fov_deg, normals=normals, surroundings=surroundings, **where)
         return self.from_photo(photo, start, material=material)
 
     def from_photo(
-        self, photo: Photo, start: float | None = None, *, material: Material | None = None
+        self,
+        photo: Photo,
+        start: float | None = None,
+        *,
+        material: Material | str | None = None,
+        albedo: Albedo | None = None,
     ) -> Light:
-        """The same for a Photo that is loaded already."""
+        """The same for a Photo that is loaded already.
+
+        Args:
+            start: of time.perf_counter, when its loading began; the sidecar's seconds count from it.
+            material, albedo: the object's, where they are known, as above.
+        """
         start = time.perf_counter() if start is None else start
-        return self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        crop = crop_object(photo, PHOTO_SIZE)
+        return self.from_crop(photo, crop, start, material=material, albedo=albedo)
 
     def from_crop(
         self,
@@ -103,7 +120,8 @@ class Estimator:
         crop: Crop,
         start: float | None = None,
         *,
-        material: Material | None = None,
+        material: Material | str | None = None,
+        albedo: Albedo | None = None,
         gathered: np.ndarray | None = None,
     ) -> Light:
         """The same for an object that is cut out already; of the photo only what it is, not its pixels.
@@ -113,6 +131,7 @@ class Estimator:
         """
         loaded = time.perf_counter()
         start = loaded if start is None else start
+        material = as_material(material, albedo)
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.around)
         known = {"normals": crop.normals is not None}
@@ -175,6 +194,49 @@ class Estimator:
             )
 
 
+def as_material(material: Material | str | None, albedo: Albedo | None = None) -> Material | None:
+    """What is told of the object's material, by itself, by name, by albedo, or by these two; None for nothing.
+
+    Raises:
+        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
+    """
+    if not isinstance(material, Material | str | None):
+        raise InputError(
+            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
+            "an albedo alone is told by albedo="
+        )
+    try:
+        values = None if albedo is None else np.asarray(albedo, np.float64).reshape(-1)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
+        ) from error
+    if not isinstance(material, Material):
+        return told_material(material, values)
+    if albedo is not None:
+        raise InputError(
+            "albedo: expected a material's name beside it or none, got a Material, which has its own; "
+            "leave one of them out"
+        )
+    return _checked(material)
+
+
+def _checked(material: Material) -> Material:
+    """The same with arrays for its numbers; InputError where they are no surface's."""
+    albedo, f0, alpha = material.albedo, material.f0, material.alpha
+    try:
+        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
+        alpha = float(alpha)
+    except (TypeError, ValueError):
+        colors = np.full((2, 3), np.nan)
+    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
+        raise InputError(
+            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
+            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
+        )
+    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)
+
+
 def _share(around: np.ndarray) -> float:
     """How much of the sphere is known."""
     return round(float(integral(around[..., 3:])[0] / (4 * np.pi)), 4)
@@ -195,6 +257,7 @@ def estimate(
     fov_deg: float | None = None,
     normals: NormalsSource | None = None,
     material: Material | str | None = None,
+    albedo: Albedo | None = None,
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
     lamps: str = DRAWN,
@@ -202,5 +265,11 @@ def estimate(
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
     return _shared(model).with_lamps(lamps)(
-        source, fov_deg=fov_deg, normals=normals, material=material, surroundings=surroundings, **where
+        source,
+        fov_deg=fov_deg,
+        normals=normals,
+        material=material,
+        albedo=albedo,
+        surroundings=surroundings,
+        **where,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
-from anyprobe.infer.estimate import Estimator
+from anyprobe.infer.estimate import Albedo, Estimator, as_material
 from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.infer.photo import Crop, Photo
 from anyprobe.infer.result import Light
@@ -30,7 +31,9 @@ def estimate_together(
     photos: Iterable[Photo],
     world_from_camera: Sequence[np.ndarray],
     *,
-    material: Material | None = None,
+    start: float | None = None,
+    material: Material | str | None = None,
+    albedo: Albedo | None = None,
 ) -> Light:
     """One light of several photos, see fuse_lights; what each shows of the surroundings is known to all.
 
@@ -38,18 +41,25 @@ def estimate_together(
         photos: of load_photo, in turn; their pixels are not kept. Surroundings that are a panorama are in the first
             photo's frame.
         world_from_camera: [3, 3] of each.
-        material: the object's, where it is known.
+        start: of time.perf_counter, when the first one's loading began, where that was before the call.
+        material, albedo: the object's, where they are known, as for an Estimator.
     Raises:
-        InputError: as fuse_lights.
+        InputError: as fuse_lights, or no such material.
     """
-    taken = [(photo.without_pixels(), cut_out(photo, first=k == 0)) for k, photo in enumerate(photos)]
+    material = as_material(material, albedo)
+    start = time.perf_counter() if start is None else start
+    taken, spent = [], []
+    for k, photo in enumerate(photos):  # which may be loaded only now, one after another
+        taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
+        spent.append(time.perf_counter() - start)
+        start += spent[-1]
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
     known = _gathered([crop for _, crop in taken], to_first, gains)
     lights = [
-        estimator.from_crop(photo, crop, material=material, gathered=seen)
-        for (photo, crop), seen in zip(taken, known, strict=True)
+        estimator.from_crop(photo, crop, time.perf_counter() - seconds, material=material, gathered=seen)
+        for (photo, crop), seconds, seen in zip(taken, spent, known, strict=True)
     ]
     return fuse_lights(lights, world_from_camera)
 

@@ -46,9 +46,8 @@ def choose_type(request: Request, types: dict[str, str]) -> str:
     else:
         ranked = _accepted(request.headers.get("accept", "*/*"), list(types))
     if not ranked:
-        raise HTTPException(
-            406, f"expected Accept to name one of {', '.join(types)}, or format={'|'.join(types.values())}"
-        )
+        suffixes = "|".join(dict.fromkeys(types.values()))  # one may stand for two types
+        raise HTTPException(406, f"expected Accept to name one of {', '.join(types)}, or format={suffixes}")
     return ranked[0]
 
 
@@ -85,12 +84,15 @@ def light_file(light: Light, suffix: str) -> bytes:
 
 
 def mask_json(photo: Photo) -> dict[str, Any]:
-    """Where the object is, without its outline."""
+    """Where the object is, without its outline; how it was found, and the IoU the network expects, if it was asked."""
+    sure = photo.mask_confidence
     return {
         "photo": photo.name,
         "size": [photo.mask.shape[1], photo.mask.shape[0]],
         "box": list(object_box(photo.mask)),
         "share": round(float(photo.mask.mean()), 6),
+        "source": photo.mask_source,
+        "confidence": None if sure is None else round(sure, 4),
         "warnings": list(photo.warnings),
     }
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import tempfile
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -14,7 +13,6 @@ from fastapi import FastAPI, Request
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import ClientDisconnect
 
 from anyprobe import __version__
@@ -22,7 +20,7 @@ from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.infer.estimate import Estimator
 from anyprobe.serve import answers, estimates, openapi
-from anyprobe.serve.guards import BodyLimit, OwnPagesOnly, SecureHeaders
+from anyprobe.serve.guards import BodyLimit, OwnNamesOnly, OwnPagesOnly, SecureHeaders
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, WorkerPool
@@ -72,7 +70,7 @@ def create_app(
     app.add_middleware(OwnPagesOnly, origins=origins)
     if origins:
         app.add_middleware(CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"])
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))
+    app.add_middleware(OwnNamesOnly, names=hosts)
     app.add_middleware(SecureHeaders)  # the last added stands first
     _add_error_lines(app, limits)
     _add_api(app, estimator, limits, pool)
@@ -103,7 +101,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            upload = await read_upload(request, limits)
+            upload = await read_upload(request, limits, openapi.ESTIMATE)
 
             def work(job: Job) -> Response:
                 photo, light = estimates.estimate_light(estimator, upload, job)
@@ -134,7 +132,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """The mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
-            upload = await read_upload(request, limits)
+            upload = await read_upload(request, limits, openapi.MASK)
 
             def work(job: Job) -> Response:
                 photo = estimates.open_photo(upload, job)
@@ -148,7 +146,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     async def photo(request: Request) -> Response:
         """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
         async with pool.place():
-            upload = await read_upload(request, limits)
+            upload = await read_upload(request, limits, openapi.PHOTO)
 
             def work(job: Job) -> Response:
                 picture, fov_deg = estimates.upright_picture(upload.photo, job)
@@ -158,17 +156,15 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             return await pool.run(work, _leaving(request))
 
     @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT, tags=["light"], response_class=Response)
-    async def export(request: Request, target: str, exposure: float = 0.0) -> Response:
+    async def export(request: Request, target: str) -> Response:
         """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
         find_target(target)
-        if not math.isfinite(exposure) or abs(exposure) > 30:
-            raise InputError(f"exposure: expected stops from -30 to 30, got {exposure:g}")
         async with pool.place():
-            upload = await read_upload(request, limits)
+            upload = await read_upload(request, limits, openapi.EXPORT)
 
             def work(job: Job) -> Response:
                 with tempfile.TemporaryDirectory() as folder:
-                    estimates.export_map(upload.photo, target, exposure, Path(folder), job)
+                    estimates.export_map(upload, target, Path(folder), job)
                     archive = answers.zip_folder(Path(folder))
                 name = f'attachment; filename="light_{target}.zip"'
                 return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
@@ -192,7 +188,6 @@ def _leaving(request: Request) -> Callable[[], Any]:
 
 def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     """Every error as {"error": one line}; what was not foreseen is logged here and not told there."""
-    from fastapi.exceptions import RequestValidationError
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
         return JSONResponse({"error": " ".join(str(error).split())}, status, headers)
@@ -208,14 +203,11 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     async def cancelled(request: Request, error: Exception) -> Response:
         return Response(status_code=CLIENT_GONE)
 
-    @app.exception_handler(RequestValidationError)
-    async def invalid(request: Request, error: RequestValidationError) -> Response:
-        faults = [f"{'.'.join(map(str, one['loc'][1:]))}: {one['msg']}" for one in error.errors()]
-        return line("; ".join(faults), 422)
-
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:
-        return line(error.detail, error.status_code, dict(error.headers or {}))
+        headers = dict(error.headers or {})
+        wrong = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
+        return line(wrong, error.status_code, headers)
 
     @app.exception_handler(AnyprobeError)
     async def ours(request: Request, error: AnyprobeError) -> Response:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
 
-from anyprobe.errors import InvalidEnvironment
+from anyprobe.core.frames import world_from_camera
+from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_radiance
 from anyprobe.infer.estimate import Estimator
@@ -44,9 +46,10 @@ def open_photo(upload: Upload, job: Job) -> Photo:
 def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:
     """What Estimator does, with a look between decoding and computing at whether it is still wanted."""
     estimator, material = as_told(estimator, upload)
+    start = time.perf_counter()
     photo = open_photo(upload, job)
     job.step()
-    return photo, estimator.from_photo(photo, material=material)
+    return photo, estimator.from_photo(photo, start, material=material)
 
 
 def as_told(estimator: Estimator, upload: Upload) -> tuple[Estimator, Material | None]:
@@ -71,18 +74,31 @@ def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:
     return np.asarray(picture), pixels.long_fov_deg
 
 
-def export_map(data: bytes, target: str, exposure_ev: float, folder: Path, job: Job) -> None:
-    """Write a map (.exr or .hdr bytes) for one target into an empty folder."""
+def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
+    """Write a map (.exr or .hdr bytes in the place of the photo) for one target into an empty folder."""
+    from anyprobe.export.origin import check_front
     from anyprobe.export.targets import export
 
     job.step()
-    suffix = ".hdr" if data.startswith(b"#?") else ".exr"
+    suffix = ".hdr" if upload.photo.startswith(b"#?") else ".exr"
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / f"map{suffix}"
-        path.write_bytes(data)
+        path.write_bytes(upload.photo)
         radiance = read_radiance(path)
+        try:
+            check_front(path)
+        except InputError as error:
+            raise InvalidEnvironment(str(error).replace(str(path), "map")) from error
     if len(radiance) > MAP_MAX_ROWS:
         raise InvalidEnvironment(
             f"map: expected at most {MAP_MAX_ROWS} rows, got {len(radiance)}; shrink it first"
         )
-    export(radiance, target, folder, "light", exposure_ev=exposure_ev)
+    turn, exposure_ev = _rotation(upload.world_from_camera), upload.exposure or 0.0
+    export(radiance, target, folder, "light", world_from_camera=turn, exposure_ev=exposure_ev)
+
+
+def _rotation(told: tuple[float, ...] | None) -> np.ndarray | None:
+    """Yaw, elevation and perhaps roll in degrees, or nine numbers row by row, as [3, 3]."""
+    if told is None:
+        return None
+    return np.reshape(told, (3, 3)) if len(told) == 9 else world_from_camera(*np.radians(told))

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -53,6 +54,31 @@ class BodyLimit:
             return message
 
         return await self._app(scope, counted, send)
+
+
+class OwnNamesOnly:
+    """Refuses names that the server does not go by, so that a foreign one pointed at this machine opens nothing.
+
+    Which those are says Starlette; what they are told is a line like our others.
+    """
+
+    def __init__(self, app: ASGIApp, names: Collection[str]) -> None:
+        self._app, self._names = app, list(dict.fromkeys(names))
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def own(scope: Scope, receive: Receive, _: Send) -> None:
+            await self._app(scope, receive, send)
+
+        async def foreign(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                got = Headers(scope=scope).get("host", "")[:60]
+                text = (
+                    f"host: expected {' or '.join(self._names)}, got {got!r}; a server on the loopback answers to no "
+                    "other name, start it with --host to open it to others"
+                )
+                await JSONResponse({"error": text}, 400)(scope, receive, send)
+
+        await TrustedHostMiddleware(own, self._names, www_redirect=False)(scope, receive, foreign)
 
 
 class OwnPagesOnly:

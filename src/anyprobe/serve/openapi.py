@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+FORM = "multipart/form-data"
+
 _FILE = {"type": "string", "format": "binary"}
 
 _OPTIONS: dict[str, str] = {
@@ -18,6 +20,12 @@ _KNOWN = {
     "surroundings": "photo, if what it shows beside the object lights it; a panorama comes as a file part",
     "material": "the object's, where known: chrome, gold, plastic or matte",
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
+}
+
+_EXPORT = {
+    "exposure": "stops, -30 to 30; 1 doubles the light",
+    "world_from_camera": "how the camera stood: YAW,ELEVATION[,ROLL] in degrees, turned left, raised (looking down), "
+    "rolled; or a rotation, nine numbers row by row; else the export is in the camera's frame",
 }
 
 _ANSWER = {
@@ -60,16 +68,20 @@ def _upload(
     form = {"schema": {"type": "object", "required": ["photo"], "properties": fields}}
     extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
     return {
-        "parameters": [
-            {"in": "query", "name": name, "schema": {"type": "string"}, "description": text}
-            for name, text in (options | extra).items()
-        ],
+        "parameters": _parameters(options | extra),
         "requestBody": {
             "required": True,
-            "content": {"multipart/form-data": form, "image/*": {"schema": _FILE}},
+            "content": {FORM: form, "image/*": {"schema": _FILE}},
         },
         "responses": {"200": {"description": "done", "content": answer}, **_ERRORS},
     }
+
+
+def _parameters(texts: dict[str, str]) -> list[dict[str, Any]]:
+    return [
+        {"in": "query", "name": name, "schema": {"type": "string"}, "description": text}
+        for name, text in texts.items()
+    ]
 
 
 _ANY: dict[str, Any] = {"schema": {"type": "object"}}
@@ -86,18 +98,18 @@ ESTIMATE = _upload(
 def _several() -> dict[str, Any]:
     """As ESTIMATE, of several photos in a form."""
     texts = {"fov": _OPTIONS["fov"], **_KNOWN, **_ANSWER}
-    fields: dict[str, Any] = {name: {"type": "string", "description": text} for name, text in texts.items()}
-    fields["photo"] = {"type": "array", "items": _FILE, "description": "1 to 16 photos of one object"}
-    fields["mask"] = {"type": "array", "items": _FILE, "description": "none, or one a photo in their order"}
-    fields["box"] = {"type": "array", "items": {"type": "string"}, "description": "none, or one a photo"}
-    fields["poses"] = {
-        **_FILE,
-        "description": "JSON: camera to world, a list of matrices, or transforms.json",
+    poses = "JSON: camera to world, a list of matrices, or transforms.json"
+    fields: dict[str, Any] = {
+        "photo": {"type": "array", "items": _FILE, "description": "1 to 16 photos of one object"},
+        "poses": {**_FILE, "description": poses},
+        "mask": {"type": "array", "items": _FILE, "description": "none, or one a photo in their order"},
+        "box": {"type": "array", "items": {"type": "string"}, "description": "none, or one a photo"},
     }
+    fields |= {name: {"type": "string", "description": text} for name, text in texts.items()}
     form = {"schema": {"type": "object", "required": ["photo", "poses"], "properties": fields}}
     return {
-        "parameters": ESTIMATE["parameters"][-1:],
-        "requestBody": {"required": True, "content": {"multipart/form-data": form}},
+        "parameters": [one for one in ESTIMATE["parameters"] if one["name"] in (*fields, "format")],
+        "requestBody": {"required": True, "content": {FORM: form}},
         "responses": ESTIMATE["responses"],
     }
 
@@ -105,7 +117,14 @@ def _several() -> dict[str, Any]:
 FUSE = _several()
 MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_MASK)
 PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
-EXPORT = {
-    "requestBody": {"required": True, "content": {"image/x-exr": _BYTES, "image/vnd.radiance": _BYTES}},
-    "responses": {"200": {"description": "done", "content": {"application/zip": _BYTES}}, **_ERRORS},
-}
+EXPORT = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
+
+
+def form_names(address: dict[str, Any]) -> list[str]:
+    """The parts that an address reads in a form."""
+    return list(address["requestBody"]["content"][FORM]["schema"]["properties"])
+
+
+def query_names(address: dict[str, Any]) -> list[str]:
+    """What it reads behind the question mark."""
+    return [one["name"] for one in address["parameters"]]

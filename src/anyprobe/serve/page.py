@@ -19,6 +19,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from anyprobe import __version__
 from anyprobe.core.color import to_bytes
@@ -131,7 +132,7 @@ def write_static(page: Page, folder: Path) -> list[Path]:
 
 
 def add_page(app: FastAPI, page: Page, pool: WorkerPool) -> None:
-    """Serve the page at /; addresses that are not its files are 404."""
+    """Serve the page at /; addresses that are not its files are 404, or 405 where others may be sent there."""
 
     @app.get("/config.json", include_in_schema=False)
     async def config() -> dict[str, Any]:
@@ -156,7 +157,7 @@ def _file_response(request: Request, page: Page, name: str) -> Response:
     if path is None:
         path, packed = page.files.get(name + PACKED), True
     if path is None:
-        raise HTTPException(404, "there is no such page")
+        raise _absent(request)
     tag = f'"{_digest(path)}"'
     headers = {"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if name.startswith("assets/") or request.url.query == tag.strip('"'):
@@ -170,6 +171,14 @@ def _file_response(request: Request, page: Page, name: str) -> Response:
         data = gzip.decompress(data)
     media = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
     return Response(data, media_type=media, headers=headers)
+
+
+def _absent(request: Request) -> HTTPException:
+    """405 where other methods have an address of the API, which this one of all GETs hides; else 404."""
+    hidden = [one for one in request.app.routes if one.matches(request.scope)[0] is Match.PARTIAL]
+    if hidden:
+        return HTTPException(405, headers={"Allow": ", ".join(sorted(hidden[0].methods))})
+    return HTTPException(404, "there is no such page")
 
 
 def _digest(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -19,8 +20,17 @@ from anyprobe.infer.several import estimate_together
 from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.estimates import as_told, open_photo
 from anyprobe.serve.limits import Limits
+from anyprobe.serve.openapi import FUSE
 from anyprobe.serve.pool import Job
-from anyprobe.serve.uploads import Options, Upload, check_pixels, parse_numbers, read_form, read_part
+from anyprobe.serve.uploads import (
+    Options,
+    Upload,
+    check_pixels,
+    parse_numbers,
+    read_form,
+    read_part,
+    refuse_unknown,
+)
 
 MOST = 16
 """Photos in one request."""
@@ -39,7 +49,7 @@ async def read_several(request: Request, limits: Limits) -> Several:
 
     Raises:
         HTTPException: 408 too slow, 413 too many pixels.
-        InputError: no photos or too many, no poses or not theirs, or an option that cannot be read.
+        InputError: no photos or too many, no poses or not theirs, or an option that is unknown or cannot be read.
     """
     async with read_form(request, limits, max_files=2 * MOST + 1) as form:
         photos = [await read_part(part, "photo") for part in form.getlist("photo")]
@@ -47,15 +57,16 @@ async def read_several(request: Request, limits: Limits) -> Several:
         told = form.get("poses", "null")
         poses = told.encode() if isinstance(told, str) else await told.read()
         files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
-    if not 1 <= len(photos) <= MOST:
-        raise InvalidPhoto(f"photo: expected 1 to {MOST} file parts of this name, got {len(photos)}")
     option = Options(form, request.query_params)
-    unused = [name for name in files if name not in ("photo", "mask", "poses")]
+    unused = [name for name in files if name in ("normals", "surroundings")]
     unused += [name for name in ("click", "click_off") if option.texts(name)]
     if unused:
         raise InvalidPhoto(
             f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have"
         )
+    refuse_unknown(form, request.query_params, FUSE)
+    if not 1 <= len(photos) <= MOST:
+        raise InvalidPhoto(f"photo: expected 1 to {MOST} file parts of this name, got {len(photos)}")
     boxes = [parse_numbers("box", text, 4) for text in option.texts("box")]
     for name, given in (("mask", masks), ("box", boxes)):
         if len(given) not in (0, len(photos)):
@@ -85,8 +96,10 @@ async def read_several(request: Request, limits: Limits) -> Several:
 
 def estimate_several(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
     """The first photo and the light of all, in its camera's frame."""
+    start = time.perf_counter()
     estimator, material = as_told(estimator, several.uploads[0])  # told of all alike
     photos = (open_photo(upload, job) for upload in several.uploads)
     first = next(photos)
     turned = several.world_from_camera
-    return first, estimate_together(estimator, chain([first], photos), turned, material=material)
+    light = estimate_together(estimator, chain([first], photos), turned, start=start, material=material)
+    return first, light

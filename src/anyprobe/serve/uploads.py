@@ -14,13 +14,13 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
-from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.images import declared_pixels
 from anyprobe.infer.known_normals import BALL
 from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.limits import Limits
+from anyprobe.serve.openapi import FORM, form_names, query_names
 
-FORM = "multipart/form-data"
 UNREAD_S = 5.0
 
 
@@ -40,6 +40,8 @@ class Upload:
         material: name of the object's; albedo: its linear albedo, one number or three.
         lamps: how they are asked for, of infer.runtime.LAMPS.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
+        exposure: stops that an export is brightened by.
+        world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
     """
 
     photo: bytes
@@ -55,6 +57,8 @@ class Upload:
     albedo: tuple[float, ...] | None = None
     lamps: str | None = None
     include: frozenset[str] = frozenset()
+    exposure: float | None = None
+    world_from_camera: tuple[float, ...] | None = None
 
 
 async def take_unread(request: Request) -> None:
@@ -68,12 +72,14 @@ async def take_unread(request: Request) -> None:
                 pass
 
 
-async def read_upload(request: Request, limits: Limits) -> Upload:
+async def read_upload(request: Request, limits: Limits, address: dict[str, Any]) -> Upload:
     """Read a photo and its options; options of the form win over those of the address.
 
+    Args:
+        address: what serve.openapi says of it; what it does not name is refused.
     Raises:
         HTTPException: 408 too slow, 413 too many pixels.
-        InvalidPhoto, InvalidMask: no photo came, or an option cannot be read.
+        InputError: no photo came, or an option that is unknown or cannot be read.
     """
     name, mask, normals, around = "photo", b"", b"", b""
     async with read_form(request, limits, max_files=4) as form:
@@ -86,6 +92,7 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
                 around, _ = await _file(form, "surroundings")
         else:
             photo = await request.body()
+    refuse_unknown(form, request.query_params, address)
     if not photo:
         raise InvalidPhoto(
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
@@ -102,6 +109,8 @@ async def read_upload(request: Request, limits: Limits) -> Upload:
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
+        exposure=option.number("exposure"),
+        world_from_camera=option.turn("world_from_camera"),
         **option.of_light(),
     )
 
@@ -125,6 +134,19 @@ async def read_form(request: Request, limits: Limits, max_files: int) -> AsyncIt
         ) from error
     finally:
         await form.close()
+
+
+def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) -> None:
+    """InputError for a name that nothing reads: a mistyped option would be left out without a word."""
+    read = (
+        ("form field", form, form_names(address)),
+        ("query parameter", query, query_names(address)),
+    )
+    for kind, given, known in read:
+        for name in given:
+            if name not in known:
+                wanted = f"one of {', '.join(known)}" if known else "none here"
+                raise InputError(f"{kind}: expected {wanted}, got {name[:60]!r}")
 
 
 async def check_pixels(picture: bytes, called: str, limits: Limits) -> None:
@@ -180,6 +202,11 @@ class Options:
         text = self.text(name)
         return None if text is None else parse_numbers(name, text, *counts)
 
+    def turn(self, name: str) -> tuple[float, ...] | None:
+        text = self.text(name)
+        shape = "YAW,ELEVATION[,ROLL] in degrees or nine numbers"
+        return None if text is None else parse_numbers(name, text, 2, 3, 9, shape=shape)
+
     def points(self, name: str) -> tuple[tuple[float, float], ...]:
         return tuple(parse_numbers(name, text, 2) for text in self.texts(name))
 
@@ -200,14 +227,14 @@ class Options:
         }
 
 
-def parse_numbers(name: str, text: str, *counts: int) -> tuple[float, ...]:
-    """So many finite numbers with commas between; InvalidPhoto if they are not."""
+def parse_numbers(name: str, text: str, *counts: int, shape: str | None = None) -> tuple[float, ...]:
+    """So many finite numbers with commas between; InvalidPhoto, which says their shape, if they are not."""
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
     if len(found) not in counts or not all(abs(number) < 1e6 for number in found):  # NaN fails too
         shapes = {1: "a number", 2: "X,Y in pixels", 3: "R,G,B", 4: "X0,Y0,X1,Y1 in pixels"}
-        shape = " or ".join(shapes[count] for count in counts)
+        shape = shape or " or ".join(shapes[count] for count in counts)
         raise InvalidPhoto(f"{name}: expected {shape}, got {text[:60]!r}")
     return found

@@ -1,0 +1,111 @@
+"""The object's material as Python tells it: a Material, a name, an albedo; at every entry point alike."""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+import pytest
+from support.scenes import ball_photo
+
+import anyprobe
+from anyprobe.infer.estimate import as_material
+from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.scatter.presets import MATERIALS, told_material
+
+
+def through(entry: str, estimator, rgba: np.ndarray, **told):
+    """The light of one photo, by one of the ways to ask for it."""
+    if entry == "estimate":
+        return anyprobe.estimate(rgba, **told)
+    if entry == "call":
+        return estimator(rgba, **told)
+    photo = load_photo(rgba)
+    if entry == "from_photo":
+        return estimator.from_photo(photo, **told)
+    if entry == "from_crop":
+        return estimator.from_crop(photo, crop_object(photo), **told)
+    return anyprobe.estimate_together(estimator, [photo], [np.eye(3)], **told)
+
+
+@pytest.fixture(scope="module")
+def expected(estimator) -> list[tuple[dict, anyprobe.Light]]:
+    """What is told, and the light of the Material that it means."""
+    means = [
+        ({"material": "chrome"}, MATERIALS["chrome"]),
+        ({"albedo": 0.18}, told_material(albedo=0.18)),
+        ({"material": "plastic", "albedo": [0.2, 0.3, 0.4]}, told_material("plastic", (0.2, 0.3, 0.4))),
+    ]
+    return [(told, estimator(ball_photo(), material=material)) for told, material in means]
+
+
+@pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_crop", "together"])
+def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expected, entry):
+    for told, light in expected:
+        found = through(entry, estimator, photo_rgba, **told)
+        np.testing.assert_allclose(found.radiance, light.radiance, rtol=1e-5)  # fused in logarithms
+        assert found.info["known"] == light.info["known"]
+
+
+@pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_crop", "together"])
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ({"material": 0.18}, ("material: expected a Material or one of chrome,", "got float", "albedo=")),
+        ({"material": "wood"}, ("material: expected one of chrome,", "'wood'")),
+        ({"albedo": "grey"}, ("albedo: expected one number or three", "'grey'")),
+        ({"albedo": [0.5, 0.5]}, ("albedo: expected one number or three",)),
+        ({"albedo": [0.5, [0.5]]}, ("albedo: expected one number or three",)),
+        ({"material": MATERIALS["matte"], "albedo": 0.2}, ("albedo: ", "got a Material")),
+    ],
+)
+def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry, told, words):
+    with pytest.raises(anyprobe.InputError) as refused:
+        through(entry, estimator, photo_rgba, **told)
+    assert "\n" not in str(refused.value)
+    for word in words:
+        assert word in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"albedo": "x"},
+        {"albedo": -np.ones(3)},
+        {"f0": np.full(3, np.nan)},
+        {"f0": np.ones(4)},
+        {"alpha": 0.0},
+        {"alpha": "x"},
+    ],
+)
+def test_numbers_that_no_surface_has_are_refused(values):
+    with pytest.raises(anyprobe.InputError, match="material: expected albedo and f0 of") as refused:
+        as_material(anyprobe.Material(**{"albedo": 0.5, "f0": 0.04, "alpha": 0.9} | values))
+    assert "\n" not in str(refused.value)
+
+
+def test_lists_and_single_numbers_are_numbers_of_a_material(estimator, photo_rgba):
+    written = anyprobe.Material(albedo=[0.6, 0.6, 0.6], f0=0.04, alpha=0.9)
+    found = estimator(photo_rgba, material=written)
+    np.testing.assert_array_equal(found.radiance, estimator(photo_rgba, material="matte").radiance)
+
+
+def test_a_material_is_refused_before_any_photo_is_loaded(estimator):
+    def never():
+        raise AssertionError("loaded")
+        yield
+
+    with pytest.raises(anyprobe.InputError, match="'wood'"):
+        anyprobe.estimate_together(estimator, never(), [], material="wood")
+
+
+def test_who_takes_a_material_takes_an_albedo():
+    entries = (
+        anyprobe.estimate,
+        anyprobe.estimate_together,
+        anyprobe.Estimator.__call__,
+        anyprobe.Estimator.from_photo,
+        anyprobe.Estimator.from_crop,
+    )
+    for entry in entries:
+        assert {"material", "albedo"} <= set(inspect.signature(entry).parameters), entry

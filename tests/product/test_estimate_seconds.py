@@ -1,0 +1,65 @@
+"""The seconds that an answer tells: loading counts from the photo's opening, its object's finding included."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from anyprobe.infer import photo as photo_module
+from anyprobe.infer.several import estimate_together
+
+SLOW_S = 0.3
+pytestmark = pytest.mark.usefixtures("networks_opened_once", "slow_masks")
+
+
+@pytest.fixture
+def slow_masks(monkeypatch) -> None:
+    """Finding an object takes SLOW_S longer."""
+    find_mask = photo_module.find_mask
+
+    def slowly(*told, **where):
+        time.sleep(SLOW_S)
+        return find_mask(*told, **where)
+
+    monkeypatch.setattr(photo_module, "find_mask", slowly)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_command_counts_from_the_photo_s_opening(work, command, photo_path, count):
+    files = [photo_path, work / "other.png"][:count]
+    files[-1].write_bytes(photo_path.read_bytes())
+    poses = []
+    if count > 1:
+        (work / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * count))
+        poses = ["--poses", "poses.json"]
+    done = command("estimate", *files, *poses, "--json", "-q")
+    assert done.status == 0, done.err
+    assert json.loads(done.out)["seconds"]["load"] >= count * SLOW_S
+
+
+def test_no_time_counts_twice(estimator, photo_path):
+    start = time.perf_counter()
+    photos = (photo_module.load_photo(photo_path) for _ in range(3))
+    light = estimate_together(estimator, photos, [np.eye(3)] * 3)
+    seconds = light.info["seconds"]
+    assert seconds["load"] >= 3 * SLOW_S
+    assert sum(seconds.values()) < time.perf_counter() - start + 0.01  # rounded
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, count):
+    pytest.importorskip("fastapi", reason="needs the serve extra")
+    pytest.importorskip("python_multipart", reason="needs the serve extra")
+    from fastapi.testclient import TestClient
+
+    from anyprobe.serve.app import create_app
+
+    files = [("photo", (f"{k}.png", photo_path.read_bytes())) for k in range(count)]
+    told = {"poses": json.dumps([np.eye(3).tolist()] * count)} if count > 1 else {}
+    with TestClient(create_app(estimator)) as client:
+        answer = client.post("/v1/fuse" if count > 1 else "/v1/estimate", files=files, data=told)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["seconds"]["load"] >= count * SLOW_S
