@@ -17,10 +17,11 @@ from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.evaluate.panel import score_pair  # noqa: E402
-from anyprobe.light.reconstruct import THRESHOLD  # noqa: E402
-from anyprobe.train.config import designs, designs_laboratory, paper  # noqa: E402
+from anyprobe.light.reconstruct import THRESHOLD, blend_weight  # noqa: E402
+from anyprobe.train.config import designs, designs_laboratory, hdr_curves, paper  # noqa: E402
 from anyprobe.train.design_methods import DesignMethods, read_run  # noqa: E402
-from anyprobe.train.designs import Designs  # noqa: E402
+from anyprobe.train.designs import DESIGNS, RIVALS, Designs  # noqa: E402
+from anyprobe.train.hdr_curves import HdrCurves  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
 
 
@@ -141,6 +142,39 @@ def test_a_run_whose_irradiance_network_learned_shows_that_one(tmp_path):
     inside = (frozen > 0) & (learned < 1)
     np.testing.assert_allclose((learned - frozen)[inside], 0.1, atol=1e-5)
     assert read_run(path)["irradiance_pairs"] == 320_000 + 112
+
+
+def test_another_hdr_network_changes_radiance_and_no_map(tmp_path):
+    """Of all designs and ideal, where a map is saturated alone; results say whose it is."""
+    path = checkpoint(tmp_path / "designs.pt", smoke(designs()))
+    stored = torch.load(path, weights_only=True)
+    for name in DESIGNS:
+        stored["nets"][f"{name}.head.bias"] += 2.0  # untrained maps are grey
+    torch.save(stored, path)
+    nets = HdrCurves.networks()
+    nets["hdr"].head.bias.data += 1.0
+    about = {"step": 5, "config": json.dumps(asdict(smoke(hdr_curves()))), "pairs": 20}
+    torch.save({"nets": nets.state_dict()} | about, tmp_path / "hdr.pt")
+    own, other = DesignMethods(path), DesignMethods(path, tmp_path / "hdr.pt")
+    pair = ball_pair()
+    for (name, before), after in zip(own.methods().items(), other.methods().values(), strict=True):
+        before, after = before(pair), after(pair)
+        np.testing.assert_array_equal(before.ldr, after.ldr)
+        assert (before.radiance is None) == (name in RIVALS)
+        if name not in RIVALS:
+            gamma = blend_weight(response(pair.radiance) if name == "ideal" else before.ldr)[..., 0]
+            assert gamma.max() > 0.2
+            moved = np.log(after.radiance / before.radiance).mean(axis=-1)
+            assert (moved[gamma > 0.2] > 0.1).all()
+            assert not moved[gamma == 0].any()
+            if gamma.max() == 1:
+                np.testing.assert_allclose(moved[gamma == 1], 1.0, atol=1e-4)
+    facts = {"hdr_run": "hdr_curves-dry", "hdr_steps": 5, "hdr_pairs": 20}
+    assert other.run == own.run | facts == read_run(path) | facts
+    with pytest.raises(ModelError, match="expected a run of hdr_curves, got one of designs"):
+        DesignMethods(path, path)
+    with pytest.raises(ModelError, match="expected a run of designs, got one of hdr"):
+        DesignMethods(tmp_path / "hdr.pt")
 
 
 def test_mixtures_go_from_the_estimate_to_the_truth(run, methods):

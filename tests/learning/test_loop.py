@@ -1,6 +1,7 @@
 """The training loop: an interruption leaves no trace; the exported graphs say what torch says."""
 
 import csv
+import hashlib
 import warnings
 from dataclasses import replace
 
@@ -158,6 +159,46 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(run, tmp_path):
     np.testing.assert_allclose(outputs.ldr, response(np.exp(outputs.ln_radiance)), atol=1e-6)
     wider = Models(str(tmp_path / "mine"))(crop, 0.6)
     assert np.abs(wider.ln_radiance - outputs.ln_radiance).max() > 0.01
+
+
+def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
+    """As far as the checkpoint knows it: older ones do not say what they began from, few are means."""
+    onnx = pytest.importorskip("onnx", reason="needs the train extra")
+    kept = tmp_path / "start.pt"
+    path = run(tmp_path / "a", steps=1, named=normals)
+    save_start(path, kept)
+    begun = run(tmp_path / "b", steps=1, named=normals, start=kept)
+
+    def told(checkpoint) -> dict[str, str]:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch's exporter warns about itself
+            export_onnx.export(checkpoint, tmp_path / "weights")
+        model = onnx.load(str(tmp_path / "weights" / "light.onnx"))
+        found = {one.key: one.value for one in model.metadata_props}
+        assert (found["steps"], found["pairs"], found["computes"]) == ("1", "4", "float32")
+        return {
+            name: found[name] for name in ("start", "assets", "mean_with", "mean_with_pairs") if name in found
+        }
+
+    assert told(path) == {"start": "nothing"}
+    assert told(begun) == {"start": hashlib.sha256(kept.read_bytes()).hexdigest()[:16]}
+    stored = torch.load(path, weights_only=True)
+    mean = {"mean_with": {"start": "0123456789abcdef", "pairs": 823040}}
+    for name, more in (
+        (
+            "mean",
+            mean | {"origin": {"start": "fedcba9876543210", "assets": "2 maps and 3 shapes (00112233)"}},
+        ),
+        ("unknown", {"origin": {}, "mean_with": {"start": "0123456789abcdef", "pairs": None}}),
+    ):
+        torch.save(stored | more, tmp_path / f"{name}.pt")
+    assert told(tmp_path / "mean.pt") == {
+        "start": "fedcba9876543210",
+        "assets": "2 maps and 3 shapes (00112233)",
+        "mean_with": "0123456789abcdef",
+        "mean_with_pairs": "823040",
+    }
+    assert told(tmp_path / "unknown.pt") == {"mean_with": "0123456789abcdef"}
 
 
 def test_a_run_begins_from_kept_weights(run, tmp_path):

@@ -19,10 +19,10 @@ from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceSet, thinned  # noqa: E402
 from anyprobe.evaluate.scaling import STEPS, ScalingScores, Shown, scaling_lines  # noqa: E402
 from anyprobe.nets.tiny_nets import SIZE  # noqa: E402
-from anyprobe.train.loop import make_learner, save_checkpoint  # noqa: E402
+from anyprobe.train.loop import learning_rate, make_learner, save_checkpoint  # noqa: E402
 from anyprobe.train.runs import RUNS, smoke  # noqa: E402
-from anyprobe.train.scaling import SCALING, world_64k  # noqa: E402
-from anyprobe.train.tiny_designs import IMAGE, TINY, TinyDesigns  # noqa: E402
+from anyprobe.train.scaling import SCALING, world_64k, world_64k_fixed  # noqa: E402
+from anyprobe.train.tiny_designs import IMAGE, SHOWN, TINY, TinyDesigns  # noqa: E402
 from anyprobe.train.tiny_methods import TinyMethods, small_map  # noqa: E402
 
 
@@ -50,6 +50,29 @@ def test_runs_differ_in_their_length_and_their_photos_alone():
         expected = {key: value for key, value in first.items() if key in config}
         expected["pairs"] = {key: value for key, value in first["pairs"].items() if key != "laboratory"}
         assert config == expected
+
+
+def test_the_fixed_run_differs_in_its_end_alone():
+    """A rate that stays, and maps that sharpen to the last step; the scores of the others do without it."""
+    first, fixed = asdict(world_64k()), asdict(RUNS["world_64k_fixed"]())
+    changed = {key: value for key, value in fixed.items() if value != first[key]}
+    assert changed == {"name": "world_64k_fixed", "cooldown": 0.0, "gradual_share": 1.0}
+    rates = {learning_rate(world_64k_fixed(), step) for step in range(100, 1000)}
+    assert rates == {world_64k().learning_rate}
+    assert world_64k_fixed not in SCALING
+
+
+def test_the_log_tells_by_how_much_losses_change_from_step_to_step():
+    """Mean over a row's steps, the first of which has none before it; nothing is learned from these."""
+    learner = TinyDesigns(smoke(world_64k()), "cpu")
+    batches = [tiny_batch(), replace(tiny_batch(), photo=1 - tiny_batch().photo)]
+    seen = [learner.losses(batch, 0.5) for batch in (*batches, batches[0])]
+    assert set(seen[0]) == set(learner.columns)
+    for name in SHOWN:
+        assert seen[0][f"{name}_change"] == 0.0
+        for before, after in zip(seen, seen[1:], strict=False):
+            assert after[f"{name}_change"] == abs(after[name] - before[name]) != 0.0
+            assert not after[f"{name}_change"].requires_grad
 
 
 def test_losses_do_not_mix(learner):
@@ -118,7 +141,7 @@ def test_steps_are_paired_and_mean_both_first_weights():
     assert found["order"]["ours -> ideal"]["ldr_rmse"]["mean"] == pytest.approx(-0.25)
     content = {"runs": {"world_64k": {"pairs": 64_000, **found}}, "pairs": 2, "command": "c", "commit": "d"}
     page = "\n".join(scaling_lines(content))
-    assert "| world | 64,000 | ldr rmse | +0.0450 +- 0.0050, holds |" in page
+    assert "| world | 64,000 | ldr rmse | +0.04500 +- 0.00500, holds |" in page
     assert "its standard error (by map);" in page  # as files of before have it
     told = "\n".join(scaling_lines(content | {"standard_errors": "by map and shape"}))
     assert "its standard error (by map and shape);" in told

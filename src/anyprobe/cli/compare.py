@@ -29,6 +29,12 @@ def compare(
     run: Annotated[
         Path | None, typer.Option(help="Folder of the run that anyprobe train designs left; else no designs.")
     ] = None,
+    hdr_run: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the run that anyprobe train hdr_curves left: its HDR network for all designs."
+        ),
+    ] = None,
     model: Annotated[
         list[str] | None,
         typer.Option(help="Bundled model or folder of graphs to set beside; repeat for more."),
@@ -80,7 +86,9 @@ def compare(
             "--join: expected shipped models or folders of graphs alone, got --run too; leave one out"
         )
     out = out or (RESULTS / LABORATORY if laboratory else RESULTS)
-    designs = None if run is None else open_designs(run, laboratory)
+    if hdr_run is not None and run is None:
+        raise InputError("--hdr-run: expected --run too, whose designs it serves, got none; add it")
+    designs = None if run is None else open_designs(run, laboratory, hdr_run)
     learned = None if run is None else curves(run / "log.csv")
     methods, trained = open_methods(model or [], designs, told=True)
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -110,7 +118,7 @@ def compare(
 
         result = study(until(kept_pairs(chosen, stock, kept, laboratory), minutes), methods, watch)
     about = {
-        "command": _command(hdri, meshes, run, model or [], result.count("all"), join, laboratory),
+        "command": _command(hdri, meshes, (run, hdr_run), model or [], result.count("all"), join, laboratory),
         "commit": commit(),
         "recipes": digest(recipes),
         **trained,
@@ -144,12 +152,15 @@ def until(pairs: Iterator[Any], minutes: float | None) -> Iterator[Any]:
             return
 
 
-def open_designs(run: Path, laboratory: bool = False) -> DesignMethods:
-    """The trained designs of a run's folder; InputError if their pairs were not of the kind that they are scored on."""
+def open_designs(run: Path, laboratory: bool = False, hdr_run: Path | None = None) -> DesignMethods:
+    """The trained designs of a run's folder; InputError if their pairs were not of the kind that they are scored on.
+
+    hdr_run: of hdr_curves, whose network takes the place of the designs' own; None: theirs.
+    """
     need_torch("running the trained designs")
     from anyprobe.train.design_methods import DesignMethods
 
-    designs = DesignMethods(run / "checkpoint.pt")
+    designs = DesignMethods(run / "checkpoint.pt", None if hdr_run is None else hdr_run / "checkpoint.pt")
     if designs.run["laboratory"] and not laboratory:
         raise InputError(f"--run {run}: expected --laboratory, where it has learned, got none; add it")
     if laboratory and not designs.run["laboratory"]:
@@ -205,10 +216,16 @@ def write_result(path: Path, content: dict[str, Any]) -> None:
 
 
 def _command(
-    hdri: Path, meshes: Path, run: Path | None, models: list[str], pairs: int, join: bool, laboratory: bool
+    hdri: Path,
+    meshes: Path,
+    runs: tuple[Path | None, Path | None],
+    models: list[str],
+    pairs: int,
+    join: bool,
+    laboratory: bool,
 ) -> str:
     parts = [f"anyprobe compare --hdri {tail(hdri)} --meshes {tail(meshes)}"]
-    parts += [f"--run {tail(run)}"] if run is not None else []
+    parts += [f"{name} {tail(run)}" for name, run in zip(("--run", "--hdr-run"), runs, strict=True) if run]
     parts += [f"--model {Path(name).name}" for name in models]
     parts += [
         f"--pairs {pairs}",

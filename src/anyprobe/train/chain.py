@@ -12,12 +12,12 @@ from torch import nn
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.dataset.pairs import Batch
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.hdr_net import HdrNet
 from anyprobe.nets.illumination_net import IlluminationNet
 from anyprobe.nets.irradiance_net import IrradianceNet
 from anyprobe.train.config import RunConfig
 from anyprobe.train.gradual import gradual_target
+from anyprobe.train.hdr_loss import hdr_loss
 
 NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}
 
@@ -54,6 +54,11 @@ class Chain:
             "hdr": self._hdr_loss(ldr.detach(), batch),
         }
 
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true LDR maps and those estimated from estimated irradiance."""
+        seen = torch.cat([self._run("irradiance", batch.photo), batch.photo[:, 3:]], dim=1)
+        return batch.photo[:, :3], batch.ldr, self._run("illumination", seen)
+
     def _object_image(self, batch: Batch, irradiance: torch.Tensor) -> torch.Tensor:
         """The illumination net's input [B, 4, S, S]; the first truth_share of the batch sees the truth, as far as
         the photo's mask goes: that is all an irradiance net can show."""
@@ -62,7 +67,7 @@ class Chain:
         return torch.cat([seen, mask], dim=1)
 
     def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
-        target = gradual_target(ldr, progress) if self.config.gradual else ldr
+        target = gradual_target(ldr, progress, self.config.gradual_share) if self.config.gradual else ldr
         return (self.solid_angle * (estimate - target) ** 2).mean()
 
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch) -> torch.Tensor:
@@ -72,9 +77,7 @@ class Chain:
         ldr = torch.cat([batch.ldr[true], estimate[estimated]])
         saturated = torch.cat([batch.ldr[true], torch.maximum(estimate, batch.ldr)[estimated]])
         target = torch.cat([batch.ln_radiance[true], batch.ln_radiance[estimated]])
-        gamma = blend_weight(saturated.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
-        weight = self.solid_angle * (0.1 + gamma)
-        return (weight * (self._run("hdr", ldr) - target) ** 2).sum() / weight.sum() / 3
+        return hdr_loss(self._run("hdr", ldr), target, saturated, self.solid_angle)
 
 
 def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:

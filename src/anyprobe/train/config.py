@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from anyprobe.dataset.pairs import PairConfig
 from anyprobe.dataset.surfaces import SurfaceConfig
+from anyprobe.train.gradual import GRADUAL_SHARE
 from anyprobe.train.lift import LiftConfig
 
 
@@ -33,12 +34,14 @@ class RunConfig:
     name: of the run's folder.
     model: "paper", the chain of three networks, "lift", the one that lifts pixels to the map, "normals",
         the part of it that guesses normals, "designs", every design of the paper's Table 1 and two rivals
-        at half size, or "tiny_designs", some of them at a quarter;
-        truth_share, gradual and hdr_share concern the first, lift the second, truth_share and
-        hdr_share the designs.
+        at half size, "tiny_designs", some of them at a quarter, or "hdr", the designs' HDR network alone,
+        which sees views of maps in the place of pairs;
+        truth_share, gradual, gradual_share and hdr_share concern the first, lift the second, truth_share,
+        gradual_share and hdr_share the designs.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
-    gradual: whether the LDR targets sharpen as in Eq. 6.
+    gradual: whether the LDR targets sharpen as in Eq. 6; gradual_share: of the steps that this takes, the others
+        after them see the maps themselves.
     irradiance_learns: whether the irradiance network of the designs, the shipped one at first, goes on learning
         beside them; else it stays as it is.
     hdr_share: share of a batch that the HDR net learns from, half true LDR maps, half estimated.
@@ -57,6 +60,7 @@ class RunConfig:
     irradiance_learns: bool = False
     hdr_share: float = 0.5
     gradual: bool = True
+    gradual_share: float = GRADUAL_SHARE
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
@@ -132,4 +136,16 @@ def designs_laboratory() -> RunConfig:
         steps=5_000,
         irradiance_learns=True,
         pairs=PairConfig(seed=47, batch=16, conditions=0, laboratory=True),
+    )
+
+
+def hdr_curves() -> RunConfig:
+    """The HDR network of `designs` alone, as the paper trains it (Sect. 3.4-3.5): on true maps, which are those of
+    `designs`, through cameras of random curve."""
+    return replace(
+        designs(),
+        name="hdr_curves",
+        model="hdr",
+        steps=2_500,
+        pairs=PairConfig(seed=61, batch=64, reuse=5, group=64, pool=4, conditions=0),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -24,6 +25,9 @@ from anyprobe.train.designs import DESIGNS, IMAGE
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance
 from anyprobe.train.loop import load_nets, pairs_seen
 
+RUN_OF = {"designs": "designs", "hdr": "hdr_curves"}
+"""By model, the run that trains it."""
+
 
 def read_run(checkpoint: Path) -> dict[str, int]:
     """What a results file says of the run: steps, pairs, seed, pairs of the irradiance network, and whether all were
@@ -32,11 +36,7 @@ def read_run(checkpoint: Path) -> dict[str, int]:
         raise ModelError(
             f"{checkpoint}: expected the designs' checkpoint, found none; anyprobe train designs"
         )
-    stored = read_checkpoint(checkpoint)
-    config = json.loads(stored["config"])
-    model = config.get("model", "paper")
-    if model != "designs":
-        raise ModelError(f"{checkpoint}: expected a run of designs, got one of {model}")
+    stored, config = _read(checkpoint, "designs")
     return {
         "steps": stored["step"],
         "of_steps": config["steps"],
@@ -48,12 +48,32 @@ def read_run(checkpoint: Path) -> dict[str, int]:
     }
 
 
+def read_hdr_run(checkpoint: Path) -> dict[str, Any]:
+    """What a results file says of the run whose HDR network takes the place of the designs': name, steps, views."""
+    stored, config = _read(checkpoint, "hdr")
+    return {"hdr_run": config["name"], "hdr_steps": stored["step"], "hdr_pairs": pairs_seen(stored)}
+
+
+def _read(checkpoint: Path, wanted: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A checkpoint and its configuration; ModelError if it is of another model."""
+    stored = read_checkpoint(checkpoint)
+    config = json.loads(stored["config"])
+    model = config.get("model", "paper")
+    if model != wanted:
+        raise ModelError(f"{checkpoint}: expected a run of {RUN_OF[wanted]}, got one of {model}")
+    return stored, config
+
+
 class DesignMethods:
     """Every design of a checkpoint, by name, each a Method."""
 
-    def __init__(self, checkpoint: Path) -> None:
-        self.run = read_run(checkpoint)
+    def __init__(self, checkpoint: Path, hdr: Path | None = None) -> None:
+        """hdr: checkpoint of a run of hdr_curves, whose HDR network then serves all designs, not their own."""
+        self.run: dict[str, Any] = read_run(checkpoint)
         self.nets = load_nets(checkpoint)
+        if hdr is not None:
+            self.run |= read_hdr_run(hdr)
+            self.nets["hdr"] = load_nets(hdr)["hdr"]
         self.has_own_irradiance = IMAGE in self.nets
         self.irradiance = self.nets[IMAGE] if self.has_own_irradiance else load_frozen_irradiance()[0]
         self._of: Pair | None = None

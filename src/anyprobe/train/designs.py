@@ -27,13 +27,13 @@ from anyprobe.core.color import REC709
 from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.pairs import Batch, pixel_wo
-from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.design_nets import ROWS, SIZE, BallNet, MapNet, MirrorNet, SmallHdrNet
 from anyprobe.nets.lift import mirror_direction
 from anyprobe.render.reflectance import reflectance_disc
 from anyprobe.train.chain import irradiance_loss
 from anyprobe.train.frozen_irradiance import load_frozen_irradiance
 from anyprobe.train.gradual import gradual_target
+from anyprobe.train.hdr_loss import hdr_loss
 
 if TYPE_CHECKING:
     from anyprobe.train.config import RunConfig
@@ -128,7 +128,7 @@ class Designs:
         small = shrink_batch(batch)
         seen, losses = self._see_irradiance(batch, small)
         maps = {}
-        soft = gradual_target(small.ldr, progress)
+        soft = gradual_target(small.ldr, progress, self.config.gradual_share)
         for name, design in DESIGNS.items():
             image = torch.cat([seen, small.photo[:, 3:]], dim=1) if design.sees_irradiance else small.photo
             ldr = self._run(self.nets[name], image)
@@ -177,9 +177,8 @@ class Designs:
         places = [*range(half), *(k for _, k in chosen)]
         truth, target = small.ldr[places], small.ln_radiance[places]
         ldr = torch.cat([truth[:half], estimated])
-        gamma = blend_weight(torch.maximum(ldr, truth).permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
-        weight = self.solid_angle * (0.1 + gamma)
-        return (weight * (self._run(self.nets["hdr"], ldr) - target) ** 2).sum() / weight.sum() / 3
+        estimate = self._run(self.nets["hdr"], ldr)
+        return hdr_loss(estimate, target, torch.maximum(ldr, truth), self.solid_angle)
 
 
 def shrink_batch(batch: Batch) -> Shrunk:

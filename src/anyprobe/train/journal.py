@@ -1,20 +1,39 @@
-"""Journal (noun): what a run tells while it goes: a progress bar, log.csv and TensorBoard events."""
+"""Journal (noun): what a run tells while it goes: a progress bar, log.csv, TensorBoard events and pictures."""
 
 from __future__ import annotations
 
 import csv
 import sys
 import time
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any, Protocol
 
+import numpy as np
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch import nn
+from torch.nn import functional as F
 
+from anyprobe.core.color import to_bytes
+from anyprobe.dataset.pairs import Batch
 from anyprobe.errors import OutputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.images import write_png
 
 LOG_STEPS = 25
 """A row of log.csv is the mean over so many steps."""
+PICTURED = 4
+"""Pictures are of so many pairs, the first of the run's first batch."""
+
+
+class Learner(Protocol):
+    """What trains. One whose `pictures(batch)` gives pictures [N, 3, H, W] of display values, from left to right, has
+    them drawn at each checkpoint."""
+
+    columns: tuple[str, ...]
+    nets: nn.Module
 
 
 def run_folder(runs: Path, name: str) -> Path:
@@ -30,16 +49,11 @@ def run_folder(runs: Path, name: str) -> Path:
 
 
 class Journal:
-    """Used as a context; `note` every step."""
+    """Used as a context; `see` and `note` every step, `draw` at every checkpoint."""
 
-    def __init__(
-        self, folder: Path, name: str, columns: tuple[str, ...], first: int, last: int, total: int
-    ) -> None:
-        """Go on at step `first` of a run of `total` steps, to stop at `last`.
-
-        columns: names of the losses.
-        """
-        self.columns, self.last = columns, last
+    def __init__(self, folder: Path, name: str, learner: Learner, first: int, last: int, total: int) -> None:
+        """Go on at step `first` of a run of `total` steps, to stop at `last`."""
+        self.columns, self.last, self._learner = learner.columns, last, learner
         self._folder, self._first, self._total = folder, first, total
         shown = (
             TextColumn(name),
@@ -50,13 +64,14 @@ class Journal:
         )
         self._progress = Progress(*shown, console=Console(file=sys.stderr))
         self._history: list[torch.Tensor] = []
+        self._pairs: Batch | None = None
 
     def __enter__(self) -> Journal:
         from torch.utils.tensorboard import SummaryWriter
 
         path = self._folder / "log.csv"
         forget_after(path, self._first)
-        self._events = SummaryWriter(str(self._folder / "tensorboard"), purge_step=self._first)
+        self._events = SummaryWriter(str(self._folder / "tensorboard"), purge_step=self._first + 1)
         self._log = path.open("a", newline="", encoding="utf-8")
         self._rows = csv.writer(self._log)
         if self._first == 0:
@@ -89,6 +104,58 @@ class Journal:
             self._events.add_scalar(f"loss/{name}", mean, step)
         self._progress.update(self._task, description=f"{' '.join(values)}  {speed:.0f} pairs/s")
         self._history, self._since = [], now
+
+    def see(self, batch: Any) -> None:
+        """A step's batch: the run's first one has the pairs that pictures are of. They are kept in its folder, for when
+        it goes on; where it has none, the first batch at hand serves."""
+        if self._pairs is not None or not hasattr(self._learner, "pictures"):
+            return
+        path = self._folder / "pictures.pt"
+        self._pairs = _read_pairs(path, batch) if self._first > 0 else None
+        if self._pairs is None:
+            self._pairs = replace(batch, **{name: value[:PICTURED].clone() for name, value in _parts(batch)})
+            with atomic_path(path) as temporary:
+                torch.save(dict(_parts(self._pairs)), temporary)
+
+    def draw(self, step: int) -> None:
+        """`step` steps are done: pictures.png and TensorBoard show what the networks make of these pairs, a row each.
+
+        Nothing that the next step depends on changes: no statistics, no random numbers.
+        """
+        if self._pairs is None:
+            return
+        self._learner.nets.eval()
+        with torch.no_grad():
+            sheet = side_by_side(self._learner.pictures(self._pairs))
+        self._learner.nets.train()
+        write_png(self._folder / "pictures.png", sheet)
+        self._events.add_image("pictures", sheet, step, dataformats="HWC")
+
+
+def side_by_side(pictures: tuple[torch.Tensor, ...]) -> np.ndarray:
+    """One picture [N h, W, 3] uint8 of pictures [N, 3, H, W] of display values: N rows, as high as the lowest."""
+    height = min(one.shape[2] for one in pictures)
+    level = [
+        F.interpolate(one.float(), size=(height, one.shape[3] * height // one.shape[2]), mode="area")
+        for one in pictures
+    ]
+    rows = torch.cat(level, dim=3).permute(0, 2, 3, 1)  # [N, h, W, 3]
+    return to_bytes(rows.flatten(0, 1).cpu().numpy())
+
+
+def _parts(batch: Batch) -> list[tuple[str, torch.Tensor]]:
+    return [(field.name, getattr(batch, field.name)) for field in fields(batch)]
+
+
+def _read_pairs(path: Path, like: Batch) -> Batch | None:
+    """What `see` kept, where `like` is; None if it is not there, damaged or of another release: others will do."""
+    if not path.is_file():
+        return None
+    try:
+        kept = torch.load(path, map_location=like.photo.device, weights_only=True)
+        return Batch(**kept)
+    except Exception:  # torch raises many kinds for a damaged file
+        return None
 
 
 def forget_after(log: Path, step: int) -> None:

@@ -149,6 +149,13 @@ class Lift:
             terms["stillness"] = stillness_loss(part(guess, slice(again)), second)
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true LDR maps and those it estimates."""
+        photo = batch.photo.contiguous(memory_format=torch.channels_last)
+        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
+            guess = self.nets["light"](photo, batch.tan_half[:, None], told_normals(batch), batch.around)
+        return batch.photo[:, :3], batch.ldr, display(guess.ln_radiance).clip(max=1.0)
+
     def _told(self, guess: Guess, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
         told, mask = guess.told, batch.photo[:, 3:]
         share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)

@@ -21,6 +21,7 @@ from anyprobe.train.chain import Chain
 from anyprobe.train.checkpoint import load_weights, read_checkpoint
 from anyprobe.train.config import RunConfig
 from anyprobe.train.designs import IMAGE, IMAGE_RATE, Designs
+from anyprobe.train.hdr_curves import HdrCurves
 from anyprobe.train.journal import Journal, run_folder
 from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.normals import Normals
@@ -57,10 +58,13 @@ LEARNERS = {
     "normals": Normals,
     "designs": Designs,
     "tiny_designs": TinyDesigns,
+    "hdr": HdrCurves,
 }
 
 
-def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Designs | TinyDesigns:
+def make_learner(
+    config: RunConfig, device: str
+) -> Chain | Lift | Normals | Designs | TinyDesigns | HdrCurves:
     """What trains: networks, and their losses by name."""
     return LEARNERS[config.model](config.lift if config.model == "lift" else config, device)
 
@@ -136,7 +140,7 @@ def train(
 
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
-        runs: the checkpoint, log.csv and TensorBoard events go to runs/<config.name>.
+        runs: the checkpoint, log.csv, pictures and TensorBoard events go to runs/<config.name>.
         workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
             so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
@@ -187,7 +191,7 @@ def train(
         origin = agreed(path, origin, {"assets": name_assets(stock)})
         batches = open_batches(config, stock, data, runs / "cache", device, compiled, steps, workers)
         del stock  # hundreds of maps, of which the batches keep what they need
-    journal = Journal(folder, config.name, learner.columns, first, last, config.steps)
+    journal = Journal(folder, config.name, learner, first, last, config.steps)
     saved, each = time.monotonic(), config.pairs.batch * team.size
     with journal if team.is_first else nullcontext():
         for step, batch in enumerate(batches, start=first):
@@ -203,11 +207,13 @@ def train(
             optimizer.step()
             seen += each
             if team.is_first:
+                journal.see(batch)
                 journal.note(step + 1, seen, each, losses, rate)
             if due or step + 1 == last:
                 team.average_statistics(nets)
                 if team.is_first:
                     save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
+                    journal.draw(step + 1)
                 saved = time.monotonic()
     team.leave()
     return path

@@ -44,8 +44,16 @@ class Normals:
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """The same whatever the progress."""
+        return {"normals": normals_loss(self._guess(batch), batch)}
+
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true normals and those it guesses, as colours: (n + 1) / 2 inside the mask."""
+        inside = F.avg_pool2d(batch.photo[:, 3:], 2)
+        true, guess = F.avg_pool2d(batch.normals, 2), self._guess(batch) * inside
+        return batch.photo[:, :3], 0.5 + 0.5 * true, 0.5 + 0.5 * guess
+
+    def _guess(self, batch: Batch) -> torch.Tensor:
         net = self.nets["light"]
         with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
-            normals = net.normals(photo, *net.eye(batch.tan_half[:, None]))
-        return {"normals": normals_loss(normals, batch)}
+            return net.normals(photo, *net.eye(batch.tan_half[:, None]))

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from anyprobe.train.config import RunConfig, designs, designs_laboratory, lift, normals, paper
-from anyprobe.train.scaling import SCALING
+from anyprobe.train.config import RunConfig, designs, designs_laboratory, hdr_curves, lift, normals, paper
+from anyprobe.train.scaling import SCALING, world_64k_fixed
 from anyprobe.train.trials import TRIALS, shapes_trial
 
 RUNS = {
     run.__name__: run
-    for run in (paper, lift, normals, designs, designs_laboratory, *TRIALS, shapes_trial, *SCALING)
+    for run in (
+        paper,
+        lift,
+        normals,
+        designs,
+        designs_laboratory,
+        hdr_curves,
+        *TRIALS,
+        shapes_trial,
+        *SCALING,
+        world_64k_fixed,
+    )
 }
 
 

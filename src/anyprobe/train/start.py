@@ -14,7 +14,7 @@ from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.checkpoint import read_checkpoint
 
-WITHOUT_GRAPHS = ("designs", "tiny_designs")
+WITHOUT_GRAPHS = ("designs", "tiny_designs", "hdr")
 """Models that are compared and never shipped: what is kept of them is all there is."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""

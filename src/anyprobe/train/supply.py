@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.map_views import MapBatch, MapViews
 from anyprobe.dataset.pairs import Batch, PairSource
 from anyprobe.dataset.stock import Stock, load_stock, own_map
 from anyprobe.dataset.stream import stream
@@ -24,22 +25,35 @@ from anyprobe.train.config import LightConfig, RunConfig
 
 def make_pairs(
     config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
-) -> PairSource:
-    """The endless pairs of a run: real assets of data/{hdri,meshes} when given, and our own.
+) -> PairSource | MapViews:
+    """The endless pairs of a run, or views of its maps: real assets of data/{hdri,meshes} when given, and our own.
 
     Files that cannot be used are listed on stderr.
     """
     return _pairs(config, load_assets(config.light, data), cache, device, compiled)
 
 
-def _pairs(config: RunConfig, stock: Stock, cache: Path, device: str, compiled: bool) -> PairSource:
-    light = config.light
+def _pairs(
+    config: RunConfig, stock: Stock, cache: Path, device: str, compiled: bool
+) -> PairSource | MapViews:
+    maps = _maps(config.light, stock)
+    if not _has_surfaces(config):
+        return MapViews(maps, config.pairs, device)
+    return PairSource(Illuminator(maps, device, compiled), _surfaces(config, stock, cache), config.pairs)
+
+
+def _has_surfaces(config: RunConfig) -> bool:
+    """Whether a run learns from objects; else it sees maps alone."""
+    return config.model != "hdr"
+
+
+def _maps(light: LightConfig, stock: Stock) -> list[np.ndarray]:
+    """Real maps, our own, and what is made of all these."""
     radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     rng = np.random.default_rng(light.seed)
     radiance += [draw_variant(rng, radiance) for _ in range(light.variants)]
-    surfaces = _surfaces(config, stock, cache)
-    return PairSource(Illuminator(radiance, device, compiled), surfaces, config.pairs)
+    return radiance
 
 
 def load_assets(light: LightConfig, data: Path | None) -> Stock:
@@ -92,13 +106,14 @@ def open_batches(
     compiled: bool,
     steps: range,
     workers: int,
-) -> Iterator[Batch]:
+) -> Iterator[Batch | MapBatch]:
     """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
 
     stock: of load_assets; the others read their own from data.
     """
     if workers == 0:
         return map(_pairs(config, stock, cache, device, compiled).batch, steps)
-    _surfaces(config, stock, cache, workers)  # once, before all of them ask for it
+    if _has_surfaces(config):
+        _surfaces(config, stock, cache, workers)  # once, before all of them ask for it
     made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
     return (batch.to(device) for batch in made)

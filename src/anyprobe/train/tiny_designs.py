@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from anyprobe.train.config import RunConfig
 
 TINY = DESIGNS | {"direct_2": Design(sees_irradiance=False, seed=1)}
+SHARP = tuple(f"{name}_sharp" for name, design in TINY.items() if design.gradual)
+SHOWN = (*TINY, *SHARP)
+"""Losses of maps, of which also the change from step to step is logged."""
 IMAGE = "image"
 """The irradiance network among those that learn."""
 
@@ -31,7 +34,7 @@ IMAGE = "image"
 class TinyDesigns:
     """Losses of every tiny design; float32 weights, bfloat16 arithmetic. Wants photos of 32 x 32 pixels."""
 
-    columns = (IMAGE, *TINY, *(f"{name}_sharp" for name, design in TINY.items() if design.gradual))
+    columns = (IMAGE, *SHOWN, *(f"{name}_change" for name in SHOWN))
 
     def __init__(self, config: RunConfig, device: str) -> None:
         self.config, self.device = config, device
@@ -39,6 +42,7 @@ class TinyDesigns:
         self.nets.to(device, memory_format=torch.channels_last)
         weights = torch.from_numpy(pixel_solid_angles(ROWS)).to(device)
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
+        self._before: dict[str, torch.Tensor] = {}
 
     @staticmethod
     def networks() -> nn.ModuleDict:
@@ -59,7 +63,8 @@ class TinyDesigns:
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Mean squared errors; progress is the share of the run done, in [0, 1).
 
-        "<design>_sharp" is the gradual designs' error against the map itself, for the curves only.
+        For the curves only: "<design>_sharp", the gradual designs' error against the map itself, and "<loss>_change",
+        by how much a loss is another than at the step before (Fig. 6); 0 at the first step of a process.
         """
         mask = batch.photo[:, 3:]
         truth = batch.irradiance * mask
@@ -69,13 +74,15 @@ class TinyDesigns:
         seen = torch.cat([truth[:given], estimate.detach()[given:].clip(0, 1)])
         image = torch.cat([seen, mask], dim=1)
         ldr = F.avg_pool2d(batch.ldr, batch.ldr.shape[2] // ROWS)
-        soft = gradual_target(ldr, progress)
+        soft = gradual_target(ldr, progress, self.config.gradual_share)
         for name, design in TINY.items():
             guess = self._run(name, image if design.sees_irradiance else batch.photo)
             losses[name] = self._map_loss(guess, soft if design.gradual else ldr)
             if design.gradual:
                 losses[f"{name}_sharp"] = self._map_loss(guess.detach(), ldr)
-        return losses
+        now = {name: losses[name].detach() for name in SHOWN}
+        before, self._before = self._before or now, now
+        return losses | {f"{name}_change": (now[name] - before[name]).abs() for name in SHOWN}
 
     def _map_loss(self, estimate: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
         return (self.solid_angle * (estimate - target) ** 2).mean()
