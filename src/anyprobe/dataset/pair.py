@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -23,7 +24,8 @@ from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
 from anyprobe.dataset.stock import Stock
-from anyprobe.errors import InvalidMesh
+from anyprobe.dataset.textured import draw_factor, draw_share, paint
+from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import Shading, shade
@@ -52,6 +54,7 @@ class Pair:
     map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
     tan_half: tangent of half the angle that the photo's side takes in.
     normals [S, S, 3]: in the camera's frame, zero off the object; only methods that are told shapes may look.
+    material: of the object, or of the larger part of one of two, under its texture if it has any.
     """
 
     recipe: Recipe
@@ -97,12 +100,25 @@ def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, flo
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / count))
 
 
-def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, laboratory: bool = False) -> Pair:
+def render_pair(
+    recipe: Recipe,
+    stock: Stock,
+    trace: Trace | None = None,
+    laboratory: bool = False,
+    textured: bool = False,
+) -> Pair:
     """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape, or nobody can see it.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
     laboratory: with the camera and one of the materials of dataset.laboratory in the place of what the recipe draws.
+    textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both
+        (dataset.textured). Irradiance and map know of it by the photo's exposure alone. Not with trace, which is
+        given one material.
     """
+    if textured and trace is not None:
+        raise InputError(
+            "textured: expected objects shaded here, got another renderer; leave one of the two out"
+        )
     asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material, shot = drawn.material, drawn.shot
@@ -111,8 +127,14 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, labora
     camera, surface = _look(shape.mesh, drawn, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
     map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
-    shading = shade_surface(stock.pyramid(recipe.map_id), surface, map_from_camera, material.alpha)
+    pyramid = stock.pyramid(recipe.map_id)
+    shading = shade_surface(pyramid, surface, map_from_camera, material.alpha)
+    normals = np.zeros((*surface.mask.shape, 3), np.float32)
+    normals[surface.mask] = surface.normals
     reflected = shading.radiance(material)
+    if textured:
+        relit = partial(shade_surface, pyramid, surface, map_from_camera)
+        reflected = _textured_radiance(material, shading, relit, normals, rng.spawn(1)[0])
     if trace is not None:
         map_from_world = map_from_camera @ camera.world_from_camera.T
         around = rotate(asset.radiance, map_from_world.T)
@@ -130,8 +152,6 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, labora
     irradiance = np.zeros((*surface.mask.shape, 3), np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
-    normals = np.zeros((*surface.mask.shape, 3), np.float32)
-    normals[surface.mask] = surface.normals
     return Pair(
         recipe=recipe,
         photo=np.concatenate([display * mask[..., None], mask[..., None] * np.uint8(255)], axis=-1),
@@ -146,6 +166,29 @@ def render_pair(recipe: Recipe, stock: Stock, trace: Trace | None = None, labora
         shape_name=shape.name,
         indoor=asset.indoor,
     )
+
+
+def _textured_radiance(
+    material: Material,
+    shading: Shading,
+    shade_again: Callable[[float], Shading],
+    normals: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Radiance [P, 3] of an object that is not quite uniform.
+
+    Args:
+        shading: the P pixels of the object, with the first material's alpha; shade_again: with another.
+        normals: [S, S, 3], zero off the object.
+    """
+    mask, kind = normals.any(axis=-1), rng.integers(3)
+    if kind != 1:
+        material = paint(material, draw_factor(normals, rng)[mask])
+    radiance = shading.radiance(material)
+    if kind == 0:
+        return radiance
+    second, share = draw_material(rng, draw_alpha(rng)), draw_share(normals, rng)[mask][:, None]
+    return (1 - share) * radiance + share * shade_again(second.alpha).radiance(second)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

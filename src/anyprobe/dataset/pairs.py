@@ -27,6 +27,7 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.reshaped import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
 from anyprobe.dataset.surroundings import draw_frame, gather, photo_around, unsteady
+from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import stand_ins
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.albedo import albedo_table
@@ -50,6 +51,8 @@ class PairConfig:
     gathered: of these, the share of which also what other photos of the object show is known.
     joined, reshaped: shares of surfaces before which another is put, and that are given another shape
         (dataset.reshaped).
+    textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
+        alpha (dataset.textured); targets know of neither but by the photo's exposure.
     """
 
     batch: int = 32
@@ -67,6 +70,8 @@ class PairConfig:
     gathered: float = 0.0
     joined: float = 0.0
     reshaped: float = 0.0
+    textured: float = 0.0
+    two_materials: float = 0.0
 
 
 TOLD_ERROR_DEG = 2.0
@@ -156,6 +161,9 @@ class PairSource:
             materials = [material_of(lit.alpha) for lit in chosen]
         else:
             materials = [draw_material(rng, lit.alpha) for lit in chosen]
+        shares = self.config.textured, self.config.two_materials
+        if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
+            materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
 
         def column(values) -> torch.Tensor:
             return _column(values, self.device)
@@ -226,6 +234,7 @@ def shade(
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
 
+    materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
     places: stand_ins, or the same compiled.
 
     Returns:
@@ -235,7 +244,7 @@ def shade(
     alpha = _column([lit.alpha for lit in chosen], device)
     table = torch.from_numpy(albedo_table()).to(device)
     *xy, gain_one, gain_grazing = places(normals.permute(0, 2, 3, 1), wo, alpha, table)
-    f0, albedo = _column([m.f0 for m in materials], device), _column([m.albedo for m in materials], device)
+    f0, albedo = (_colors([getattr(m, name) for m in materials], device) for name in ("f0", "albedo"))
     terms = torch.stack([lit.terms for lit in chosen])
     parts = zip(terms.split([3, 6, 3], dim=1), xy, strict=True)
     first_factor, specular, diffuse = (F.grid_sample(*part, align_corners=False) for part in parts)
@@ -255,6 +264,15 @@ def _column(values, device) -> torch.Tensor:
     """One number or three a pair, [B, C, 1, 1]."""
     values = np.asarray(values, np.float32)
     return torch.from_numpy(values.reshape(len(values), -1, 1, 1)).to(device)
+
+
+def _colors(values: list[np.ndarray], device) -> torch.Tensor:
+    """[B, 3, 1, 1], or [B, 3, S, S] if one of the values is [S, S, 3]; the others are [3]."""
+    shape = np.broadcast_shapes(*(np.shape(value) for value in values))
+    if len(shape) == 1:
+        return _column(values, device)
+    planes = np.stack([np.moveaxis(np.broadcast_to(value, shape), -1, 0) for value in values])
+    return torch.from_numpy(planes.astype(np.float32, copy=False)).to(device)
 
 
 def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:

@@ -1,0 +1,175 @@
+"""Objects that are not quite uniform: with a mild texture, or of two materials.
+
+What it is: patterns lie on the object. Where its pixels are in space follows from their normals (`locate`), and
+patterns are laid on from three sides of a block about it (`lay`), so that they bend with the surface and draw together
+towards its edge. What it is not: the skin of a scan. A jump in depth becomes a slope, patterns know nothing of what the
+object is, and they change its colour alone: neither alpha nor the normals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from anyprobe.dataset.camera import blur
+from anyprobe.dataset.material import draw_material
+from anyprobe.dataset.textures import draw_texture, smooth_noise
+from anyprobe.render.reflectance import read_map
+from anyprobe.scatter.brdf import Material
+
+CONTRAST, CONTRAST_SPREAD = 0.19, 0.35
+"""Median of a texture's contrast, the deviation of the factor's logarithm, and how far that spreads: most are between
+0.1 and 0.35."""
+COLORED_SHARE = 0.35
+"""So many textures are of several colours; the rest is lighter and darker in all channels alike."""
+ON_METAL = 0.5
+"""Power of the factor for metals, which are tarnished or dirty rather than painted."""
+MOST_ALBEDO = 0.95
+SECOND_SHARE = (0.1, 0.38)
+"""Share of an object's pixels that the second material covers."""
+BORDER_PX = 0.6
+"""Standard deviation of the blur of the border between two materials, as a pixel averages what it sees."""
+STEEPEST = 0.25
+"""Least cosine of normals to the picture's axis when they are integrated: beyond, depth has no bounds."""
+SIDES = 128
+"""Side of patterns in their own pixels."""
+EXTENT = (2.5, 5.0)
+"""What a pattern covers before it is repeated, in halves of the picture."""
+CLEAR = 6.0
+"""Power of the normal's components by which a block's sides count: how narrow their seams are."""
+
+
+def locate(normals: np.ndarray) -> np.ndarray:
+    """Where the pixels of a picture are in space, in halves of the picture: x right, y up, z to the eye, [S, S, 3].
+
+    The depth whose slopes are nearest to those that normals have, by least squares (Frankot and Chellappa 1988), and
+    off the object nearest to the object's mean slope.
+
+    Args:
+        normals: [S, S, 3], camera frame, zero off the object.
+    """
+    size = normals.shape[0]
+    mask = normals.any(axis=-1)
+    slope = -normals[..., :2] / np.maximum(normals[..., 2:], STEEPEST)
+    mean = slope[mask].mean(axis=0)  # which no sum of waves has
+    slope = np.where(mask[..., None], slope - mean, 0.0)
+    x, y = np.fft.rfft2(slope, axes=(0, 1)).transpose(2, 0, 1)
+    right = 2j * np.pi * np.fft.rfftfreq(size, 2 / size)
+    up = -2j * np.pi * np.fft.fftfreq(size, 2 / size)[:, None]
+    square = right**2 + up**2
+    square[0, 0] = 1.0  # the mean depth: of no account
+    depth = np.fft.irfft2((right * x + up * y) / square, s=(size, size))
+    across = (np.arange(size) + 0.5) / size * 2 - 1
+    x, y = np.meshgrid(across, -across)
+    return np.stack([x, y, depth + mean[0] * x + mean[1] * y], axis=-1).astype(np.float32)
+
+
+def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A pattern [N, N, C] on points [P, 3] of normals [P, 3]: [P, C].
+
+    From three sides of a block turned at random, each where it is faced; beyond its border it goes on mirrored.
+    """
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0].astype(np.float32)
+    points, facing = points @ turn, np.abs(normals @ turn) ** CLEAR
+    facing /= facing.sum(axis=-1, keepdims=True)
+    extent = float(np.exp(rng.uniform(*np.log(EXTENT))))
+    starts = rng.uniform(0, 2, (3, 2)).astype(np.float32)
+    channels = range(pattern.shape[-1])
+    result = 0.0
+    for axis in range(3):
+        along = np.delete(points, axis, axis=-1) / extent + starts[axis]
+        xy = 1 - 2 * np.abs(1 - along % 2)
+        result = result + facing[:, axis, None] * np.stack(read_map(pattern, xy, channels), axis=-1)
+    return result
+
+
+def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A mild texture: what an object's reflectance is multiplied by, [S, S, 3], 1 in the mean and off the object.
+
+    Marble, wood, cloth, tiles, print or dirt as `textures.draw_texture` has them, of little contrast.
+
+    Args:
+        normals: [S, S, 3], camera frame, zero off the object.
+    """
+    contrast = CONTRAST * np.exp(rng.normal(0.0, CONTRAST_SPREAD))
+    pattern = np.log(draw_texture(rng, SIDES))
+    if rng.random() >= COLORED_SHARE:
+        pattern = pattern.mean(axis=-1, keepdims=True)
+    pattern -= pattern.mean(axis=(0, 1))
+    deviation = float(np.sqrt((pattern**2).mean()))
+    pattern *= contrast / max(deviation, 1e-6)  # one clipped all over has none
+    mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
+    values = np.exp(lay(pattern, locate(normals)[mask], normals[mask], rng))
+    factor[mask] = values / values.mean(axis=0)
+    return factor
+
+
+def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Which part of each pixel is of an object's second material, [S, S] in [0, 1], zero off the object.
+
+    Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide.
+
+    Args:
+        normals: [S, S, 3], camera frame, zero off the object.
+    """
+    mask = normals.any(axis=-1)
+    points, kind = locate(normals)[mask], rng.integers(3)
+    if kind == 0:
+        pattern = smooth_noise(rng, SIDES, rng.uniform(1.0, 4.0)).astype(np.float32)
+        level = lay(pattern[..., None], points, normals[mask], rng)[:, 0]
+    else:
+        axis = rng.standard_normal(3)
+        level = points @ (axis / np.linalg.norm(axis))
+        if kind == 2:
+            level = -np.abs(level - np.quantile(level, rng.uniform(0.1, 0.9)))
+    hard = np.zeros(mask.shape, np.float32)
+    hard[mask] = level > np.quantile(level, 1 - rng.uniform(*SECOND_SHARE))
+    soft, inside = blur(np.stack([hard, mask.astype(np.float32)]), BORDER_PX)
+    return np.where(mask, soft / np.maximum(inside, 1e-6), 0.0).clip(0.0, 1.0)
+
+
+def paint(material: Material, factor: np.ndarray) -> Material:
+    """A material under a texture: f0 and albedo [..., 3] as factor; a dielectric's coat stays as it is."""
+    if np.any(material.albedo):
+        albedo = np.minimum(material.albedo * factor, MOST_ALBEDO)
+        return replace(material, albedo=albedo, f0=np.broadcast_to(material.f0, factor.shape))
+    f0 = np.minimum(material.f0 * factor**ON_METAL, 1.0)
+    return replace(material, albedo=np.zeros_like(factor), f0=f0)
+
+
+def mix(first: Material, second: Material, share: np.ndarray) -> Material:
+    """Two materials of one alpha, share [...] the second: f0 and albedo [..., 3]."""
+    share = share[..., None]
+    f0, albedo = (
+        (1 - share) * getattr(first, name) + share * getattr(second, name) for name in ("f0", "albedo")
+    )
+    return replace(first, f0=f0, albedo=albedo)
+
+
+def paint_some(
+    materials: Sequence[Material],
+    normals: np.ndarray,
+    rng: np.random.Generator,
+    textured: float,
+    two_materials: float,
+) -> list[Material]:
+    """Give a share of objects a texture, and a share a second material of the same alpha; some get both.
+
+    Args:
+        normals: [B, 3, S, S] of the objects.
+    Returns:
+        The materials; the f0 and albedo of those that are changed are [S, S, 3].
+    """
+    chosen = rng.random((len(materials), 2)) < (textured, two_materials)
+    chosen &= normals.any(axis=(1, 2, 3))[:, None]  # a thin object, reshaped, may have left its picture
+    result = list(materials)
+    for k in np.flatnonzero(chosen.any(axis=1)):
+        n = np.moveaxis(normals[k], 0, -1)
+        if chosen[k, 0]:
+            result[k] = paint(result[k], draw_factor(n, rng))
+        if chosen[k, 1]:
+            second = draw_material(rng, result[k].alpha)
+            result[k] = mix(result[k], second, draw_share(n, rng))
+    return result

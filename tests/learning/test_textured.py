@@ -1,0 +1,305 @@
+"""Objects that are not quite uniform: patterns lie on them, are mild, and leave what is asked for alone."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+
+from anyprobe.core.sampling import hammersley  # noqa: E402
+from anyprobe.dataset import pair as pair_module  # noqa: E402
+from anyprobe.dataset import pairs  # noqa: E402
+from anyprobe.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.dataset.material import METALS, draw_material  # noqa: E402
+from anyprobe.dataset.pair import render_pair  # noqa: E402
+from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.plan import full_plan  # noqa: E402
+from anyprobe.dataset.stock import load_stock  # noqa: E402
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.dataset.textured import (  # noqa: E402
+    MOST_ALBEDO,
+    ON_METAL,
+    SECOND_SHARE,
+    draw_factor,
+    draw_share,
+    lay,
+    locate,
+    mix,
+    paint,
+    paint_some,
+)
+from anyprobe.dataset.textures import smooth_noise  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.render.picture import draw_mesh  # noqa: E402
+from anyprobe.scatter.brdf import Material  # noqa: E402
+
+SIZE, RADIUS = 128, 0.85
+X, Y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, 1 - (np.arange(SIZE) + 0.5) / SIZE * 2)
+REACH = np.hypot(X, Y) / RADIUS
+"""Distance from the picture's centre in the radius of `ball` and `disc`."""
+
+
+def ball() -> np.ndarray:
+    """Normals [S, S, 3] of a ball seen from afar."""
+    z = np.sqrt(np.maximum(1 - REACH**2, 0))
+    return (np.stack([X / RADIUS, Y / RADIUS, z], axis=-1) * (REACH < 1)[..., None]).astype(np.float32)
+
+
+def disc() -> np.ndarray:
+    """Normals [S, S, 3] of a flat disc that faces the eye."""
+    return np.where((REACH < 1)[..., None], np.array([0, 0, 1], np.float32), np.float32(0))
+
+
+@pytest.fixture(scope="module")
+def stock():
+    return load_stock(None, "test", procedural_maps=2, procedural_shapes=2)
+
+
+@pytest.fixture
+def few_samples(monkeypatch):
+    """Pairs shaded roughly, and exposed alike whatever they show."""
+    monkeypatch.setattr(pair_module, "hammersley", lambda count: hammersley(4))
+    monkeypatch.setattr(pair_module, "exposure", lambda *_: 0.5)
+
+
+@pytest.fixture(scope="module")
+def source(stock):
+    """A source of the same pairs by any further settings."""
+    illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
+    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
+
+    def make(**settings) -> PairSource:
+        return PairSource(
+            illuminator, surfaces, PairConfig(batch=6, seed=1, group=3, pool=1, reuse=4, **settings)
+        )
+
+    return make
+
+
+def test_pixels_are_located_where_the_ball_is():
+    points, inside = locate(ball()), REACH < 0.95
+    np.testing.assert_allclose(points[..., 0], X, atol=1e-6)
+    np.testing.assert_allclose(points[..., 1], Y, atol=1e-6)
+    error = points[..., 2] - RADIUS * np.sqrt(np.maximum(1 - REACH**2, 0))
+    assert np.ptp(error[inside]) < 0.02
+
+
+def test_a_roof_is_located_as_deep_as_it_is_steep():
+    """Two slopes to a ridge, the roof tilted each way, so that no axis is taken for another."""
+    for x, y in ((0.6, 0.1), (0.1, 0.6), (-0.5, 0.3)):
+        right = np.where(X > 0, 0.3, -0.3) + x
+        normals = np.stack([right, np.full_like(right, y), np.ones_like(right)], axis=-1)
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        depth = locate(np.where((REACH < 1)[..., None], normals, 0.0))[..., 2]
+        error = depth + 0.3 * np.abs(X) + x * X + y * Y
+        assert np.ptp(error[REACH < 0.9]) < 0.1 * np.ptp(depth[REACH < 0.9])
+
+
+def test_patterns_draw_together_towards_the_edge_of_a_ball_and_not_of_a_disc():
+    """A pixel there is longer on the surface: 2.3 times at nine tenths of the radius."""
+
+    def steeper(normals: np.ndarray) -> float:
+        """How much steeper the patterns are outwards near the edge than in the middle."""
+        found = []
+        for seed in range(40):
+            down, right = np.gradient(np.log(draw_factor(normals, np.random.default_rng(seed))[..., 1]))
+            outwards = np.abs(right * X - down * Y) / np.hypot(X, Y)
+            found.append([outwards[(REACH > low) & (REACH < high)].mean() for low, high in RINGS])
+        middle, edge = np.mean(found, axis=0)
+        return edge / middle
+
+    RINGS = ((0.1, 0.4), (0.85, 0.95))
+    assert steeper(ball()) > 1.4 * steeper(disc())
+
+
+def test_a_pattern_is_as_coarse_on_a_plane_that_faces_any_way():
+    """Steps of one length along the surface change it alike: laid from one side alone, it would be drawn out."""
+    pattern = smooth_noise(np.random.default_rng(0), SIZE, 8.0)[..., None].astype(np.float32)
+    changes = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        n, u, v = np.linalg.qr(rng.standard_normal((3, 3)))[0].T
+        points = rng.uniform(-0.7, 0.7, (2000, 1)) * u + rng.uniform(-0.7, 0.7, (2000, 1)) * v
+        here, along, aside = (
+            lay(pattern, points + 0.01 * step, np.broadcast_to(n, points.shape), np.random.default_rng(9))
+            for step in (0.0, u, v)
+        )
+        changes += [np.abs(along - here).mean(), np.abs(aside - here).mean()]
+    assert min(changes) > 0.4 * max(changes)
+
+
+def test_textures_are_mild_and_mostly_grey():
+    inside, contrasts, colored = REACH < 1, [], 0
+    for seed in range(80):
+        factor = draw_factor(ball(), np.random.default_rng(seed))
+        assert factor.dtype == np.float32
+        assert (factor[~inside] == 1).all()
+        np.testing.assert_allclose(factor[inside].mean(axis=0), 1.0, rtol=1e-4)
+        contrasts.append(np.log(factor[inside]).std(axis=0).mean())
+        colored += bool(np.ptp(factor, axis=-1).max() > 1e-3)
+    assert 0.12 < np.median(contrasts) < 0.25
+    assert np.quantile(contrasts, 0.95) < 0.45
+    assert 0.15 < colored / 80 < 0.55
+
+
+def test_the_second_material_covers_what_it_says_with_a_border_of_a_pixel():
+    inside, shares = REACH < 1, []
+    for seed in range(60):
+        share = draw_share(ball(), np.random.default_rng(seed))
+        assert share.min() >= 0
+        assert share.max() <= 1
+        assert not share[~inside].any()
+        shares.append(share[inside].mean())
+        pure = (share < 0.01) | (share > 0.99)
+        assert pure[inside].mean() > 0.7
+        for axis in (0, 1):  # two pixels beyond any mixed one, a material is pure
+            jump = np.abs(np.roll(share, 3, axis=axis) - share)[~pure & inside]
+            assert jump.max(initial=1) > 0.3
+    assert SECOND_SHARE[0] - 0.01 < min(shares)
+    assert max(shares) < 0.4
+    assert np.ptp(shares) > 0.2
+
+
+def test_paint_changes_a_dielectrics_albedo_and_less_of_a_metals_mirror():
+    factor = np.array([0.5, 1.0, 1.5])[:, None] * np.ones(3)
+    paper = Material(albedo=np.full(3, 0.7, np.float32), f0=np.full(3, 0.04, np.float32), alpha=0.3)
+    painted = paint(paper, factor)
+    np.testing.assert_allclose(painted.albedo, np.minimum(0.7 * factor, MOST_ALBEDO))
+    np.testing.assert_allclose(painted.f0, 0.04, rtol=1e-6)
+    gold = Material(albedo=np.zeros(3, np.float32), f0=np.array(METALS[0]), alpha=0.3)
+    tarnished = paint(gold, factor)
+    assert not tarnished.albedo.any()
+    np.testing.assert_allclose(tarnished.f0, np.minimum(gold.f0 * factor**ON_METAL, 1.0))
+    half = mix(paper, gold, np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(half.albedo[:, 0], [0.7, 0.35, 0.0], rtol=1e-6)
+    np.testing.assert_allclose(half.f0, np.linspace(paper.f0, gold.f0, 3), rtol=1e-6)
+    assert half.alpha == 0.3
+
+
+def test_a_pixel_shows_the_material_that_it_has(source):
+    """Against the same surface of each material alone: upper left, upper right and below."""
+    lit = source()._pool(0)[:2]
+    normals = torch.from_numpy(ball()).permute(2, 0, 1).expand(2, 3, SIZE, SIZE)
+    wo = pairs.pixel_wo(torch.full((2, 1, 1, 1), 0.2), SIZE)
+    rng = np.random.default_rng(0)
+    some = [draw_material(rng, lit[0].alpha, metal) for metal in (False, True, False)]
+    whole = [pairs.shade(lit, [one, one], normals, wo)[0] for one in some]
+    which = np.where(Y < 0, 2, np.where(X < 0, 0, 1))
+    maps = {name: np.stack([getattr(one, name) for one in some])[which] for name in ("f0", "albedo")}
+    radiance, _ = pairs.shade(lit, [replace(some[0], **maps), some[1]], normals, wo)
+    torch.testing.assert_close(radiance[1], whole[1][1])
+    for k in range(3):
+        part = torch.from_numpy((which == k) & (REACH < 1))
+        torch.testing.assert_close(radiance[0][:, part], whole[k][0][:, part])
+
+
+def test_no_share_draws_no_random_number_and_calls_nobody(source, monkeypatch):
+    """And a share that is hit by no photo leaves every number what it was, bit for bit."""
+    missed = source(textured=1e-12, two_materials=1e-12).batch(1)
+    monkeypatch.setattr(pairs, "paint_some", lambda *_: pytest.fail("nothing is to be painted"))
+    plain = source().batch(1)
+    for one in fields(plain):
+        assert torch.equal(getattr(plain, one.name), getattr(missed, one.name)), one.name
+
+
+@pytest.mark.parametrize("name", ["textured", "two_materials"])
+def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
+    """At the same exposure. All else of the photos is the same too, and a texture makes them hardly brighter."""
+    monkeypatch.setattr(pairs, "exposure", lambda *_: 0.5)
+    plain = source(conditions=0).batch(1)
+    changed = source(conditions=0, **{name: 1.0}).batch(1)
+    again = source(conditions=0, **{name: 1.0}).batch(1)
+    for one in fields(plain):
+        if one.name != "photo":
+            assert torch.equal(getattr(plain, one.name), getattr(changed, one.name)), one.name
+        assert torch.equal(getattr(again, one.name), getattr(changed, one.name)), one.name
+    assert torch.equal(plain.photo[:, 3], changed.photo[:, 3])
+    inside = plain.photo[:, 3:]
+    differs = ((plain.photo != changed.photo).any(dim=1, keepdim=True) * inside).sum((1, 2, 3)) / inside.sum(
+        (1, 2, 3)
+    )
+    brighter = changed.photo[:, :3].sum((1, 2, 3)) / plain.photo[:, :3].sum((1, 2, 3))
+    if name == "textured":
+        assert (differs > 0.3).all()
+        assert (brighter.log().abs() < 0.08).all()
+    else:
+        assert (differs > 0.05).all()
+        assert (differs < 0.45).all()  # the first material is as it was, a pixel from the border
+
+
+def test_about_a_share_of_objects_is_painted_and_the_rest_left_as_it_is():
+    material = Material(albedo=np.full(3, 0.7, np.float32), f0=np.full(3, 0.04, np.float32), alpha=0.3)
+    normals = np.stack([np.moveaxis(ball(), -1, 0)] * 40)
+    normals[0] = 0.0  # nothing of it is seen
+    for shares in ((0.5, 0.0), (0.0, 0.5)):
+        painted = paint_some([material] * 40, normals, np.random.default_rng(2), *shares)
+        assert painted[0] is material
+        changed = [one for one in painted if one is not material]
+        assert 12 <= len(changed) <= 28
+        assert all(one.albedo.shape == one.f0.shape == (SIZE, SIZE, 3) for one in changed)
+        assert {bool(np.ptp(one.f0) == 0) for one in changed} == {shares[0] > 0}
+
+
+def test_a_textured_pair_is_the_same_every_time_and_asks_for_the_same_light(stock, few_samples):
+    """At the same exposure: all but the photo, and in it the mask."""
+    plan = full_plan(stock, conditions=1)
+    for index in (3, 400):
+        plain, first, second = (
+            render_pair(plan.recipe(index), stock, textured=textured) for textured in (False, True, True)
+        )
+        np.testing.assert_array_equal(first.photo, second.photo)
+        assert not np.array_equal(first.photo, plain.photo)
+        np.testing.assert_array_equal(first.photo[..., 3], plain.photo[..., 3])
+        for name in ("irradiance", "radiance", "gain", "normals", "map_from_camera"):
+            np.testing.assert_array_equal(getattr(first, name), getattr(plain, name))
+        np.testing.assert_array_equal(first.material.albedo, plain.material.albedo)
+
+
+def test_pairs_show_textures_second_materials_and_both(stock, few_samples, monkeypatch):
+    """A third each; the second material has an alpha of its own, and leaves the first where it is not."""
+    calls = []
+
+    def spy(name: str):
+        drawn = getattr(pair_module, name)
+
+        def call(*arguments):
+            calls.append((name, drawn(*arguments)))
+            return calls[-1][1]
+
+        monkeypatch.setattr(pair_module, name, call)
+
+    shaded, shade_surface = [], pair_module.shade_surface
+
+    def spy_on_alpha(*arguments):
+        shaded.append(arguments[-1])
+        return shade_surface(*arguments)
+
+    monkeypatch.setattr(pair_module, "shade_surface", spy_on_alpha)
+    for name in ("draw_factor", "draw_share", "draw_alpha"):
+        spy(name)
+    plan, kinds = full_plan(stock), []
+    for index in range(0, 15 * 25, 25):
+        calls.clear()
+        shaded.clear()
+        textured = render_pair(plan.recipe(index), stock, textured=True)
+        (_, alpha), *changes = calls
+        kinds.append(tuple(name for name, _ in changes if name != "draw_alpha"))
+        if kinds[-1] == ("draw_share",):
+            assert {name for name, _ in changes} == {"draw_share", "draw_alpha"}
+            other = next(value for name, value in changes if name == "draw_alpha")
+            assert other != alpha == textured.material.alpha
+            assert shaded == [alpha, other]
+            share = next(value for name, value in changes if name == "draw_share")
+            plain = render_pair(plan.recipe(index), stock)
+            first = (share == 0) & (plain.photo[..., 3] > 0)
+            assert first.mean() > 0.1
+            np.testing.assert_array_equal(textured.photo[first], plain.photo[first])
+            assert (textured.photo != plain.photo)[share == 1].mean() > 0.5
+    assert set(kinds) == {("draw_factor",), ("draw_share",), ("draw_factor", "draw_share")}
+    assert all(3 <= kinds.count(kind) <= 7 for kind in set(kinds))
+
+
+def test_another_renderer_is_not_asked_for_textures(stock):
+    with pytest.raises(InputError, match="textured: expected objects shaded here"):
+        render_pair(full_plan(stock).recipe(0), stock, draw_mesh, textured=True)
