@@ -31,7 +31,7 @@ from anyprobe.train.journal import run_folder  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
 from anyprobe.train.runs import smoke  # noqa: E402
-from anyprobe.train.start import load_start, mean_checkpoint, save_start  # noqa: E402
+from anyprobe.train.start import load_start, mean_checkpoint, save_start, start_id  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -305,6 +305,9 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, tmp_path):
             moved += int((one != two).any())
     assert moved > 100
     assert both["config"] == after["config"]
+    assert both["mean_with"] == {"start": start_id(kept), "pairs": None}
+    whole = torch.load(mean_checkpoint(checkpoint, checkpoint, tmp_path / "same.pt"), weights_only=True)
+    assert whole["mean_with"] == {"start": start_id(checkpoint), "pairs": 16}
     assert "light" in load_nets(mean)
     save_start(run(tmp_path / "c", steps=2), other)
     with pytest.raises(ModelError, match="normals.pt: expected weights of this run.*got another network's"):

@@ -88,12 +88,13 @@ def test_steps_that_change_too_much_are_refused(graphs, pairs, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == []
 
 
-def test_contract_stays_and_nothing_is_added(graphs):
+def test_contract_stays_but_for_what_it_computes_in(graphs):
     onnx = pytest.importorskip("onnx", reason="needs onnx, of the extra 'train'")
     said = [
         {entry.key: entry.value for entry in onnx.load(str(graphs / kind / "light.onnx")).metadata_props}
         for kind in ("float", "int8")
     ]
+    assert [one.pop("computes") for one in said] == ["float32", "int8 convolutions"]
     assert said[0] == said[1]
     assert said[1]["run"] == "untrained"
 

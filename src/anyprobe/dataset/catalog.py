@@ -168,7 +168,7 @@ def _load(
     assets: list[Asset] = []
     bad = refused = 0
     expected = "/".join(suffixes)
-    for path, row in _rows(folder, suffixes, strange):
+    for path, row in listed_rows(folder, suffixes, strange):
         try:
             if path.suffix.lower() in strange:
                 raise InputError(
@@ -199,7 +199,7 @@ def _load(
     return assets
 
 
-def _rows(
+def listed_rows(
     folder: Path, suffixes: tuple[str, ...], strange: tuple[str, ...]
 ) -> Iterator[tuple[Path, dict[str, str]]]:
     """Each file of the folder with its row of the manifest (the folder's own or its parent's)."""

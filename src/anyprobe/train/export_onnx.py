@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,6 +25,9 @@ PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
 AROUND = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
 AS_LEARNED = (1.0, 0.0)
+FLOATS = "float32"
+WHOLE_NUMBERS = "int8 convolutions"
+"""What a graph's metadata says that it computes in."""
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
@@ -86,11 +91,30 @@ def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LE
         "pairs": str(pairs_seen(stored)),
         "config": stored["config"],
         "sureness": f"{sureness[0]:g} {sureness[1]:g}",
+        **provenance(stored),
     }
     return {
         stage: _export_stage(stage, graph, recipe, folder / f"{stage}.onnx")
         for stage, graph in graphs_of(nets, sureness).items()
     }
+
+
+def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
+    """What a checkpoint tells of its weights beside its own steps, each as far as it is known:
+
+    start           identity of the file of weights that the run began from, or "nothing"
+    assets          the maps and shapes of its data, as supply.name_assets has them
+    mean_with       identity of the file of weights that they are the mean with
+    mean_with_pairs the pairs that those have seen
+    """
+    origin, other = stored.get("origin", {}), stored.get("mean_with", {})
+    known = {
+        "start": (origin["start"] or "nothing") if "start" in origin else None,
+        "assets": origin.get("assets"),
+        "mean_with": other.get("start"),
+        "mean_with_pairs": other.get("pairs"),
+    }
+    return {name: str(value) for name, value in known.items() if value is not None}
 
 
 def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
@@ -113,7 +137,7 @@ def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) 
         )
         model = onnx.load(str(temporary))
         store_half(model)
-        onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, **recipe})
+        onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
         session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])

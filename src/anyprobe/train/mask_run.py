@@ -41,15 +41,15 @@ class MaskRunConfig:
     """
 
     name: str = "mask"
-    steps: int = 3000
+    steps: int = 20_000
     small: int = 96
     small_share: float = 0.6
     learning_rate: float = 2e-3
     weight_decay: float = 1e-4
     warmup: int = 50
     cooldown: float = 0.7
-    seed: int = 1
-    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=101))
+    seed: int = 2
+    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=102))
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
     light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
 

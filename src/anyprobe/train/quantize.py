@@ -21,7 +21,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.graphs import open_graph
 from anyprobe.infer.runtime import lift_inputs
 from anyprobe.light.reconstruct import LN_MAX
-from anyprobe.train.export_onnx import store_half
+from anyprobe.train.export_onnx import WHOLE_NUMBERS, store_half
 
 EXACT = ("/head/", "/sphere/rise.2/", "/object/first/", "/object/rise.3/")
 """Parts of the names of convolutions that stay as they are: the heads, and the scales beside the map and the irradiance
@@ -41,7 +41,7 @@ def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
 
 
 def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
-    """Write a graph of export_onnx.export again, with the same inputs, outputs and contract.
+    """Write a graph of export_onnx.export again, with the same inputs, outputs and contract, but for "computes".
 
     Args:
         examples: its inputs by name, as many as there are; the ranges are theirs.
@@ -90,6 +90,7 @@ def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray
         model = onnx.load(str(temporary))
         store_half(model)
         contract = {entry.key: entry.value for entry in onnx.load(str(source)).metadata_props}
+        contract["computes"] = WHOLE_NUMBERS
         onnx.helper.set_model_props(model, contract)  # without what the tools note there
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))

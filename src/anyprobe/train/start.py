@@ -72,7 +72,7 @@ def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
 
 def load_start(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_start or keep_run kept; ModelError if they are none of theirs."""
-    kept = _read_start(path)
+    kept, _ = _read_start(path)
     try:
         nets.load_state_dict(
             {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
@@ -100,7 +100,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
         ModelError: no checkpoint, or other holds another network's weights.
     """
     stored = read_checkpoint(checkpoint)
-    kept, nets = _read_start(other), stored["nets"]
+    (kept, pairs), nets = _read_start(other), stored["nets"]
     if {name: value.shape for name, value in kept.items()} != {
         name: value.shape for name, value in nets.items()
     }:
@@ -109,14 +109,16 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
         name: (value + kept[name].float()) / 2 if value.is_floating_point() else value
         for name, value in nets.items()
     }
-    torch.save({**stored, "nets": mean, "optimizer": {}}, path)
+    mean_with = {"start": start_id(other), "pairs": pairs}
+    torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
     return path
 
 
-def _read_start(path: Path) -> dict[str, torch.Tensor]:
+def _read_start(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
+    """The weights that a file keeps, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)
-        return kept.get("nets", kept)
+        return (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
     except Exception as error:  # torch raises many kinds for a damaged file
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 

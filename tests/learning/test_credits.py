@@ -1,0 +1,141 @@
+"""The page of assets that weights learned from: what training takes, whose it is, and nothing else."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.mesh_files import ply
+
+import anyprobe
+from anyprobe.dataset.credits import asset_page
+from anyprobe.files.radiance import write_hdr
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = Path(anyprobe.__file__).parent / "weights" / "ASSETS.md"
+DATA = Path(os.environ.get("ANYPROBE_DATA", ROOT / "data"))
+CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+SIDES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+
+TABLES = """\
+## Maps of `hdri/train`: 3
+
+| file | name | source | licence | author |
+| --- | --- | --- | --- | --- |
+| a.hdr | a | https://maps.example/a | CC0-1.0 |  |
+| b.hdr | the room | some/maps: rooms/b.hdr | CC BY 4.0; Doe, Roe | Doe, Roe |
+| c.hdr | c | not stated | MIT | A \\| B |
+
+## Maps of `hdri/train_extra`: 1
+
+| file | name | source | licence | author |
+| --- | --- | --- | --- | --- |
+| e.hdr | e | https://maps.example/e.hdr | Apache License, Version 2.0 | not stated |
+
+## Shapes of `meshes/train`: 1
+
+| file | name | source | licence | author |
+| --- | --- | --- | --- | --- |
+| one.ply | tetrahedron | formula: one | public domain (Jane Doe) |  |
+"""
+
+
+@pytest.fixture
+def data(tmp_path):
+    """Three folders with a manifest each: rows in another order than the files, some that training leaves alone."""
+    brightness = iter(range(1, 99))
+
+    def light(*names: str) -> None:
+        for name in names:
+            path = tmp_path / "data" / "hdri" / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            picture = np.ones((8, 16, 3), np.float32)
+            picture[0] = next(brightness)
+            write_hdr(path, picture)
+
+    light("train/b.hdr", "train/a.hdr", "train/c.hdr", "train/unlisted.hdr", "test/t.hdr")
+    light("train_extra/e.hdr", "train_extra/sa.hdr")
+    maps = tmp_path / "data" / "hdri" / "train"
+    (maps / "nc.hdr").write_bytes((maps / "a.hdr").read_bytes())  # the same map, as another gives it away
+    (maps / "cut.hdr").write_bytes(b"")
+    shapes = tmp_path / "data" / "meshes" / "train"
+    shapes.mkdir(parents=True)
+    (shapes / "one.ply").write_bytes(ply(CORNERS, SIDES))
+    (shapes / "two.ply").write_bytes(ply(2 * CORNERS, SIDES))
+    for folder, text in (
+        (
+            "hdri",
+            "file,slug,source,source_repo,source_path,licence,authors,split\n"
+            "train/nc.hdr,nc,,some/maps,nc.hdr,CC BY-NC 4.0; Doe,,train\n"
+            "train/cut.hdr,cut,,some/maps,cut.hdr,CC0,,train\n"
+            "train/c.hdr,,,,,MIT,A | B,train\n"
+            'b.hdr,the room,,some/maps,rooms/b.hdr,"CC BY 4.0; Doe, Roe",,train\n'
+            "a.hdr,a,https://maps.example/a,,,CC0-1.0,Jane Doe,train\n"
+            "t.hdr,t,,,,CC0,,test\n",
+        ),
+        (
+            "hdri/train_extra",
+            "file,url,licence\nsa.hdr,,CC BY-SA 4.0; Doe\n"
+            'e.hdr,https://maps.example/e.hdr,"Apache License, Version 2.0"\n',
+        ),
+        (
+            "meshes",
+            "file,name,source_repo,source_path,licence,split\n"
+            "train/two.ply,two,formula,two,no commercial resale,train\n"
+            "train/one.ply,tetrahedron,formula,one,public domain (Jane Doe),train\n",
+        ),
+    ):
+        (tmp_path / "data" / folder / "manifest.csv").write_text(text, encoding="utf-8")
+    return tmp_path / "data"
+
+
+def test_the_page_lists_what_training_takes_and_nothing_else(work, command, data):
+    """Neither what may not be sold, nor what nobody lists, nor what cannot be read, nor what is held out."""
+    outcome = command("data", "assets", "--data", data)
+    assert outcome.status == 0
+    about, tables = outcome.out.split("\n## ", 1)
+    assert "## " + tables == TABLES
+    assert about.startswith("# Assets that weights learned from\n\nThe 5 files of a data folder")
+    assert "of anyprobe's own" in about
+    assert str(data) not in outcome.out
+    warnings = outcome.err.splitlines()
+    assert len(warnings) == 4
+    assert all(line.startswith("warning: ") for line in warnings)
+    assert any("cut.hdr" in line for line in warnings)
+    to_file = command("data", "assets", "--data", data, "-o", "out/ASSETS.md")
+    assert (to_file.status, to_file.out) == (0, "out/ASSETS.md\n")
+    assert (work / "out" / "ASSETS.md").read_bytes() == outcome.out.encode()
+
+
+def test_a_folder_without_more_light_has_no_table_of_it(data):
+    for path in (data / "hdri" / "train_extra").iterdir():
+        path.unlink()
+    (data / "hdri" / "train_extra").rmdir()
+    page = asset_page(data, report=lambda line: None)
+    assert "train_extra" not in page
+    assert "The 4 files" in page
+
+
+def test_no_folder_is_one_clear_line(work, command):
+    assert "expected a folder of .exr/.hdr files" in command("data", "assets", "--data", "none").complaint
+    assert not list(work.iterdir())
+
+
+def test_the_shipped_page_is_what_the_command_writes():
+    if not (DATA / "hdri" / "train").is_dir():
+        pytest.skip(
+            f"the maps and shapes that shipped weights learned from are needed: ANYPROBE_DATA, or {DATA}"
+        )
+    assert SHIPPED.read_text(encoding="utf-8") == asset_page(DATA, report=lambda line: None)
+
+
+def test_the_shipped_page_names_no_machine_and_everybody_who_asks_for_it():
+    page = SHIPPED.read_text(encoding="utf-8")
+    assert "/work" not in page
+    assert str(ROOT) not in page
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    authors = [row[4] for row in rows if row[3].startswith("CC BY")]
+    assert len(authors) == 7
+    assert "not stated" not in authors
