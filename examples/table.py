@@ -26,10 +26,10 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.room import room
 from anyprobe.dataset.studio import direction_at, soft_cap
+from anyprobe.files.objects import open_object
 from anyprobe.infer.photo import Photo
 from anyprobe.light.environment import shrink
 from anyprobe.relight.compose import lay_over
-from anyprobe.relight.objects import open_object
 from anyprobe.relight.relight import Arrangement, Stage
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.picture import draw_mesh

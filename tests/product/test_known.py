@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from anyprobe.scatter.brdf import Material
 from anyprobe.scatter.presets import MATERIALS, material_named
 
 MATTE = MATERIALS["matte"]
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def ball_map() -> np.ndarray:
@@ -85,6 +87,42 @@ def test_middle_grey_is_no_normal():
 def test_what_are_no_normals_is_refused_in_one_line(source, says):
     with pytest.raises(InputError, match=says) as error:
         read_normals(source, (HEIGHT, WIDTH))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("beside", ["black", "grey", "white", "facing", "transparent"])
+@pytest.mark.parametrize("kind", [".png", ".jpg", ".webp"])
+def test_a_normal_map_may_be_compressed_and_have_anything_beside_the_object(tmp_path, kind, beside):
+    normals = ball_map()
+    on = np.abs(normals).sum(axis=-1) > 0
+    colors = {
+        "black": 0.0,
+        "grey": 0.5,
+        "white": 1.0,
+        "facing": (0.5, 0.5, 1.0),
+        "transparent": (1.0, 0.3, 0.9),
+    }
+    picture = Image.fromarray(to_bytes(np.where(on[..., None], normals / 2 + 0.5, colors[beside])))
+    if beside == "transparent":
+        if kind == ".jpg":
+            pytest.skip("a JPEG has no transparency")
+        picture.putalpha(Image.fromarray(to_bytes(on.astype(np.float32))))
+    picture.save(tmp_path / f"n{kind}", quality=60)
+    read = read_normals(tmp_path / f"n{kind}", (HEIGHT, WIDTH))
+    middle = np.zeros_like(on)
+    middle[CENTER[1] - 20 : CENTER[1] + 20, CENTER[0] - 20 : CENTER[0] + 20] = True
+    assert (read[middle] * normals[middle]).sum(axis=-1).mean() > 0.99
+    if beside in ("black", "white", "grey"):
+        assert np.abs(read[~on]).sum(axis=-1).astype(bool).mean() < 0.1
+    elif beside == "transparent":
+        assert (read[~on] == 0).all()
+
+
+@pytest.mark.parametrize("name", ["table.png", "vase.png"])
+def test_an_ordinary_photo_is_no_normal_map(name):
+    photo = Image.open(EXAMPLES / name).convert("RGB")
+    with pytest.raises(InputError, match="far from unit length") as error:
+        read_normals(np.asarray(photo), (photo.height, photo.width))
     assert "\n" not in str(error.value)
 
 

@@ -18,6 +18,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.infer.panorama import DIFFER, lay_over, seen_from, window
 from anyprobe.infer.photo import Photo, crop_object, load_photo
 from anyprobe.infer.several import fuse_lights
+from anyprobe.infer.surroundings import around_of, radiance_of
 from anyprobe.light.environment import rotate
 
 POSES = [rotation_x(0.1), rotation_y(1.6) @ rotation_x(0.1), rotation_y(-1.5), rotation_y(0.4)]
@@ -54,6 +55,39 @@ def test_what_is_burnt_out_tells_nothing_of_a_darker_exposure():
     white = np.ones((64, 128, 4), np.float32)
     assert window(white, np.eye(3), gain=0.5)[..., 3].max() == 0
     np.testing.assert_allclose(window(white, np.eye(3), gain=2.0)[..., :3], 2.0)
+
+
+def test_what_is_burnt_out_tells_nothing_to_a_darker_photo():
+    """At least white in the panorama is not exactly half as bright there."""
+    room = np.concatenate([smooth_map(), np.ones((64, 128, 1), np.float32)], axis=-1)
+    room[20:24, 60:66, :3] = 1.0
+    known = seen_from(room, np.eye(3), None, gain=2.0)
+    assert known[21:23, 61:65, 3].max() == 0
+    np.testing.assert_allclose(known[30:, :, 3], 1.0, atol=1e-5)
+    assert seen_from(room, np.eye(3), None)[21, 62, 3] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("gain", [0.5, 1.0, 2.0])
+def test_what_is_measured_above_white_comes_through_a_panorama(gain):
+    """A panorama of radiance, in the first photo's exposure, is known to the others, whatever theirs is."""
+    radiance = smooth_map()
+    radiance[20:24, 60:66] = [40.0, 30.0, 20.0]
+    cover = np.ones((64, 128, 1), np.float32)
+    first = around_of(radiance, cover, cover)
+    photo = np.zeros((64, 128, 4), np.float32)
+    photo[:, :20] = [0.5, 0.4, 0.3, 1.0]
+    turn = rotation_y(0.5)
+    gathered = lay_over(window(first, np.eye(3)), patch(0.3, slice(0, 128)))
+    shown, burnt, known = radiance_of(seen_from(gathered, turn, photo, gain))
+    truth = rotate(radiance, turn.T) / gain
+    np.testing.assert_allclose(shown[:, 20:], truth[:, 20:], rtol=2e-3, atol=2e-3)
+    np.testing.assert_allclose(
+        response(shown[:, :20]), np.broadcast_to([0.5, 0.4, 0.3], (64, 20, 3)), atol=1e-3
+    )
+    np.testing.assert_allclose(known, 1.0, atol=1e-5)
+    assert not burnt.any()
+    back = window(around_of(truth.clip(0), cover, cover), np.eye(3), gain=0.5)
+    np.testing.assert_allclose(back[..., :3], truth / 2, rtol=2e-3, atol=2e-3)  # nothing of it is burnt out
 
 
 def test_the_newer_counts_where_it_shows_something():

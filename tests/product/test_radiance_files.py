@@ -12,7 +12,14 @@ import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
-from anyprobe.files.radiance import exr_attributes, read_exr, read_radiance, write_exr, write_hdr
+from anyprobe.files.radiance import (
+    exr_attributes,
+    map_attributes,
+    read_exr,
+    read_radiance,
+    write_exr,
+    write_hdr,
+)
 
 
 def draw_map(height: int, seed: int = 0) -> np.ndarray:
@@ -241,6 +248,25 @@ def test_exr_attributes_come_back(tmp_path):
     assert exr_attributes(tmp_path / "map.exr") == {"frame": "front"}
     (tmp_path / "text.exr").write_text("no header")
     assert exr_attributes(tmp_path / "text.exr") == exr_attributes(tmp_path / "absent.exr") == {}
+
+
+def test_attributes_are_the_same_in_both_formats(tmp_path):
+    """In a .hdr as comments that no reader minds, in lines shorter than any reader's buffer."""
+    told = {
+        "frame": "right-handed, +X right; u = 0.5 + atan2(x, -z) / 2 pi, " * 4 + "row 0 is +Y",
+        "of": "\n1 =\n\n2 é",
+    }
+    radiance = draw_map(16)
+    write_hdr(tmp_path / "map.hdr", radiance, attributes=told)
+    write_exr(tmp_path / "map.exr", radiance, attributes={"frame": told["frame"]})
+    found = map_attributes(tmp_path / "map.hdr")
+    assert found["frame"] == map_attributes(tmp_path / "map.exr")["frame"] == told["frame"]
+    assert found["of"] == "1 = 2 \\xe9"
+    header = (tmp_path / "map.hdr").read_bytes().partition(b"\n\n")[0]
+    assert max(len(line) for line in header.split(b"\n")) < 127
+    write_hdr(tmp_path / "bare.hdr", radiance)
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.hdr"), read_radiance(tmp_path / "bare.hdr"))
+    assert map_attributes(tmp_path / "bare.hdr") == map_attributes(tmp_path / "absent.hdr") == {}
 
 
 # Primaries

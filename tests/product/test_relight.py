@@ -14,10 +14,10 @@ import anyprobe
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
 from anyprobe.files.images import read_image
+from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.infer.photo import load_photo
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.objects import OBJECTS, open_object
 from anyprobe.relight.relight import Arrangement, Stage
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh

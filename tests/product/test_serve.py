@@ -12,7 +12,9 @@ import zipfile
 import numpy as np
 import pytest
 from PIL import Image
+from support.scenes import made_map
 
+from anyprobe.core.frames import rotation_y
 from anyprobe.files.radiance import read_radiance
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
@@ -22,6 +24,7 @@ from fastapi.testclient import TestClient
 
 from anyprobe.cli.serve import is_loopback
 from anyprobe.infer.photo import load_photo
+from anyprobe.infer.result import Light
 from anyprobe.scatter.brdf import Material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import CLIENT_GONE, create_app
@@ -337,6 +340,16 @@ def test_export_is_a_zip_of_the_target_s_files(client, photo):
     assert "three" in complaint(client.post("/v1/export/nowhere", content=exr), 422)
     complaint(client.post("/v1/export/three", content=photo), 422)
     complaint(client.post("/v1/export/three?exposure=nan", content=exr), 422)
+
+
+def test_export_of_a_turned_light_says_so(client, tmp_path):
+    turn = rotation_y(0.7)
+    light = Light(radiance=made_map()).rotate(turn)
+    for kind in ("exr", "hdr"):
+        content = light.save(tmp_path / f"l.{kind}").read_bytes()
+        answer = client.post("/v1/export/webxr", content=content)
+        said = json.loads(zipfile.ZipFile(io.BytesIO(answer.content)).read("light_webxr.json"))
+        np.testing.assert_allclose(said["world_from_camera"], turn, atol=1e-5)
 
 
 def test_photo_of_any_format_becomes_an_upright_png(client, photo_rgba):

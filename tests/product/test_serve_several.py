@@ -69,6 +69,19 @@ def test_poses_are_found_by_the_photos_names(client, pictures):
     np.testing.assert_array_equal(radiance(by_name), radiance(in_order))
 
 
+def test_the_lens_of_the_poses_counts_unless_another_is_told(client, pictures):
+    frames = [{"file_path": f"{k}.png", "transform_matrix": TURNS[k].tolist()} for k in range(2)]
+    files = [part for part in parts(pictures) if part[0] != "poses"]
+    data = {"poses": json.dumps({"frames": frames, "camera_angle_x": np.radians(50)})}
+    height, width = pictures[0].shape[:2]
+    long = 2 * np.degrees(np.arctan(np.tan(np.radians(25)) * max(1.0, height / width)))
+    assert client.post("/v1/fuse", files=files, data=data).json()["long_fov_deg"] == pytest.approx(
+        long, abs=1e-3
+    )
+    told = client.post("/v1/fuse", files=files, data=data | {"fov": "40"})
+    assert told.json()["long_fov_deg"] == 40
+
+
 def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pictures, photo_mask):
     rgb = [one[..., :3] for one in pictures]
     masks = [photo_mask, photo_mask * (np.arange(photo_mask.shape[1]) < 64).astype(np.uint8)]

@@ -276,6 +276,17 @@ def test_photos_with_poses_give_one_light(command, work, photo_path):
     assert np.abs(np.log((expected + 0.01) / (lights[0].radiance + 0.01))).mean() > 0.1
 
 
+def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, photo_path):
+    frames = [{"file_path": photo_path.name, "transform_matrix": np.eye(4).tolist()}]
+    (work / "poses.json").write_text(
+        json.dumps({"frames": frames, "fl_x": 100, "w": 120, "camera_angle_x": 9e-1})
+    )
+    call = ("estimate", photo_path, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
+    told = json.loads(command(*call).out)
+    assert told["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)
+    assert json.loads(command(*call, "--fov", "40").out)["long_fov_deg"] == 40
+
+
 @pytest.mark.parametrize("poses", ["[[[1,0,0],[0,1,0],[0,0,1]]]", "{}"])
 def test_poses_that_do_not_fit_write_nothing(command, work, photo_path, poses):
     other = work / "other.png"

@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import OpenEXR
 import pytest
 from PIL import Image
 from support.room_photos import FOV_DEG, room_photo, smooth_map
 
 import anyprobe
-from anyprobe.core.color import to_bytes
+from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.frames import normalize, turn_towards
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.core.response import response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
+from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.infer.photo import crop_object, load_photo
 from anyprobe.infer.runtime import Outputs
 from anyprobe.infer.surroundings import (
+    BURNT,
     SEEN,
     TINT,
     TINT_FLOOR,
@@ -90,9 +93,58 @@ def test_a_panorama_is_read_as_far_as_it_is_known(tmp_path):
     assert (read_surroundings(picture[..., :3])[..., 3] == 1).all()
 
 
+def lit_room() -> np.ndarray:
+    """[64, 128, 3]: the soft map with a lamp of radiance 40, whose borders are the map's own pixels'."""
+    radiance = smooth_map()
+    radiance[20:24, 60:66] = [40.0, 30.0, 20.0]
+    return radiance
+
+
+@pytest.mark.parametrize("kind", ["exr", "hdr", "bytes"])
+def test_a_panorama_of_radiance_keeps_its_lamps(tmp_path, kind):
+    """The network is told display values; what is above white stays in the result."""
+    fine = np.repeat(np.repeat(lit_room(), 2, axis=0), 2, axis=1)
+    source = tmp_path / ("p.hdr" if kind == "hdr" else "p.exr")
+    (write_hdr if kind == "hdr" else write_exr)(source, fine)
+    source = source.read_bytes() if kind == "bytes" else source
+    shown = read_surroundings(source)
+    assert shown.shape == (64, 128, 4)
+    np.testing.assert_allclose(shown[..., :3], response(lit_room()), atol=5e-3)
+    around = read_surroundings(source, above_white=True)
+    assert around.shape == (64, 128, 5)
+    guess = np.broadcast_to(np.float32([900, 50, 50]), (64, 128, 3))
+    found = use_surroundings(answered(guess), around)
+    np.testing.assert_allclose(found.radiance, lit_room(), rtol=0.01, atol=0.01)
+    turn = turn_towards(normalize(np.array([0.2, 0.1, -1.0])))
+    turned_too = use_surroundings(answered(guess), turned(around, turn)).radiance
+    truth = rotate(lit_room(), turn.T)
+    inside = (truth.max(axis=-1) > 39) | (truth.max(axis=-1) < 0.7)  # not its border
+    np.testing.assert_allclose(turned_too[inside], truth[inside], rtol=0.02, atol=0.02)
+
+
+def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
+    """Colour is premultiplied by A; half a pixel known counts as half."""
+    alpha = np.zeros((64, 128), np.float32)
+    alpha[:32], alpha[32] = 1.0, 0.5
+    layers = dict(zip("RGB", np.moveaxis(lit_room() * alpha[..., None], -1, 0), strict=True)) | {"A": alpha}
+    OpenEXR.File({}, {k: np.ascontiguousarray(v) for k, v in layers.items()}).write(str(tmp_path / "p.exr"))
+    around = read_surroundings(tmp_path / "p.exr", above_white=True)
+    np.testing.assert_allclose(around[..., 3], alpha)
+    guess = np.full((64, 128, 3), 3.0, np.float32)
+    found = use_surroundings(answered(guess), around, tint=False).radiance
+    np.testing.assert_allclose(found[:32], lit_room()[:32], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(found[32], (lit_room()[32] + 3.0) / 2, rtol=1e-3)
+    np.testing.assert_allclose(found[33:], 3.0)
+
+
 @pytest.mark.parametrize(
     ("source", "says"),
     [
+        (
+            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\nabc",
+            "surroundings: bytes: expected 4 whole rows",
+        ),
+        (b"\x76\x2f\x31\x01 and no more", "surroundings: bytes: expected an OpenEXR picture"),
         (np.zeros((64, 64, 3), np.uint8), "twice as wide as high"),
         (np.zeros((64, 128, 4), np.uint8), "not transparent"),
         ("nowhere.png", "surroundings: nowhere.png"),
@@ -137,16 +189,50 @@ def test_what_is_known_takes_the_place_of_the_guess():
     np.testing.assert_allclose(found.confidence[[0, 20, 30], 0], [SEEN, (SEEN + 0.2) / 2, 0.2], atol=1e-6)
 
 
+def answered(guess: np.ndarray) -> Outputs:
+    """A model's answer that is this map."""
+    return Outputs(
+        radiance=guess,
+        irradiance=np.zeros((128, 128, 3), np.float32),
+        ldr=response(guess),
+        ln_radiance=np.log(guess),
+        confidence=None,
+    )
+
+
+@pytest.mark.parametrize("shown", [(0.5, 0.7, 1.0), (0.6, 0.98, 0.6), (0.99, 1.0, 0.8)])
+@pytest.mark.parametrize("lamp", [(30, 20, 10), (0.1, 0.1, 0.1)])
+def test_what_is_burnt_out_in_some_channels_keeps_its_hue(shown, lamp):
+    """A lamp guessed there would else be seen in these channels alone: a pure blue sun."""
+    guess = np.broadcast_to(np.float32(lamp), (64, 128, 3))
+    around = np.zeros((64, 128, 4), np.float32)
+    around[8:16] = [*shown, 1.0]
+    seen = inverse_response(np.float32(shown))
+    found = use_surroundings(answered(guess), around).radiance[10, 10]
+    np.testing.assert_allclose(found / found[1], seen / seen[1], rtol=1e-4)
+    assert (found >= seen - 1e-5).all()
+    not_burnt = np.array(shown) < BURNT
+    assert (response(found)[not_burnt] < BURNT + 1e-3).all()  # as the photo shows
+    if lamp[0] > 1:
+        assert response(found)[not_burnt].max() == pytest.approx(BURNT, abs=1e-3)
+    else:
+        np.testing.assert_allclose(found, seen, rtol=1e-4)
+
+
+def test_what_is_burnt_out_altogether_is_as_bright_as_the_guess():
+    guess = np.broadcast_to(np.float32([30, 20, 10]), (64, 128, 3))
+    around = np.zeros((64, 128, 4), np.float32)
+    around[8:16] = [1.0, 1.0, 0.98, 1.0]
+    found = use_surroundings(answered(guess), around, tint=False).radiance[10, 10]
+    assert luminance(found) == pytest.approx(luminance(guess[0, 0]), rel=1e-4)
+    seen = inverse_response(np.float32([1.0, 1.0, 0.98]))
+    np.testing.assert_allclose(found / found[0], seen / seen[0], rtol=1e-4)
+
+
 def test_a_guess_takes_on_half_of_the_colour_that_it_misses():
     blue = np.broadcast_to(np.float32([0.2, 0.2, 0.6]), (64, 128, 3))
     grey = np.full_like(blue, 0.3)
-    outputs = Outputs(
-        radiance=grey,
-        irradiance=np.zeros((128, 128, 3), np.float32),
-        ldr=response(grey),
-        ln_radiance=np.log(grey),
-        confidence=None,
-    )
+    outputs = answered(grey)
     around = np.zeros((64, 128, 4), np.float32)
     around[:16] = np.append(response(blue[0, 0]), 1.0)
     found = use_surroundings(outputs, around).radiance[40, 64]
@@ -195,3 +281,23 @@ def test_the_command_line_tells_surroundings(tmp_path, command):
     refused = command(*call, "--surroundings", tmp_path / "mask.png")
     assert refused.status == 2
     assert "twice as wide" in refused.err
+
+
+@pytest.mark.parametrize("kind", ["exr", "hdr"])
+def test_the_lamps_of_a_panorama_come_through_the_command(tmp_path, command, kind):
+    """The network is told white there; several photos know them too, the panorama being the first one's."""
+    photo, mask = room_photo(smooth_map())
+    for name in ("disc", "other"):
+        Image.fromarray(np.dstack([photo, mask])).save(tmp_path / f"{name}.png")
+    (write_hdr if kind == "hdr" else write_exr)(tmp_path / f"pano.{kind}", lit_room())
+    (tmp_path / "poses.json").write_text(json.dumps([np.eye(3).tolist()] * 2))
+    call = ("--fov", FOV_DEG, "--surroundings", tmp_path / f"pano.{kind}", "-o", tmp_path / "out", "-q")
+    for several in ((), (tmp_path / "other.png", "--poses", tmp_path / "poses.json")):
+        done = command("estimate", tmp_path / "disc.png", *several, *call)
+        assert done.status == 0, done.err
+        found = anyprobe.Light.load(tmp_path / "out" / "disc.exr")
+        truth = lit_room()
+        assert found.radiance.max() == pytest.approx(40, rel=0.25)  # turned to the crop and back
+        assert found.main_light().direction @ anyprobe.Light(radiance=truth).main_light().direction > 0.998
+        flux = found.main_light().irradiance / anyprobe.Light(radiance=truth).main_light().irradiance
+        np.testing.assert_allclose(flux, 1.0, atol=0.15)

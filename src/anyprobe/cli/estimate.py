@@ -149,13 +149,14 @@ def _together(
     from anyprobe.infer.several import estimate_together
 
     start = time.perf_counter()
-    turned = read_poses(poses).of(listed)
+    told_poses = read_poses(poses)
+    turned, fovs = told_poses.of(listed), dict(zip(listed, told_poses.fovs_deg(listed), strict=True))
 
     def load(path: Path) -> Photo:
         told = where_for(path, where)
         _check_files(listed[0], out, [*listed, poses], told)
         try:
-            return load_photo(path, fov_deg=fov, **told)
+            return load_photo(path, fov_deg=fovs[path] if fov is None else fov, **told)
         except AnyprobeError as error:
             raise InputError(_line(path, error)) from error
 

@@ -76,7 +76,7 @@ def relight(
         float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
     ] = None,
     light: Annotated[
-        Path | None, typer.Option(help="An .exr or .hdr map in the camera's frame, instead of an estimate.")
+        Path | None, typer.Option(help="An .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
     lamps: LampsOption = DRAWN,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
@@ -85,8 +85,8 @@ def relight(
 ) -> None:
     """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
     from anyprobe.files.images import write_png
+    from anyprobe.files.objects import open_object
     from anyprobe.infer.photo import load_photo
-    from anyprobe.relight.objects import open_object
     from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
     from anyprobe.scatter.presets import material_named
 
@@ -136,13 +136,17 @@ def relight(
 
 
 def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.ndarray, float]:
-    """The given map as it is; or the estimate, made as bright as the real object asks, and its gain."""
+    """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
-        from anyprobe.export.origin import check_front
+        from anyprobe.export.origin import check_front, map_from_camera
         from anyprobe.files.radiance import read_radiance
+        from anyprobe.light.environment import rotate
 
         radiance = read_radiance(light)
         check_front(light)
+        turn = map_from_camera(light)
+        if not np.allclose(turn, np.eye(3)):
+            radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         return radiance, 1.0
     from anyprobe.infer.estimate import Estimator
     from anyprobe.relight.appearance import least_scale

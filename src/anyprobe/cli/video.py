@@ -70,10 +70,10 @@ def video(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
+    from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
     from anyprobe.infer.estimate import Estimator
     from anyprobe.infer.surroundings import read_surroundings
-    from anyprobe.relight.objects import open_object
     from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, uses_mitsuba
     from anyprobe.scatter.presets import material_named
     from anyprobe.video.clip import open_clip
@@ -91,7 +91,9 @@ def video(
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     header = open_clip(clip)
-    turned = None if poses is None else read_poses(poses).in_order()
+    known_poses = None if poses is None else read_poses(poses)
+    turned = None if known_poses is None else known_poses.in_order()
+    fov = known_poses.clip_fov_deg() if known_poses is not None and fov is None else fov
     if turned is not None and len(turned) < header.num_frames:
         raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
     virtual = None

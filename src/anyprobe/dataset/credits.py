@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
-from anyprobe.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, listed_rows, allows_commercial_use, file_id
+from anyprobe.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
 from anyprobe.dataset.stock import load_stock
 
 FOLDERS = {

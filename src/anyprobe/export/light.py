@@ -74,6 +74,8 @@ def prepare(
 ) -> ExportedLight:
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the main light.
 
+    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera tells both.
+
     Raises:
         InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
         InvalidEnvironment: not a map.
@@ -100,7 +102,7 @@ def prepare(
         sh_full=project(radiance),
         sh_ambient=project(ambient),
         name=name,
-        world_from_camera=turn,
+        world_from_camera=turn @ np.asarray((origin or {}).get("map_from_camera", np.eye(3))),
         exposure_ev=float(exposure_ev),
         origin=_known(dict(origin or {})),
     )
@@ -177,10 +179,10 @@ def write_maps(light: ExportedLight, folder: Path, frame: Frame, suffix: str) ->
     """
     for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
         path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
+        attributes = {"frame": f"{frame.text}; u = {frame.u}, v = {frame.v}", "scale": SCALE}
         if suffix == ".hdr":
-            write_hdr(path, rolled)
+            write_hdr(path, rolled, attributes=attributes)
         else:
-            attributes = {"frame": f"{frame.text}; u = {frame.u}, v = {frame.v}", "scale": SCALE}
             write_exr(path, rolled, half=bool(rolled.max() <= HALF_MAX), attributes=attributes)
 
 

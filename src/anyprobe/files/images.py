@@ -16,12 +16,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms, ImageOps
+from PIL import Image, ImageCms, ImageOps
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.exif import exif_exposure, exif_fov_deg, upright_size
 from anyprobe.files.radiance import HDR_MAGIC, exr_pixels, hdr_pixels, read_exr
 
 MAX_PIXELS = 100_000_000
@@ -104,22 +105,45 @@ def declared_pixels(data: bytes) -> int:
     What a header tells beyond Pillow's own bound counts as just above MAX_PIXELS.
     """
     if data.startswith(EXR_MAGIC):
-        with _exr_file(data) as path:
+        with exr_file(data) as path:
             return exr_pixels(path)
     if data.startswith(HDR_MAGIC):
         return hdr_pixels(data)
-    if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
+    try:
+        (width, height), _ = _header(io.BytesIO(data))
+    except Image.DecompressionBombError:
+        return MAX_PIXELS + 1
+    return width * height
+
+
+def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int], float | None]:
+    """Width and height of a photo, upright, and the field of view that EXIF tells, or None; nothing is decoded.
+
+    0, 0 and None where it is no photo that tells them: read_image says why.
+    """
+    try:
+        with io.BytesIO(source) if isinstance(source, bytes) else Path(source).open("rb") as stream:
+            return _header(stream)
+    except (OSError, Image.DecompressionBombError):
+        return (0, 0), None
+
+
+def _header(stream: io.BufferedIOBase) -> tuple[tuple[int, int], float | None]:
+    """photo_header of an open file; Image.DecompressionBombError where it is too large."""
+    head = stream.read(16)
+    stream.seek(0)
+    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
         _register_heic("photo")
     Image.init()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            with Image.open(io.BytesIO(data), formats=[f for f in PHOTO_FORMATS if f in Image.OPEN]) as image:
-                return image.width * image.height
+            with Image.open(stream, formats=[f for f in PHOTO_FORMATS if f in Image.OPEN]) as image:
+                return upright_size(image), exif_fov_deg(image)
         except Image.DecompressionBombError:
-            return MAX_PIXELS + 1
+            raise
         except Exception:  # decoders raise whatever the bad bytes lead them to; read_image names it
-            return 0
+            return (0, 0), None
 
 
 def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
@@ -190,7 +214,7 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
             # a phone's MPO holds a photo and its thumbnail or depth, no animation
             num_frames = 1 if image.format == "MPO" else getattr(image, "n_frames", 1)
             image.load()
-            long_fov_deg, exposure = _exif_fov_deg(image), _exif_exposure(image)
+            long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
             image = ImageOps.exif_transpose(image)
             alpha = None
             if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
@@ -247,34 +271,8 @@ def _to_srgb(image: Image.Image) -> Image.Image:
     return image.convert("RGB")
 
 
-def _exif_fov_deg(image: Image.Image) -> float | None:
-    """Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent f [mm]."""
-    exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
-    try:
-        focal_mm = float(exif.get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
-    except (TypeError, ValueError, ZeroDivisionError):
-        return None
-    if not 2.0 <= focal_mm <= 2000.0:  # 0 means unknown
-        return None
-    return float(np.degrees(2.0 * np.arctan(18.0 / focal_mm)))
-
-
-def _exif_exposure(image: Image.Image) -> float | None:
-    """Light that reached the sensor, times its gain: t S / N^2 (ISO 2720); None where EXIF lacks one of the three."""
-    exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
-    tags = (ExifTags.Base.ExposureTime, ExifTags.Base.ISOSpeedRatings, ExifTags.Base.FNumber)
-    try:
-        seconds, iso, f_number = (
-            float(value[0] if isinstance(value, tuple) else value) for value in map(exif.get, tags)
-        )
-        exposure = seconds * iso / f_number**2
-    except (TypeError, ValueError, ZeroDivisionError, IndexError):
-        return None
-    return exposure if 0.0 < exposure < np.inf else None
-
-
 @contextmanager
-def _exr_file(data: bytes) -> Iterator[Path]:
+def exr_file(data: bytes) -> Iterator[Path]:
     """The bytes as a file: the package reads streams only in newer releases."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "photo.exr"
@@ -284,7 +282,7 @@ def _exr_file(data: bytes) -> Iterator[Path]:
 
 def _from_exr(data: bytes, name: str) -> Pixels:
     """Linear radiance, premultiplied by A, to display values."""
-    with _exr_file(data) as path:
+    with exr_file(data) as path:
         pixels = read_exr(path, name, InvalidPhoto, MAX_PIXELS, rec709=True)
     if not np.isfinite(pixels).all():
         raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")

@@ -1,4 +1,4 @@
-"""Poses (noun): how cameras are turned, from the files that trackers write."""
+"""Poses (noun): how cameras are turned, and how much their lenses take in, from the files that trackers write."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
+from anyprobe.files.images import photo_header
 from anyprobe.files.names import natural_order
 
 TOLERANCE = 0.01
@@ -17,13 +18,32 @@ TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Lens:
+    """Tangents of half the angles that the upright picture's width and height take in; None where nothing says so."""
+
+    tan_x: float | None = None
+    tan_y: float | None = None
+
+    def long_fov_deg(self, width: int, height: int) -> float | None:
+        """Field of view of the longer side of a picture of that shape; 0 x 0: of any."""
+        tangents = self.tan_x, self.tan_y
+        if width and height:
+            of_x = None if self.tan_x is None else self.tan_x * height / width
+            of_y = None if self.tan_y is None else self.tan_y * width / height
+            tangents = (self.tan_y or of_x,) if height > width else (self.tan_x or of_y,)
+        known = [tangent for tangent in tangents if tangent is not None]
+        return float(2 * np.degrees(np.arctan(max(known)))) if known else None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Poses:
     """world_from_camera [N, 3, 3]; names of the photos without folders, or None where the file has none; its own name,
-    for messages."""
+    for messages; the cameras' lenses."""
 
     file: str
     world_from_camera: np.ndarray
     names: tuple[str, ...] | None
+    lenses: tuple[Lens, ...]
 
     def in_order(self) -> np.ndarray:
         """[N, 3, 3] of a clip's frames: as they are listed, by name where there are names (frame_2 before frame_10)."""
@@ -35,25 +55,47 @@ class Poses:
 
     def of(self, photos: list[Path]) -> np.ndarray:
         """[len(photos), 3, 3], by name where there are names, else in order; InputError where one is missing."""
+        return self.world_from_camera[self._places(photos)]
+
+    def fovs_deg(self, photos: list[Path], data: list[bytes] | None = None) -> list[float | None]:
+        """Fields of view of the photos' longer sides, found as their poses are: None where the photo's own EXIF tells
+        it, or nothing does.
+
+        data: the files themselves, where photos are names alone.
+        """
+        found = []
+        for place, source in zip(self._places(photos), photos if data is None else data, strict=True):
+            size, by_exif = photo_header(source)
+            found.append(self.lenses[place].long_fov_deg(*size) if by_exif is None else None)
+        return found
+
+    def clip_fov_deg(self) -> float | None:
+        """Field of view of a clip's longer side, the median of its frames'; None where the file does not tell it."""
+        told = [lens.long_fov_deg(0, 0) for lens in self.lenses]
+        known = [one for one in told if one is not None]
+        return float(np.median(known)) if known else None
+
+    def _places(self, photos: list[Path]) -> list[int]:
+        """Which pose is whose."""
         if self.names is None:
             if len(photos) != len(self.world_from_camera):
                 raise InputError(
                     f"{self.file}: expected {len(photos)} poses, one a photo in order, got "
                     f"{len(self.world_from_camera)}"
                 )
-            return self.world_from_camera
+            return list(range(len(photos)))
         for what, names in (("poses of", self.names), ("photos", [photo.name for photo in photos])):
             twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
             if twice is not None:
                 raise InputError(
                     f"{self.file}: expected names that differ, got two {what} {twice}; rename one"
                 )
-        known = dict(zip(self.names, self.world_from_camera, strict=True))
+        known = {name: place for place, name in enumerate(self.names)}
         found = [known.get(photo.name, known.get(photo.stem)) for photo in photos]  # some write no suffix
         for photo, one in zip(photos, found, strict=True):
             if one is None:
                 raise InputError(f"{self.file}: expected a pose of {photo.name}, got none of that name")
-        return np.array(found)
+        return found
 
 
 def read_poses(path: Path) -> Poses:
@@ -72,10 +114,11 @@ def parse_poses(data: bytes, file: str) -> Poses:
 
     The data are JSON: a list of matrices, or an object with "frames" whose entries have "transform_matrix", as in the
     transforms.json of instant-ngp and nerfstudio, and perhaps "file_path". A matrix takes a point of the camera to the
-    world: 3 x 3, 3 x 4 or 4 x 4 numbers, row by row; only its rotation counts.
+    world: 3 x 3, 3 x 4 or 4 x 4 numbers, row by row; only its rotation counts. The lens is that of "fl_x" and "w" (and
+    "h"; pixels), or of "camera_angle_x" (radians), an entry's own or the whole file's.
 
     Raises:
-        InputError: another content, or a matrix that is no rotation; names which, and the file.
+        InputError: another content, a matrix that is no rotation, or a lens that is none; names which, and the file.
     """
     try:
         content = json.loads(data.decode("utf-8"))
@@ -98,7 +141,32 @@ def parse_poses(data: bytes, file: str) -> Poses:
             "write one matrix a photo"
         )
     rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
-    return Poses(file=file, world_from_camera=rotations, names=names)
+    common = content if isinstance(content, dict) else {}
+    lenses = tuple(
+        _lens(file, common | one if isinstance(one, dict) else common) for one in frames or matrices
+    )
+    return Poses(file=file, world_from_camera=rotations, names=names, lenses=lenses)
+
+
+def _lens(file: str, told: dict[str, Any]) -> Lens:
+    """By focal length and size in pixels, else by the angle in radians; pinholes, their axis in the middle."""
+
+    def number(key: str, below: float = 1e9) -> float | None:
+        value = told.get(key)
+        if value is None or (isinstance(value, int | float) and 0 < value < below):
+            return value
+        raise InputError(
+            f"{file}: expected {key} to be a number above 0{' and below pi' * (below < 4)}, got {value!r:.60}; "
+            "repair it or leave it out"
+        )
+
+    def tangent(focal: str, size: str, angle: str) -> float | None:
+        focal_px, size_px, radians = number(focal) or number("fl_x"), number(size), number(angle, np.pi)
+        if focal_px and size_px:
+            return float(size_px / focal_px / 2)
+        return None if radians is None else float(np.tan(radians / 2))
+
+    return Lens(tan_x=tangent("fl_x", "w", "camera_angle_x"), tan_y=tangent("fl_y", "h", "camera_angle_y"))
 
 
 def _rotation(file: str, number: int, matrix: Any) -> np.ndarray:

@@ -23,10 +23,11 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.rgbe import (
     HDR_MAGIC,
     RESOLUTION,
-    HdrHeader,
+    comments,
     decode_row,
     encode_rows,
     float_to_rgbe,
+    read_comments,
     read_header,
     rgbe_to_float,
 )
@@ -81,8 +82,8 @@ def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
             start = stream.read(HEADER_BYTES)
             _check_kind(start, suffix, path.name)
             if suffix == ".hdr":
-                header = read_header(start, path.name, MAX_MAP_PIXELS)
-                return check_radiance(_decode_hdr(start + stream.read(), header, path.name), path.name)
+                read_header(start, path.name, MAX_MAP_PIXELS)  # before all of it is read
+                return check_radiance(decode_hdr(start + stream.read(), path.name, MAX_MAP_PIXELS), path.name)
     except OSError as error:
         raise InvalidEnvironment(
             f"{path}: cannot be read ({error.strerror}); check the permissions"
@@ -91,18 +92,28 @@ def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
     return check_radiance(rgba[..., :3], path.name)
 
 
-def write_hdr(path: str | os.PathLike[str], radiance: np.ndarray) -> None:
+def write_hdr(
+    path: str | os.PathLike[str], radiance: np.ndarray, *, attributes: Mapping[str, str] | None = None
+) -> None:
     """Write a map [H, 2H, 3] as Radiance RGBE, new run-length coding, atomically.
 
     Each pixel keeps 8 bits of its largest channel: the error is at most 1/255 of it.
+
+    Args:
+        attributes: stored in the header as comments that begin with "anyprobe:" + key.
     """
-    write_hdr_picture(path, check_radiance(radiance))
+    write_hdr_picture(path, check_radiance(radiance), attributes)
 
 
-def write_hdr_picture(path: str | os.PathLike[str], picture: np.ndarray) -> None:
+def write_hdr_picture(
+    path: str | os.PathLike[str], picture: np.ndarray, attributes: Mapping[str, str] | None = None
+) -> None:
     """The same for a picture of any shape [H, W, 3], finite and >= 0: the face of a cube, say."""
     height, width = picture.shape[:2]
-    header = f"#?RADIANCE\nSOFTWARE=anyprobe\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
+    header = (
+        f"#?RADIANCE\nSOFTWARE=anyprobe\n{comments(attributes or {}, ATTRIBUTE)}FORMAT=32-bit_rle_rgbe\n\n"
+        f"-Y {height} +X {width}\n"
+    ).encode()
     pieces = [header, *encode_rows(float_to_rgbe(picture))]
     with atomic_path(path) as temporary:
         temporary.write_bytes(b"".join(pieces))
@@ -238,6 +249,16 @@ def exr_pixels(path: str | os.PathLike[str]) -> int:
         return 0
 
 
+def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
+    """The attributes that write_exr or write_hdr was given; none where there is no such header."""
+    try:
+        with open(path, "rb") as stream:
+            start = stream.read(HEADER_BYTES)
+    except OSError:
+        return {}
+    return read_comments(start, ATTRIBUTE) if start.startswith(HDR_MAGIC) else exr_attributes(path)
+
+
 def exr_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
     """The attributes that write_exr was given; none where there is no such header."""
     try:
@@ -298,8 +319,9 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
         raise InvalidEnvironment(f"{name}: expected {wanted}, got {kind}; {advice}")
 
 
-def _decode_hdr(data: bytes, header: HdrHeader, name: str) -> np.ndarray:
-    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out, Rec. 709."""
+def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
+    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out, Rec. 709; or InvalidEnvironment."""
+    header = read_header(data, name, max_pixels)
     rows = _decode_rows(data[header.at :], header.height, header.width, name)
     radiance = rgbe_to_float(rows) / np.float32(header.exposure)
     return _to_rec709(radiance, header.primaries, name, InvalidEnvironment)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +20,9 @@ RGBE_MAX = 255.0 * 2.0**119
 
 RLE_WIDTHS = range(8, 32768)
 """Widths that the new run-length coding can hold; others are written flat."""
+
+COMMENT_WIDTH = 72
+"""Characters of an attribute's value in one line of a header."""
 
 MIN_RUN = 4
 """Shorter repetitions cost more as runs than inside a literal."""
@@ -81,6 +86,30 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     return HdrHeader(
         height=height, width=width, exposure=exposure, primaries=primaries, at=len(data) - len(pixels)
     )
+
+
+def comments(attributes: Mapping[str, str], begin: str) -> str:
+    """Attributes as lines of a header that every reader passes over; one that is long has several.
+
+    Some readers take 127 bytes at a time, and the rest of a longer line for the next.
+    """
+    lines = []
+    for key, value in attributes.items():
+        plain = " ".join(str(value).split()).encode("ascii", "backslashreplace").decode()
+        lines += [
+            f"# {begin}{key}={part}\n" for part in textwrap.wrap(plain, COMMENT_WIDTH, break_on_hyphens=False)
+        ]
+    return "".join(lines)
+
+
+def read_comments(data: bytes, begin: str) -> dict[str, str]:
+    """The attributes that comments wrote, from a file's first bytes."""
+    found: dict[str, str] = {}
+    for line in data.partition(b"\n\n")[0].decode("ascii", "replace").split("\n"):
+        key, equals, value = line.removeprefix(f"# {begin}").partition("=")
+        if equals and line.startswith(f"# {begin}"):
+            found[key] = f"{found[key]} {value}" if key in found else value
+    return found
 
 
 def float_to_rgbe(radiance: np.ndarray) -> np.ndarray:

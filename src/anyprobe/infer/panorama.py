@@ -1,7 +1,8 @@
 """Panorama (noun): what several photos together show of their surroundings, in a world whose axes do not move.
 
 One photo shows a window of the light; a camera that turns shows more and more of it. A panorama is [64, 128, 4]: linear
-radiance times cover, and cover in [0, 1]. What is shown counts as infinitely far, as all light does here.
+radiance times cover, and cover in [0, 1]; with a fifth channel where surroundings have one, see infer.surroundings.
+What is shown counts as infinitely far, as all light does here.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.response import inverse_response, response
+from anyprobe.core.response import response
 from anyprobe.infer.photo import Crop, Photo, crop_object
 from anyprobe.infer.runtime import PHOTO_SIZE
-from anyprobe.infer.surroundings import BURNT
+from anyprobe.infer.surroundings import BURNT, LEAST_COVER, around_of, over, radiance_of
 from anyprobe.light.environment import rotate
 
 SHARED = 30
@@ -32,15 +33,15 @@ def cut_out(photo: Photo, *, first: bool) -> Crop:
 
 
 def window(around: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
-    """A photo's surroundings [64, 128, 4], see infer.surroundings.see_around, as a panorama of the world.
+    """A photo's surroundings, see infer.surroundings, as a panorama of the world.
 
     gain: that brings the photo to the panorama's exposure; made darker, what is burnt out tells nothing any more.
     """
-    cover = around[..., 3:]
-    display = np.clip(around[..., :3] / np.maximum(cover, 1e-3), 0.0, 1.0)
+    radiance, burnt, cover = radiance_of(around)
+    layers = [cover, around[..., 4:]]
     if gain < 1:
-        cover = cover * (display.max(axis=-1, keepdims=True) < BURNT)
-    shown = np.concatenate([inverse_response(display) * gain * cover, cover], axis=-1)
+        layers = [layer * ~burnt.any(axis=-1, keepdims=True) for layer in layers]
+    shown = np.concatenate([radiance * gain * layers[0], *layers], axis=-1)
     return np.maximum(rotate(shown.astype(np.float32), world_from_crop), 0.0)
 
 
@@ -56,7 +57,7 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
         return newer
     both = (newer[..., 3] > 0.5) & (older[..., 3] > 0.5)
     if both.sum() >= SHARED:
-        now, then = (one[both, :3] / one[both, 3:] for one in (newer, older))
+        now, then = (one[both, :3] / one[both, 3:4] for one in (newer, older))
         light = luminance(now), luminance(then)
         told = np.all([(one > COMPARED[0]) & (one < COMPARED[1]) for one in light], axis=0)
         gain = (
@@ -65,18 +66,22 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
         if np.abs(response(now) - response(then * gain)).mean() > DIFFER:
             return newer
         older = np.concatenate([older[..., :3] * gain, older[..., 3:]], axis=-1)
-    return newer + (1 - newer[..., 3:]) * older
+    return over(newer, older)
 
 
 def seen_from(
     panorama: np.ndarray, world_from_crop: np.ndarray, own: np.ndarray | None, gain: float = 1.0
 ) -> np.ndarray:
-    """What is known of a photo's map, [64, 128, 4] of display RGB times cover, and cover, in its crop's frame.
+    """What is known of a photo's map, see infer.surroundings, in its crop's frame.
 
-    own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window.
+    own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
+        where it makes the panorama darker, what may be burnt out there tells nothing.
     """
     turned = rotate(panorama, world_from_crop.T)
-    cover = np.clip(turned[..., 3:], 0.0, 1.0)
-    display = response(np.maximum(turned[..., :3], 0.0) / np.maximum(cover, 1e-3) / gain)
-    known = np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
-    return known if own is None else own + (1 - own[..., 3:]) * known
+    cover, measured = np.clip(turned[..., 3:4], 0.0, 1.0), np.clip(turned[..., 4:], 0.0, 1.0)
+    radiance = np.maximum(turned[..., :3], 0.0) / np.maximum(cover, LEAST_COVER)
+    known = around_of(radiance / gain, cover, measured if measured.shape[-1] else None)
+    if gain > 1:
+        burnt = (response(radiance) >= BURNT).any(axis=-1, keepdims=True)
+        known = known * (~burnt | (measured.sum(axis=-1, keepdims=True) >= 0.5 * cover))
+    return known if own is None else over(own, known)

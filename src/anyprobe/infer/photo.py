@@ -40,7 +40,7 @@ class Photo:
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
-        around: [64, 128, 4] what is known of the map, in the camera's frame, see infer.surroundings.read_surroundings;
+        around: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see infer.surroundings;
             True: what the photo itself shows beside the object; None: nothing.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
     """
@@ -75,7 +75,7 @@ class Crop:
         center_px: x, y of its centre; pixel i covers [i, i + 1).
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
-        around: [64, 128, 4] what is known of the map, in the window's frame; None: nothing.
+        around: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
     """
 
     image: np.ndarray
@@ -144,7 +144,9 @@ def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg:
 def _known_surroundings(source: SurroundingsSource | None) -> np.ndarray | bool | None:
     if source is None:
         return None
-    return True if isinstance(source, str) and source == PHOTO else read_surroundings(source)
+    return (
+        True if isinstance(source, str) and source == PHOTO else read_surroundings(source, above_white=True)
+    )
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:

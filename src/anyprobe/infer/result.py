@@ -14,11 +14,12 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
 from anyprobe.export.light import origin_of
+from anyprobe.export.origin import check_front, map_from_camera, origin_turned, said_beside
 from anyprobe.export.targets import export
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import write_png
-from anyprobe.files.meshes import read_mesh
-from anyprobe.files.radiance import write_exr, write_hdr
+from anyprobe.files.objects import open_object
+from anyprobe.files.radiance import map_attributes, read_radiance, write_exr, write_hdr
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.main_light import MainLight, find_main_light
@@ -33,6 +34,11 @@ TURNED = (
     "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 )
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
+
+OF_THE_MAP = (
+    "frame map_from_camera scale exposure_ev response size confidence told sh9 main_light camera_from_crop warnings"
+).split()
+"""What a sidecar says besides a light's info."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,6 +77,26 @@ class Light:
                 own = np.array(value)  # a caller's array may change
                 own.setflags(write=False)
                 object.__setattr__(self, name, own)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Light:
+        """A light that save wrote as .exr or .hdr: its map, how it was turned, and what the .json beside it says.
+
+        Of any other map of radiance with the front in its centre, the map alone. The confidence of each pixel and the
+        stages are in none of the files: the light has none.
+
+        Raises:
+            InvalidEnvironment: no such file, or not a map.
+            InputError: exported for another program, which would be turned; or a .json of save's that is damaged.
+        """
+        path = Path(path)
+        radiance = read_radiance(path)
+        check_front(path)
+        said, turn = said_beside(path), map_from_camera(path)
+        if said.get("scale") == SCALE and said.get("size") == [radiance.shape[1], radiance.shape[0]]:
+            return cls(radiance=radiance, map_from_camera=turn, **_restored(said, path))
+        model = map_attributes(path).get("model")
+        return cls(radiance=radiance, map_from_camera=turn, info={"model": model} if model else {})
 
     def sh9(self) -> np.ndarray:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
@@ -115,13 +141,14 @@ class Light:
         render.picture.draw_mesh has the details; core.response makes display values of it.
 
         Args:
-            mesh: of render.shapes or render.mesh, or a mesh file; +Y up, inside the unit sphere.
+            mesh: of render.shapes or render.mesh, a name of files.objects ("ball", "vase"), or a mesh file; +Y up,
+                inside the unit sphere.
             material: of scatter.brdf, or a name of scatter.presets.
             size: pixels along a side. fov_deg: that the unit sphere fills.
             world_from_camera: [3, 3], the world being the light's frame; unless given the camera
                 looks along -Z as the photo's did.
         """
-        mesh = mesh if isinstance(mesh, Mesh) else read_mesh(mesh)
+        mesh = mesh if isinstance(mesh, Mesh) else open_object(str(mesh))
         material = material if isinstance(material, Material) else material_named(material)
         camera = frame_object(
             mesh, np.eye(3) if world_from_camera is None else world_from_camera, fov_deg, size=size
@@ -165,15 +192,15 @@ class Light:
         return round(float(integral(self.confidence[..., None])[0] / (4 * np.pi)), 4)
 
     def save(self, path: str | Path) -> Path:
-        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png."""
+        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png; see load."""
         path = Path(path)
         kind = path.suffix.lower()
+        turned = {name: str(value) for name, value in self._frame().items()}
+        attributes = {"model": str(self.info.get("model", "")), **turned, "scale": SCALE}
         if kind == ".exr":
-            turned = {name: str(value) for name, value in self._frame().items()}
-            attributes = {"model": str(self.info.get("model", "")), **turned, "scale": SCALE}
             write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
         elif kind == ".hdr":
-            write_hdr(path, self.radiance)
+            write_hdr(path, self.radiance, attributes=attributes)
         elif kind == ".json":
             with atomic_path(path) as temporary:
                 temporary.write_text(json.dumps(self.sidecar(), indent=1) + "\n", encoding="utf-8")
@@ -203,8 +230,24 @@ class Light:
             stem,
             world_from_camera=world_from_camera,
             exposure_ev=exposure_ev,
-            origin=origin_of(self.sidecar()),
+            origin=origin_of(self.sidecar()) | origin_turned(self.map_from_camera),
         )
+
+
+def _restored(said: dict[str, Any], path: Path) -> dict[str, Any]:
+    """What a sidecar says of a Light's attributes; what it was told beside them is its info."""
+    try:
+        told, warnings = float(said["told"]), tuple(str(line) for line in said["warnings"])
+        camera_from_crop = np.array(said["camera_from_crop"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        told, warnings, camera_from_crop = np.nan, (), np.zeros(0)
+    if not (0 <= told <= 1 and is_rotation(camera_from_crop)):
+        raise InputError(
+            f"{path}: expected the .json beside it as it was written, got told or camera_from_crop changed; "
+            "save the light again, or move the .json away"
+        )
+    info = {name: value for name, value in said.items() if name not in OF_THE_MAP}
+    return {"told": told, "warnings": warnings, "camera_from_crop": camera_from_crop, "info": info}
 
 
 def _numbers(array: np.ndarray) -> list:

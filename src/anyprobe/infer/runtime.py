@@ -146,7 +146,8 @@ class Models:
             image: [128, 128, 4], display RGB times mask, and mask.
             tan_half: tangent of half the angle that the crop's side takes in.
             normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
-            around: [64, 128, 4] what is known of the map, in the crop's frame, see infer.surroundings; None: nothing.
+            around: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see infer.surroundings; None:
+                nothing.
                 The paper's chain has no use for either.
         """
         if self.stages == LIFT_STAGES:
@@ -185,6 +186,7 @@ def lift_inputs(
     """What the lifting model's graph is given for one crop, see Models, in the order of LIFT_INPUTS."""
     normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
     around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if around is None else around
+    around = np.minimum(around[..., :4], around[..., 3:4])  # display values, whatever is known above white
     values = (_batch(image), np.array([[tan_half]], dtype=np.float32), _batch(normals), _batch(around))
     return dict(zip(LIFT_INPUTS, values, strict=True))
 

@@ -2,6 +2,9 @@
 
 An object tells what comes from everywhere, but neither its own colour nor how bright all is; what the camera sees of
 the surroundings tells a small part of the map, but that exactly.
+
+Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
+channel tells how much of the cover is measured above white too: a display value above 1 is that radiance there.
 """
 
 from __future__ import annotations
@@ -9,10 +12,12 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageFilter
 
+from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.core.response import inverse_response
-from anyprobe.errors import InputError, InvalidPhoto
+from anyprobe.core.response import inverse_response, response
+from anyprobe.errors import InputError
 from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.linear import read_linear
 from anyprobe.infer.runtime import Outputs
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
@@ -32,36 +37,83 @@ TINT = 0.5
 chosen on pairs that no run learns from (docs/ablation.md)."""
 TINT_FLOOR = 0.05
 """Added to radiance before its logarithm is compared."""
+LEAST_COVER = 1e-3
+"""What colours are divided by at least, where next to nothing is covered."""
+LINEAR = 5
+"""Channels of surroundings that tell what is above white."""
 PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource) -> np.ndarray:
+def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> np.ndarray:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
         source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
+            An .exr or .hdr holds linear radiance in the photo's exposure units.
+        above_white: of an .exr or .hdr what is above white too, [64, 128, 5]; else it is white.
     Raises:
         InputError: not a panorama, or nothing known in it.
     """
     try:
-        pixels = read_image(source)
-    except InvalidPhoto as error:
+        linear = read_linear(source)
+        picture = _displayed(source) if linear is None else linear
+    except InputError as error:
         raise InputError(f"surroundings: {error}") from error
-    height, width = pixels.rgb.shape[:2]
+    height, width = picture.shape[:2]
     if width != 2 * height:
         raise InputError(
             f"surroundings: expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels"
         )
-    cover = np.ones((height, width), np.float32) if pixels.alpha is None else pixels.alpha
-    if not cover.any():
+    if not picture[..., 3].any():
         raise InputError("surroundings: expected pixels that are not transparent, found none")
-    return _resize(np.dstack([pixels.rgb * cover[..., None], cover]), (2 * MAP_HEIGHT, MAP_HEIGHT))
+    small = _resize(picture, (2 * MAP_HEIGHT, MAP_HEIGHT))
+    if linear is None:
+        return small
+    cover = small[..., 3:]
+    known = around_of(small[..., :3] / np.maximum(cover, LEAST_COVER), cover, cover)
+    return known if above_white else np.minimum(known[..., :4], cover)
+
+
+def _displayed(source: SurroundingsSource) -> np.ndarray:
+    """A picture [H, W, 4]: display RGB times cover, and cover."""
+    pixels = read_image(source)
+    cover = np.ones(pixels.rgb.shape[:2], np.float32) if pixels.alpha is None else pixels.alpha
+    return np.dstack([pixels.rgb * cover[..., None], cover])
+
+
+def around_of(radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: of the cover, what tells more than white."""
+    display = response(radiance)
+    if measured is None:
+        return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
+    display = np.where((radiance > 1) & (measured > 0), radiance, display)
+    return np.concatenate([display * cover, cover, measured], axis=-1).astype(np.float32)
+
+
+def radiance_of(around: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Radiance [H, 2H, 3] that surroundings show, where it is burnt out and may be more, and their cover [H, 2H, 1]."""
+    cover = around[..., 3:4]
+    display = around[..., :3] / np.maximum(cover, LEAST_COVER)
+    burnt = display >= BURNT
+    if around.shape[-1] == LINEAR:
+        burnt = burnt & (around[..., 4:] < 0.5 * cover)
+    return np.where(display > 1, display, inverse_response(display)), burnt, cover
+
+
+def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """Surroundings, or panoramas: the upper ones where they cover, else the lower."""
+    most = max(upper.shape[-1], lower.shape[-1])
+    upper, lower = (np.pad(one, ((0, 0), (0, 0), (0, most - one.shape[-1]))) for one in (upper, lower))
+    return upper + (1 - upper[..., 3:4]) * lower
 
 
 def turned(around: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
-    """Surroundings [64, 128, 4] of the camera's frame in the crop's."""
-    return rotate(around, camera_from_crop.T).clip(0.0, 1.0).astype(np.float32)
+    """Surroundings [64, 128, 4 or 5] of the camera's frame in the crop's."""
+    most = np.inf if around.shape[-1] == LINEAR else 1.0
+    found = np.clip(rotate(around, camera_from_crop.T), 0.0, most).astype(np.float32)
+    found[..., 3:] = np.minimum(found[..., 3:], 1.0)
+    return found
 
 
 def see_around(
@@ -92,16 +144,14 @@ def see_around(
 
 
 def use_surroundings(outputs: Outputs, around: np.ndarray, *, tint: bool = True) -> Outputs:
-    """A model's answer with what is known of the map [H, 2H, 4] in the place of its guess.
+    """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
     Display values mean radiance by the mean camera's curve; a burnt-out place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
     """
-    cover = around[..., 3:]
-    display = around[..., :3] / np.maximum(cover, 1e-3)
-    seen = inverse_response(np.minimum(display, BURNT))
-    guessed = outputs.radiance * _tint(outputs.radiance, seen, cover) if tint else outputs.radiance
-    seen = np.where(display >= BURNT, np.maximum(seen, guessed), seen)
+    shown, burnt, cover = radiance_of(around)
+    guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
+    seen = _brightened(shown, burnt, guessed)
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     confidence = outputs.confidence
     if confidence is not None:
@@ -109,12 +159,24 @@ def use_surroundings(outputs: Outputs, around: np.ndarray, *, tint: bool = True)
     return outputs.with_map(radiance, confidence)
 
 
+def _brightened(shown: np.ndarray, burnt: np.ndarray, guessed: np.ndarray) -> np.ndarray:
+    """What is seen, where it is burnt out made as bright as the guess if that is brighter, its hue kept.
+
+    One gain a pixel, so that no channel alone takes a lamp on; and none that would burn out a channel which is not.
+    """
+    white = inverse_response(np.float32([BURNT]))
+    room = np.where(burnt, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
+    asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never burnt out
+    gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))
+    return np.where(burnt.any(axis=-1, keepdims=True), shown * gain, shown)
+
+
 def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarray:
     """Shares [3] of geometric mean 1 that bring the colour of what was guessed nearer to that of what is seen."""
     weight = cover * (cover > 0.5)
     if not weight.any():
         return np.ones(3, np.float32)
-    missed = np.log(seen + TINT_FLOOR) - np.log(np.minimum(guessed, 1.0) + TINT_FLOOR)
+    missed = np.log(np.minimum(seen, 1.0) + TINT_FLOOR) - np.log(np.minimum(guessed, 1.0) + TINT_FLOOR)
     mean = (weight * missed).sum(axis=(0, 1)) / weight.sum()
     return np.exp(TINT * (mean - mean.mean())).astype(np.float32)
 

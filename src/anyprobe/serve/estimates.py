@@ -76,7 +76,7 @@ def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:
 
 def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
     """Write a map (.exr or .hdr bytes in the place of the photo) for one target into an empty folder."""
-    from anyprobe.export.origin import check_front
+    from anyprobe.export.origin import check_front, map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
     job.step()
@@ -87,6 +87,7 @@ def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
         radiance = read_radiance(path)
         try:
             check_front(path)
+            turned = origin_turned(map_from_camera(path))
         except InputError as error:
             raise InvalidEnvironment(str(error).replace(str(path), "map")) from error
     if len(radiance) > MAP_MAX_ROWS:
@@ -94,7 +95,7 @@ def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
             f"map: expected at most {MAP_MAX_ROWS} rows, got {len(radiance)}; shrink it first"
         )
     turn, exposure_ev = _rotation(upload.world_from_camera), upload.exposure or 0.0
-    export(radiance, target, folder, "light", world_from_camera=turn, exposure_ev=exposure_ev)
+    export(radiance, target, folder, "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=turned)
 
 
 def _rotation(told: tuple[float, ...] | None) -> np.ndarray | None:

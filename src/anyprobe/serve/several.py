@@ -78,7 +78,9 @@ async def read_several(request: Request, limits: Limits) -> Several:
     for mask in masks:
         await check_pixels(mask, "mask", limits)
     normals, around = option.word("normals", BALL), option.word("surroundings", PHOTO)
-    turned = parse_poses(poses, "poses").of([Path(name) for _, name in photos])
+    told, names = parse_poses(poses, "poses"), [Path(name) for _, name in photos]
+    turned, fovs = told.of(names), told.fovs_deg(names, [data for data, _ in photos])
+    light = option.of_light()
     uploads = tuple(
         Upload(
             photo=data,
@@ -87,7 +89,7 @@ async def read_several(request: Request, limits: Limits) -> Several:
             box=boxes[k] if boxes else None,
             normals=normals,
             surroundings=around,
-            **option.of_light(),
+            **light | ({"fov_deg": fovs[k]} if light["fov_deg"] is None else {}),
         )
         for k, (data, name) in enumerate(photos)
     )

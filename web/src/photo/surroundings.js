@@ -1,5 +1,6 @@
 /** What a picture shows beside its object, as a part of the map, as anyprobe.infer.surroundings. */
 
+import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { inverseResponse, response } from "../core/response.js";
 import { CROP_SIZE, focalPx } from "./crop.js";
@@ -14,6 +15,9 @@ const FINE = 2;
 
 /** Display value from which on a place is at least as bright as it looks. */
 const BURNT = 0.97;
+
+/** The radiance that looks so. */
+const WHITE = inverseResponse(BURNT);
 
 /** Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place. */
 const PLAIN = 2 / 255;
@@ -78,19 +82,39 @@ export function seeAround(picture, longFovDeg, { cameraFromCrop, image, tanHalf 
 export function useSurroundings(stages, around) {
   const tint = tintOf(stages.radiance, around);
   const radiance = new Float32Array(stages.radiance.length);
-  for (let pixel = 0, to = 0; pixel < PIXELS; pixel++) {
+  const guessed = new Float64Array(3);
+  const display = new Float64Array(3);
+  const seen = new Float64Array(3);
+  for (let pixel = 0, to = 0; pixel < PIXELS; pixel++, to += 3) {
     const cover = around[3 * PIXELS + pixel];
-    for (let channel = 0; channel < 3; channel++, to++) {
-      const guessed = stages.radiance[to] * tint[channel];
-      const display = around[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
-      let seen = inverseResponse(Math.min(display, BURNT));
-      if (display >= BURNT) seen = Math.max(seen, guessed);
-      radiance[to] = guessed + cover * (seen - guessed);
+    for (let channel = 0; channel < 3; channel++) {
+      guessed[channel] = stages.radiance[to + channel] * tint[channel];
+      display[channel] = around[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
+      seen[channel] = inverseResponse(display[channel]);
+    }
+    const gain = burntGain(display, seen, guessed);
+    for (let channel = 0; channel < 3; channel++) {
+      radiance[to + channel] = guessed[channel] + cover * (seen[channel] * gain - guessed[channel]);
     }
   }
   if (!stages.lnRadiance) return { ...stages, radiance };
   const lnRadiance = radiance.map((value) => Math.log(Math.max(value, 1e-6)));
   return { ...stages, radiance, ldr: radiance.map((value) => response(value)), lnRadiance };
+}
+
+/**
+ * What makes a burnt-out place as bright as the guess, if that is brighter: one gain, so that no channel alone takes a
+ * lamp on; and none that would burn out a channel which is not.
+ */
+function burntGain(display, seen, guessed) {
+  let room = Infinity;
+  let burnt = false;
+  for (let channel = 0; channel < 3; channel++) {
+    if (display[channel] >= BURNT) burnt = true;
+    else room = Math.min(room, WHITE / Math.max(seen[channel], 1e-6));
+  }
+  if (!burnt) return 1;
+  return Math.min(Math.max(luminance(...guessed) / luminance(...seen), 1), Math.max(room, 1));
 }
 
 /** How much of the sphere is known. */
@@ -112,7 +136,7 @@ function tintOf(radiance, around) {
     if (cover <= 0.5) continue;
     weights += cover;
     for (let channel = 0; channel < 3; channel++) {
-      const seen = inverseResponse(Math.min(around[channel * PIXELS + pixel] / cover, BURNT));
+      const seen = inverseResponse(around[channel * PIXELS + pixel] / cover);
       const guessed = Math.min(radiance[3 * pixel + channel], 1);
       missed[channel] += cover * Math.log((seen + TINT_FLOOR) / (guessed + TINT_FLOOR));
     }

@@ -39,6 +39,6 @@ def open_object(name: str) -> Mesh:
         return OBJECTS[name]()
     if not Path(name).suffix:
         raise InputError(
-            f"--object: expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}"
+            f"object: expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}"
         )
     return read_mesh(name)

@@ -1,0 +1,200 @@
+"""Lights on disk: opened again, and which way round they lie when they were turned before."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import ball_photo, made_map
+from support.two_phase import two_phase
+
+import anyprobe
+from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
+from anyprobe.export.origin import check_front, map_from_camera
+from anyprobe.files.objects import OBJECTS
+from anyprobe.files.radiance import read_radiance, write_hdr
+
+TURN = rotation_y(0.7) @ rotation_x(-0.5)
+TURNS = {"left": rotation_y(np.pi / 2), "askew": TURN}
+
+
+@pytest.fixture
+def light():
+    return anyprobe.Light(
+        radiance=two_phase(32),
+        confidence=np.full((32, 64), 0.3, np.float32),
+        told=0.75,
+        warnings=("too dark", "too bright"),
+        camera_from_crop=rotation_x(0.2),
+        info={"photo": "vase.png", "model": "m-0", "exposure": 0.02, "mask": {"source": "alpha"}},
+    )
+
+
+# Light.load
+
+
+@pytest.mark.parametrize("kind", ["exr", "hdr"])
+@pytest.mark.parametrize("turn", [np.eye(3), TURN])
+def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
+    light = light.rotate(turn)
+    path = light.save(tmp_path / f"vase.{kind}")
+    light.save(tmp_path / "vase.json")
+    again = anyprobe.Light.load(path)
+    np.testing.assert_array_equal(again.radiance, read_radiance(path))
+    np.testing.assert_allclose(again.radiance, light.radiance, rtol=0.01, atol=0.01 * light.radiance.max())
+    np.testing.assert_allclose(again.map_from_camera, turn, atol=1e-5)
+    np.testing.assert_allclose(again.camera_from_crop, light.camera_from_crop, atol=1e-5)
+    assert (again.told, again.warnings, again.info) == (light.told, light.warnings, light.info)
+    assert again.confidence is None
+    alike = {"sh9", "main_light", "confidence", "map_from_camera"}
+    told, before = again.sidecar(), light.sidecar()
+    assert {key: told[key] for key in told.keys() - alike} == {
+        key: before[key] for key in before.keys() - alike
+    }
+
+
+def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
+    again = anyprobe.Light.load(str(light.rotate(TURN).save(tmp_path / "vase.hdr")))
+    assert (again.told, again.warnings, again.info) == (1.0, (), {"model": "m-0"})
+    np.testing.assert_allclose(again.map_from_camera, TURN, atol=1e-5)
+    write_hdr(tmp_path / "any.hdr", two_phase(16))
+    (tmp_path / "any.json").write_text(json.dumps({"told": "something else's", "scale": 2}))
+    bare = anyprobe.Light.load(tmp_path / "any.hdr")
+    assert (bare.info, bare.told) == ({}, 1.0)
+    np.testing.assert_array_equal(bare.map_from_camera, np.eye(3))
+
+
+def test_lights_of_disk_are_fused(light, tmp_path):
+    """The exposure is in the sidecar."""
+    for name, gain in (("a", 1.0), ("b", 0.5)):
+        one = anyprobe.Light(radiance=gain * made_map(), info={"exposure": gain, "photo": name})
+        one.save(tmp_path / f"{name}.exr")
+        one.save(tmp_path / f"{name}.json")
+    loaded = [anyprobe.Light.load(tmp_path / f"{name}.exr") for name in "ab"]
+    np.testing.assert_allclose(anyprobe.fuse_lights(loaded, [np.eye(3)] * 2).radiance, made_map(), rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"told": "much"}, "as it was written"),
+        ({"told": 2}, "as it was written"),
+        ({"warnings": 3}, "as it was written"),
+        ({"camera_from_crop": [[1, 2], [3]]}, "as it was written"),
+        ({"camera_from_crop": (2 * np.eye(3)).tolist()}, "as it was written"),
+    ],
+)
+def test_a_damaged_sidecar_is_one_line(light, tmp_path, change, words):
+    path = light.save(tmp_path / "vase.exr")
+    (tmp_path / "vase.json").write_text(json.dumps(light.sidecar() | change))
+    with pytest.raises(anyprobe.InputError, match=words) as error:
+        anyprobe.Light.load(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["vase.json", "vase.png", "none.exr", "vase_blender.exr", "vase_three.hdr"])
+def test_what_is_no_saved_light_is_refused(light, tmp_path, name):
+    light.save(tmp_path / "vase.json")
+    light.save(tmp_path / "vase.png")
+    for target in ("blender", "three"):
+        light.export(target, tmp_path, "vase")
+    with pytest.raises(anyprobe.InputError, match=name) as error:
+        anyprobe.Light.load(tmp_path / name)
+    assert "\n" not in str(error.value)
+
+
+# Turned
+
+
+@pytest.mark.parametrize("kind", ["exr", "hdr"])
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_turned_light_relights_as_it_did(command, work, kind, turn):
+    """It was lit from the wrong side before, without a word."""
+    Image.fromarray(ball_photo()).save(work / "ball.png")
+    light = anyprobe.Light(radiance=made_map())
+    pictures = {}
+    for name, one in (("straight", light), ("turned", light.rotate(TURNS[turn]))):
+        one.save(work / f"{name}.{kind}")
+        call = (
+            "relight",
+            "ball.png",
+            "--light",
+            f"{name}.{kind}",
+            "--renderer",
+            "own",
+            "--material",
+            "matte",
+        )
+        done = command(*call, "-o", f"{name}.png", "-q")
+        assert done.status == 0, done.err
+        with Image.open(work / f"{name}.png") as picture:
+            pictures[name] = np.asarray(picture, np.float32)[..., :3]
+    changed = np.abs(pictures["straight"] - ball_photo()[..., :3]).max(axis=-1) > 8
+    assert changed.mean() > 0.05
+    assert np.abs(pictures["turned"] - pictures["straight"])[changed].mean() < 4
+
+
+def test_an_older_hdr_is_known_by_the_json_beside_it(light, tmp_path):
+    turned = light.rotate(TURN)
+    write_hdr(tmp_path / "old.hdr", turned.radiance)
+    turned.save(tmp_path / "old.json")
+    np.testing.assert_allclose(map_from_camera(tmp_path / "old.hdr"), TURN, atol=1e-5)
+    light.save(tmp_path / "old.hdr")  # in the camera's frame, and it says so itself
+    np.testing.assert_array_equal(map_from_camera(tmp_path / "old.hdr"), np.eye(3))
+
+
+def test_a_turn_that_is_none_is_one_line(light, tmp_path):
+    write_hdr(tmp_path / "a.hdr", light.radiance, attributes={"frame": "x", "map_from_camera": "[[1, 0], 2]"})
+    with pytest.raises(anyprobe.InputError, match="expected map_from_camera to be a rotation") as error:
+        map_from_camera(tmp_path / "a.hdr")
+    assert "\n" not in str(error.value)
+
+
+def test_a_hdr_says_itself_that_it_lies_otherwise(tmp_path):
+    """Without the .json beside it."""
+    frame = "right-handed, +X right, +Y up, -Z in front; u = 0.5 + atan2(z, x) / 2 pi, v = acos(y) / pi"
+    write_hdr(tmp_path / "a.hdr", two_phase(16), attributes={"frame": frame})
+    with pytest.raises(
+        anyprobe.InputError, match=r"front in its centre, got one with u = 0\.5 \+ atan2\(z, x\)"
+    ):
+        check_front(tmp_path / "a.hdr")
+    check_front(anyprobe.Light(radiance=two_phase(16)).save(tmp_path / "b.hdr"))
+    anyprobe.Light(radiance=two_phase(16)).export("three", tmp_path, "c")
+    (tmp_path / "c_three.json").unlink()
+    for name in ("c_three.hdr", "c_three_ambient.hdr"):
+        with pytest.raises(anyprobe.InputError, match="front in its centre"):
+            check_front(tmp_path / name)
+
+
+def test_an_export_says_how_the_light_was_turned_before(command, light, work):
+    saved = light.rotate(TURN).save(work / "l.exr")
+    assert command("export", saved, "--to", "webxr", "-o", "out", "-q").status == 0
+    light.rotate(TURN).export("webxr", "out", "own")
+    for name in ("l", "own"):
+        said = json.loads((work / "out" / f"{name}_webxr.json").read_text())
+        np.testing.assert_allclose(said["origin"]["map_from_camera"], TURN, atol=1e-5)
+        np.testing.assert_allclose(said["world_from_camera"], TURN, atol=1e-5)
+    call = ("export", saved, "--to", "webxr", "-o", "further", "-q", "--world-from-camera", "0,20")
+    assert command(*call).status == 0
+    said = json.loads((work / "further" / "l_webxr.json").read_text())
+    np.testing.assert_allclose(
+        said["world_from_camera"], world_from_camera(0, np.radians(20)) @ TURN, atol=1e-5
+    )
+    light.export("webxr", "out", "straight")
+    assert "map_from_camera" not in json.loads((work / "out" / "straight_webxr.json").read_text())["origin"]
+
+
+# Light.render
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_render_knows_the_objects_of_relight(name):
+    picture = anyprobe.Light(radiance=made_map()).render(name, "gold", size=16)
+    assert picture[..., 3].max() == 1
+
+
+def test_render_of_an_unknown_object_names_those_known():
+    with pytest.raises(anyprobe.InputError, match="expected one of ball, vase"):
+        anyprobe.Light(radiance=made_map()).render("bal")

@@ -1,0 +1,46 @@
+/** What is seen in the place of the guess, as anyprobe.infer.surroundings has it. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { luminance } from "../src/core/color.js";
+import { inverseResponse, response } from "../src/core/response.js";
+import { useSurroundings } from "../src/photo/surroundings.js";
+
+const PIXELS = 64 * 128;
+const WHITE = 0.97;
+
+/** The first pixel where a photo shows display values `shown` there, and grey elsewhere, and `lamp` was guessed everywhere. */
+function seenFor(shown, lamp) {
+  const around = new Float32Array(4 * PIXELS);
+  const radiance = Float32Array.from({ length: 3 * PIXELS }, (_, i) => lamp[i % 3]);
+  for (let channel = 0; channel < 3; channel++) around[channel * PIXELS] = shown[channel];
+  around[3 * PIXELS] = 1;
+  return [...useSurroundings({ radiance }, around).radiance.slice(0, 3)];
+}
+
+function assertHue(found, shown) {
+  const seen = shown.map(inverseResponse);
+  for (let c = 0; c < 3; c++) {
+    assert.ok(Math.abs(found[c] / found[1] - seen[c] / seen[1]) < 1e-4, `${found}`);
+    assert.ok(found[c] >= seen[c] - 1e-5, `${found}`);
+  }
+}
+
+for (const shown of [[0.5, 0.7, 1], [0.6, 0.98, 0.6], [0.99, 1, 0.8]]) {
+  test(`${shown} keeps its hue, whatever lamp was guessed there`, () => {
+    const found = seenFor(shown, [30, 20, 10]);
+    assertHue(found, shown);
+    const most = Math.max(...found.filter((_, c) => shown[c] < WHITE).map(response));
+    assert.ok(Math.abs(most - WHITE) < 1e-3, `${found}`); // what is not burnt out does not become it
+    const dark = seenFor(shown, [0.1, 0.1, 0.1]);
+    dark.forEach((value, c) => assert.ok(Math.abs(value - inverseResponse(shown[c])) < 1e-4, `${dark}`));
+  });
+}
+
+test("what is burnt out altogether is as bright as the guess", () => {
+  const shown = [1, 1, 0.98];
+  const found = seenFor(shown, [20, 20, 20]);
+  assertHue(found, shown);
+  assert.ok(Math.abs(luminance(...found) - 20) < 0.5, `${found}`);
+});
