@@ -73,7 +73,10 @@ def paper() -> RunConfig:
 
 
 def lift() -> RunConfig:
-    """The model that ships: lifts what each pixel shows to where its light came from."""
+    """The model that ships, as it goes on: lifts what each pixel shows to where its light came from.
+
+    What ships has not learned with gathered surroundings and painted objects yet; its model card has its runs.
+    """
     return RunConfig(
         name="lift",
         model="lift",
@@ -81,7 +84,17 @@ def lift() -> RunConfig:
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
-        pairs=PairConfig(seed=101, cut_out=0.2, told=0.3, around=0.7, gathered=0.4, joined=0.3, reshaped=0.4),
+        pairs=PairConfig(
+            seed=101,
+            cut_out=0.2,
+            told=0.3,
+            around=0.7,
+            gathered=0.4,
+            joined=0.3,
+            reshaped=0.4,
+            textured=0.15,
+            two_materials=0.1,
+        ),
         surfaces=SurfaceConfig(
             views=12,
             own_views=1,
