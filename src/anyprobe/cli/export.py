@@ -71,16 +71,14 @@ def target_names(text: str) -> list[str]:
 
 def parse_rotation(text: str) -> np.ndarray:
     """YAW,ELEVATION[,ROLL] in degrees, or nine numbers row by row, to world_from_camera [3, 3]."""
-    from anyprobe.core.frames import world_from_camera
+    from anyprobe.core.frames import rotation_of
 
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
         values = []
-    if len(values) == 9 and np.isfinite(values).all():
-        return np.reshape(values, (3, 3))
-    if len(values) in (2, 3) and np.isfinite(values).all():
-        return world_from_camera(*np.radians(values))
+    if len(values) in (2, 3, 9) and np.isfinite(values).all():
+        return rotation_of(values)
     raise InputError(
         f"--world-from-camera: expected YAW,ELEVATION[,ROLL] in degrees or nine numbers, got {text!r}; "
         "for instance --world-from-camera 0,20 for a camera that looks 20 degrees down"

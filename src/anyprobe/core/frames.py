@@ -80,6 +80,11 @@ def world_from_camera(yaw: float, elevation: float, roll: float = 0.0) -> np.nda
     return rotation_y(yaw) @ rotation_x(-elevation) @ rotation_z(roll)
 
 
+def rotation_of(numbers) -> np.ndarray:
+    """world_from_camera [3, 3] of yaw, elevation and perhaps roll [degrees], or of nine numbers row by row."""
+    return np.reshape(numbers, (3, 3)) if len(numbers) == 9 else world_from_camera(*np.radians(numbers))
+
+
 def turn_towards(direction: np.ndarray) -> np.ndarray:
     """The shortest rotation that carries -Z to the unit vector direction, [3, 3].
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.frames import world_from_camera
+from anyprobe.core.frames import rotation_of
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_radiance
@@ -94,12 +94,6 @@ def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
         raise InvalidEnvironment(
             f"map: expected at most {MAP_MAX_ROWS} rows, got {len(radiance)}; shrink it first"
         )
-    turn, exposure_ev = _rotation(upload.world_from_camera), upload.exposure or 0.0
+    told, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
+    turn = None if told is None else rotation_of(told)
     export(radiance, target, folder, "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=turned)
-
-
-def _rotation(told: tuple[float, ...] | None) -> np.ndarray | None:
-    """Yaw, elevation and perhaps roll in degrees, or nine numbers row by row, as [3, 3]."""
-    if told is None:
-        return None
-    return np.reshape(told, (3, 3)) if len(told) == 9 else world_from_camera(*np.radians(told))
