@@ -182,9 +182,14 @@ def test_the_explanation_by_smooth_dielectrics_needs_them_to_be_worst():
     assert "mirror image" not in text
 
 
+SIZE = {"maps": 2, "shapes": 1}
+
+
 def test_page_has_the_section_where_there_is_a_file(tmp_path):
     (tmp_path / "table1.json").write_text(
-        json.dumps({"command": "c", "commit": "c", "pairs": 3, "recipes": "r", "note": "", "rows": []})
+        json.dumps(
+            dict.fromkeys(("command", "commit", "recipes", "note"), "x") | {"pairs": 3, "rows": []} | SIZE
+        )
     )
     page = write_report(tmp_path, tmp_path / "page.md")
     assert "What limits the irradiance image" not in page.read_text()

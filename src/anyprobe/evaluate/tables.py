@@ -125,7 +125,11 @@ def beside_rivals(study: Study, groups: dict[str, Any], names: Iterable[str]) ->
     for group, one in groups.items():
         one["ahead"] = {
             method: {
-                rival: {name: study.difference(method, rival, name, group) for name in names}
+                rival: {
+                    name: study.difference(method, rival, name, group)
+                    for name in names
+                    if all(name in study.rows[one][0] for one in (method, rival))
+                }
                 for rival in RIVALS
                 if rival in study.rows
             }
