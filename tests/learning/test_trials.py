@@ -57,6 +57,12 @@ def test_a_trial_changes_only_what_it_says(trial):
 
 def test_every_trial_can_be_run_by_its_name():
     assert {trial.__name__ for trial in TRIALS} == {"lift_trial", *ALLOWED}
+
+
+def test_what_lift_learns_with_later_stays_out_of_the_trials():
+    pairs = lift_trial().pairs
+    assert (pairs.around, pairs.gathered, pairs.joined, pairs.reshaped) == (0, 0, 0, 0)
+    assert (pairs.textured, pairs.two_materials) == (0, 0)
     for trial in TRIALS:
         assert trial().name == trial.__name__
         assert RUNS[trial.__name__]() == trial()

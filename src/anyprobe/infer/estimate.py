@@ -49,6 +49,7 @@ class Estimator:
     ) -> None:
         """Open a bundled model, or a folder of graphs, by an engine of infer.engines.ENGINES.
 
+        threads: of the engine; None leaves the choice to it.
         lamps: "drawn", for shadows, highlights and a map to look at, or "spread" as likely as they are, which lights
             dull objects better and is not sharp; see infer.runtime.LAMPS.
         """
@@ -263,7 +264,12 @@ def estimate(
     lamps: str = DRAWN,
     **where: Unpack[Where],
 ) -> Light:
-    """The light around the object of one photo; an Estimator used once (and kept for the next call)."""
+    """The light around the object of one photo; an Estimator used once (and kept for the next call).
+
+    Args:
+        model, lamps: of Estimator.
+        source and all others: of Estimator.__call__, which also says what is raised.
+    """
     return _shared(model).with_lamps(lamps)(
         source,
         fov_deg=fov_deg,

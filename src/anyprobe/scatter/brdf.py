@@ -20,8 +20,8 @@ from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_
 class Material:
     """A uniform material.
 
-    albedo: [3] diffuse albedo in [0, 1]; zero for a metal.
-    f0: [3] reflectance at normal incidence in [0, 1]; grey and small for a dielectric.
+    albedo: diffuse albedo in [0, 1], [3] or one number for all channels; zero for a metal.
+    f0: reflectance at normal incidence in [0, 1], [3] or one number; grey and small for a dielectric.
     alpha: GGX width in [0.01, 1].
     """
 

@@ -11,14 +11,17 @@ from anyprobe.train.config import LightConfig, RunConfig, lift, normals
 
 
 def lift_trial() -> RunConfig:
-    """What the others are compared with: a short run of `lift`, never told what is around the object."""
+    """What the others are compared with: a short run of `lift`, plain objects, nothing told of what is around."""
+    plain = replace(
+        lift().pairs, around=0.0, gathered=0.0, joined=0.0, reshaped=0.0, textured=0.0, two_materials=0.0
+    )
     return replace(
         lift(),
         name="lift_trial",
         steps=600,
         warmup=50,
         cooldown=0.5,
-        pairs=replace(lift().pairs, seed=59, around=0.0, joined=0.0, reshaped=0.0),
+        pairs=replace(plain, seed=59),
         surfaces=replace(lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, seed=4),
         light=replace(lift().light, seed=8),
     )
