@@ -22,6 +22,8 @@ from anyprobe.dataset.pair import fibonacci_viewpoint, render_map_pair  # noqa: 
 from anyprobe.dataset.plan import full_plan  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.stock import Stock, own_map  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.files.radiance import write_hdr  # noqa: E402
 from anyprobe.train import supply  # noqa: E402
 from anyprobe.train.config import designs, hdr_curves  # noqa: E402
 from anyprobe.train.designs import Designs, shrink_batch  # noqa: E402
@@ -218,6 +220,17 @@ def test_a_run_sees_the_designs_maps_and_draws_no_shapes(tmp_path, monkeypatch, 
     direct = MapViews(supply._maps(config.light, stock), config.pairs)
     assert [torch.equal(batch.ldr, direct.batch(step).ldr) for step, batch in enumerate(made)] == [True] * 2
     assert not asked
+
+
+def test_a_run_on_maps_alone_needs_no_shapes(tmp_path):
+    (tmp_path / "hdri" / "train").mkdir(parents=True)
+    write_hdr(tmp_path / "hdri" / "train" / "room.hdr", own_map(5, 0).radiance)
+    light = replace(hdr_curves().light, commercial_only=False)
+    assert [supply.sees_objects(run) for run in (hdr_curves(), designs())] == [False, True]
+    stock = supply.load_assets(light, tmp_path, supply.sees_objects(hdr_curves()))
+    assert (len(stock.maps), len(stock.shapes)) == (1, 0)
+    with pytest.raises(InputError, match="meshes"):
+        supply.load_assets(light, tmp_path, supply.sees_objects(designs()))
 
 
 def test_the_run_is_kept_in_half_floats(maps, tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ import json
 import struct
 import sys
 import zlib
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -13,7 +14,9 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
+from anyprobe.cli.where import read_where, where_for
 from anyprobe.core.response import response
+from anyprobe.files.names import natural_order
 from anyprobe.files.radiance import read_radiance
 
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -290,3 +293,18 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
     assert written["told"] < 0.05
     assert written["confidence"] < 0.05
     assert word in written["warnings"][0]
+
+
+def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
+    (work / "panoramas").mkdir()
+    (work / "panoramas" / "room.hdr").touch()
+    told = read_where(None, None, None, None, None, None, None) | {"surroundings": Path("panoramas")}
+    assert where_for(Path("room.jpg"), told)["surroundings"] == Path("panoramas/room.hdr")
+
+
+def test_names_are_ordered_whatever_digits_they_have():
+    names = ["²1.jpg", "a10.jpg", "a2.jpg", "٣.jpg"]
+    assert [name for name in sorted(names, key=natural_order) if name.startswith("a")] == [
+        "a2.jpg",
+        "a10.jpg",
+    ]

@@ -92,7 +92,7 @@ def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, 
     assert (written(work)["confidence"], written(work)["confidence_told"]) == (None, {})
     assert "confidence" not in ended.out
     assert [call["textured"] for call in rendered] == [False] * 4
-    assert "--textured" not in written(work)["command"]
+    assert written(work)["command"].endswith(" --model paper")
 
 
 @pytest.mark.parametrize(

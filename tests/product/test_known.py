@@ -73,6 +73,20 @@ def test_middle_grey_is_no_normal():
         assert np.abs(read).sum(axis=-1).astype(bool).sum() == 100
 
 
+def test_normals_that_cannot_be_read_are_one_line(tmp_path, monkeypatch):
+    path = tmp_path / "n.png"
+    path.write_bytes(b"")
+
+    def denied(self, *mode):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(type(path), "open", denied)
+    with pytest.raises(
+        InputError, match="n.png: expected a normal map that can be read, got Permission denied"
+    ):
+        read_normals(path, (HEIGHT, WIDTH))
+
+
 @pytest.mark.parametrize(
     ("source", "says"),
     [

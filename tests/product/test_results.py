@@ -24,7 +24,7 @@ from anyprobe.evaluate.study import Study, clustered_error, one_way_variance, st
 from anyprobe.evaluate.tables import beside_rivals, by_group, result_files
 from anyprobe.evaluate.tolerance import Tolerance, tolerated
 from anyprobe.evaluate.trials import trial_lines
-from anyprobe.evaluate.verdict import order_lines, rival_lines, step_holds, tolerance_lines
+from anyprobe.evaluate.verdict import gain_cell, order_lines, rival_lines, step_holds, tolerance_lines
 
 ABOUT = {"command": "anyprobe compare", "commit": "abc", "recipes": "0123"}
 
@@ -58,7 +58,7 @@ def test_difference_is_paired():
     error = shifted.difference("ours", "direct", "ldr_ssim")["standard_error"]
     assert error == pytest.approx(np.sqrt(2 * (0.2**2 + 0.2**2)) / 4, abs=1e-5)
     shifted.maps = ["a"] * 4
-    assert shifted.difference("ours", "direct", "ldr_ssim")["standard_error"] == 0.0
+    assert shifted.difference("ours", "direct", "ldr_ssim")["standard_error"] is None
     shifted.shapes = ["a", "b"] * 2  # and so may those of one shape
     assert shifted.difference("ours", "direct", "ldr_ssim")["standard_error"] == error
 
@@ -80,6 +80,17 @@ def test_pairs_of_one_map_that_are_all_equal_count_as_one(rng):
     assert clustered_error(means, list("abcdefg"), ["one"] * 7) == pytest.approx(error)
     assert clustered_error(means, list("abcdefg"), list("tuvwxyz")) == pytest.approx(error)
     assert clustered_error([1.0, 1.0], ["a", "b"], ["a", "b"]) == 0.0
+
+
+def test_pairs_of_one_map_and_shape_tell_of_no_error():
+    """Two alike would else be certain."""
+    assert np.isnan(clustered_error([0.0010, 0.0012], ["a", "a"], ["s", "s"]))
+    alone = invented(ours=(0.2, 0.4, 0.6, 1.0), direct=(0.1, 0.3, 0.5, 0.9))
+    alone.maps, alone.shapes = ["a"] * 4, ["s"] * 4
+    gain = alone.difference("ours", "direct", "ldr_ssim")
+    assert gain["standard_error"] is None
+    assert step_holds("ldr_ssim", gain) == "is open"
+    assert gain_cell("ldr_ssim", gain) == "+0.10000 +- ?, is open"
 
 
 def test_maps_and_shapes_add_up(rng):
@@ -152,7 +163,8 @@ def results(tmp_path_factory):
 
     methods = baselines() | {"direct": design(1.0), "irradiance": design(0.7), "ours": design(0.9)}
     methods |= {"ideal": design(0.1), "meka": lambda pair: Estimate(ldr=0.999 * response(pair.radiance))}
-    pairs = [ball_pair(0), ball_pair(1, alpha=0.8, indoor=False, material=1)]
+    pairs = [ball_pair(seed) for seed in (0, 2)]
+    pairs += [ball_pair(seed, alpha=0.8, indoor=False, material=1) for seed in (1, 3)]
     figures = Figures(2)
     result = study(pairs, methods, figures.add)
     trained = {"designs": {"steps": 5, "of_steps": 9, "pairs": 80, "seed": 3, "irradiance_pairs": 320000}}
@@ -172,12 +184,39 @@ def test_table1_has_the_rows_and_names_that_readers_look_for(results):
     assert {"direct", "irradiance", "ours", "ideal"} <= set(rows)
     for name in ("irradiance_ssim", "ldr_psnr", "ldr_rmse", "ldr_ssim", "hdr_psnr", "hdr_rmse", "hdr_ssim"):
         assert rows["ours"][name] > 0
-    assert table["pairs"] == 2
+    assert table["pairs"] == 4
     assert table["command"] == ABOUT["command"]
     assert table["designs"]["pairs"] == 80
     assert table["standard_errors"] == "by map and shape"
     assert "hdr_psnr" not in rows["meka"]
     assert rows["ideal"]["ldr_ssim"] > rows["irradiance"]["ldr_ssim"] > rows["ours"]["ldr_ssim"]
+
+
+def test_page_names_the_hdr_network_that_was_put_in(results):
+    path = results / "table1.json"
+    table = json.loads(path.read_text())
+    assert "half of the estimated maps it learns from\nare Direct's." in report_of(results)
+    table["designs"] |= {"hdr_run": "hdr_curves", "hdr_pairs": 1600}
+    path.write_text(json.dumps(table))
+    text = report_of(results)
+    assert "One HDR network serves all; it is that of hdr_curves, 1,600 views of maps." in text
+    assert "are Direct's" not in text
+
+
+def test_what_is_told_is_never_the_best(results):
+    path = results / "fig13.json"
+    balls = json.loads(path.read_text())
+    rows = balls["groups"]["specular"]["rows"]
+    (ours,) = (row for row in rows if row["design"] == "ours")
+    rows.append({**ours, "design": "mine_normals", "ball_rmse": 0.0001})
+    path.write_text(json.dumps(balls))
+    text = report_of(results)
+    assert "| 0.0001" in text
+    assert "**0.0001**" not in text
+
+
+def report_of(results) -> str:
+    return write_report(results, results.parent / "results.md").read_text()
 
 
 def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path):
@@ -201,7 +240,7 @@ def test_page_says_what_the_files_say_and_where_it_falls_short(results, tmp_path
     assert [line.split(" |")[0] for line in table.splitlines()[4:6]] == ["| ideal", "| ours"]
     assert "nearer than ideal" not in table
     assert "**-**" not in text
-    assert "of 2 maps\nand 1 shapes" in text
+    assert "of 4 maps\nand 1 shapes" in text
     assert not re.search(r"\bnan\b|\binf\b", text)
     for line in text.splitlines():
         if line.startswith("!["):

@@ -66,6 +66,38 @@ def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
     np.testing.assert_array_equal(bare.map_from_camera, np.eye(3))
 
 
+def test_a_light_of_the_page_is_opened(light, tmp_path):
+    """Its .json says less than ours."""
+    path = light.save(tmp_path / "vase.exr")
+    less = {"told", "warnings", "camera_from_crop", "confidence"}
+    said = {key: value for key, value in light.sidecar().items() if key not in less}
+    (tmp_path / "vase.json").write_text(json.dumps(said))
+    again = anyprobe.Light.load(path)
+    assert (again.told, again.warnings, again.info) == (1.0, (), light.info)
+    np.testing.assert_array_equal(again.camera_from_crop, np.eye(3))
+
+
+def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
+    answers = pytest.importorskip(
+        "anyprobe.serve.answers", reason="needs the serve extra", exc_type=ImportError
+    )
+    path = light.save(tmp_path / "vase.exr")
+    answer = answers.light_json(light, frozenset({"radiance", "stages"}), None)
+    (tmp_path / "vase.json").write_text(json.dumps(answer))
+    assert anyprobe.Light.load(path).info == light.info
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_photo_may_be_called_ambient(light, tmp_path, own):
+    """vase_ambient.exr is an export's second map only where no photo of this name has a .json."""
+    light.save(tmp_path / "vase.json")
+    other = anyprobe.Light(radiance=light.radiance, told=0.25, info={"photo": "vase_ambient.png"})
+    path = other.save(tmp_path / "vase_ambient.exr")
+    if own:
+        other.save(tmp_path / "vase_ambient.json")
+    assert anyprobe.Light.load(path).info["photo"] == ("vase_ambient.png" if own else "vase.png")
+
+
 def test_lights_of_disk_are_fused(light, tmp_path):
     """The exposure is in the sidecar."""
     for name, gain in (("a", 1.0), ("b", 0.5)):

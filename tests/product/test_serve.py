@@ -377,6 +377,7 @@ def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_p
     parts = {"photo": (str(tmp_path / "secret" / "ball.png"), photo)}
     told = client.post("/v1/estimate", files=parts, params={"include": "stages,mask,radiance"}).json()
     assert told["photo"] == "ball.png"
+    assert (told["mask"]["source"], told["mask"]["media_type"]) == ("alpha", "image/png")
     assert str(tmp_path) not in json.dumps(told)
 
     def fails(*arguments, **options):

@@ -206,9 +206,11 @@ def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
     assert known.fovs_deg(photos) == pytest.approx([50.0, tall, None])
     data = [photo.read_bytes() for photo in photos]
     assert known.fovs_deg([Path(name) for name in names], data) == pytest.approx([50.0, tall, None])
-    assert known.clip_fov_deg() == pytest.approx(50.0)
-    assert poses_file(tmp_path / "d.json", [{}], fl_x=50.0, w=60, h=100).clip_fov_deg() == pytest.approx(90.0)
-    assert poses_file(tmp_path / "e.json", [{}]).clip_fov_deg() is None
+    assert known.clip_fov_deg(60, 40) == pytest.approx(50.0)
+    assert known.clip_fov_deg(40, 60) == pytest.approx(tall)
+    high = poses_file(tmp_path / "d.json", [{}], fl_x=50.0, w=60, h=100)
+    assert high.clip_fov_deg(60, 100) == pytest.approx(90.0)
+    assert poses_file(tmp_path / "e.json", [{}]).clip_fov_deg(60, 40) is None
     own = poses_file(
         tmp_path / "b.json",
         [{}, {"fl_x": 100.0, "fl_y": 110.0}],

@@ -224,6 +224,7 @@ def evaluate(
         + (" --path-traced" if path_traced else "")
         + (" --textured" if textured else "")
         + (" --told" if told else "")
+        + ("" if name == DEFAULT_MODEL else f" --model {Path(name).name}")
         + ("" if engine == DEFAULT_ENGINE else f" --engine {engine}"),
         "model": model_id(name),
         "recipes": digest(recipes),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from anyprobe.cli.compare import commit, open_designs, open_methods, tail, write_result
+from anyprobe.cli.results import commit, open_designs, open_methods, tail, write_result
 
 MAP_NOTE = (
     "Real photos; LDR maps and mirror balls (ball_...) against the measured map at the photo's exposure, "

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.compare import RESULTS, commit, write_result
+from anyprobe.cli.results import RESULTS, commit, write_result
 from anyprobe.infer.engines import DEFAULT_ENGINE, ENGINES
 from anyprobe.infer.runtime import DEFAULT_MODEL
 

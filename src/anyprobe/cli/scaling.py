@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.cli.compare import RESULTS, commit, tail, write_result
 from anyprobe.cli.need import need_torch
+from anyprobe.cli.results import RESULTS, commit, tail, write_result
 from anyprobe.cli.train import RUNS
 from anyprobe.errors import InputError
 

@@ -73,10 +73,9 @@ def video(
     from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
     from anyprobe.infer.estimate import Estimator
-    from anyprobe.infer.surroundings import read_surroundings
     from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, uses_mitsuba
     from anyprobe.scatter.presets import material_named
-    from anyprobe.video.clip import open_clip
+    from anyprobe.video.clip import open_clip, upright_size
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject, forget_run
 
@@ -93,18 +92,16 @@ def video(
     header = open_clip(clip)
     known_poses = None if poses is None else read_poses(poses)
     turned = None if known_poses is None else known_poses.in_order()
-    fov = known_poses.clip_fov_deg() if known_poses is not None and fov is None else fov
     if turned is not None and len(turned) < header.num_frames:
         raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
+    if known_poses is not None and fov is None:
+        fov = known_poses.clip_fov_deg(*upright_size(header))
     virtual = None
     if name is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
-    around = read_surroundings_option(surroundings)
-    if isinstance(around, Path):
-        read_surroundings(around)  # refused now rather than at every frame
-    follower = MaskFollower(masks, told, fov, around)
+    follower = MaskFollower(masks, told, fov, read_surroundings_option(surroundings))
     estimator = Estimator(model, lamps=lamps)
     settings = {
         "clip": clip.name,
@@ -112,11 +109,10 @@ def video(
         "model": estimator.model_id,
         "every": every,
         "exr": exr,
-        "masks": None if masks is None else str(masks),
         "first_frame": told,
         "fov_deg": fov,
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
-        "surroundings": surroundings,
+        **follower.content(),
         "lamps": lamps,
         "object": name,
         "material": material if name else None,

@@ -11,6 +11,7 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.names import natural_order
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
+PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
 MaskOption = Annotated[
@@ -85,7 +86,7 @@ def where_for(photo: Path, where: dict) -> dict:
     if isinstance(where.get("normals"), Path):
         files["normals"] = _file_for(photo, where["normals"], "normals", DEPTH_SUFFIXES)
     if isinstance(where.get("surroundings"), Path):
-        files["surroundings"] = _file_for(photo, where["surroundings"], "surroundings", PHOTO_SUFFIXES)
+        files["surroundings"] = _file_for(photo, where["surroundings"], "surroundings", PANORAMA_SUFFIXES)
     return where | files
 
 

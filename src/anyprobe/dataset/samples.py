@@ -73,6 +73,7 @@ class StockRenderer:
             commercial_only=settings["commercial_only"],
             procedural_maps=settings["procedural_maps"],
             procedural_shapes=settings["procedural_shapes"],
+            with_shapes=self.kind == "object",
             report=report,
         )
         if self.kind == "object":

@@ -84,12 +84,14 @@ def load_stock(
     extra: bool = True,
     procedural_maps: int = 0,
     procedural_shapes: int = 0,
+    with_shapes: bool = True,
     seed: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> Stock:
     """Assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra too, and so many of our own.
 
-    Without data everything is our own; test assets are then drawn from another seed.
+    Where shapes are not asked for, data has to have none. Without data everything is our own; test assets are then
+    drawn from another seed.
     """
     maps: list[MapAsset] = []
     shapes: list[ShapeAsset] = []
@@ -99,7 +101,8 @@ def load_stock(
             folders.append(data / "hdri" / "train_extra")
         for folder in folders:
             maps += load_maps(folder, commercial_only=commercial_only, report=report)
-        shapes = load_shapes(data / "meshes" / split, commercial_only=commercial_only, report=report)
+        if with_shapes:
+            shapes = load_shapes(data / "meshes" / split, commercial_only=commercial_only, report=report)
     own_seed = seed if split == "train" else seed + 1_000_000
     maps += [own_map(own_seed, index) for index in range(procedural_maps)]
     shapes += [own_shape(own_seed, index) for index in range(procedural_shapes)]

@@ -1,4 +1,4 @@
-"""The pictures of a study, collected while it runs: the paper's Figs. 7, 11, 12 and 14, and those of real photos."""
+"""The pictures of a study, collected while it runs: the paper's Figs. 7, 11 to 14, and those of real photos."""
 
 from __future__ import annotations
 

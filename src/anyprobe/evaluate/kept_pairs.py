@@ -15,7 +15,6 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.scatter.brdf import Material
 
 ARRAYS = ("photo", "irradiance", "radiance", "map_from_camera", "gain", "normals")
-TEXTURED = "textured"
 NAMES = ("tan_half", "map_name", "shape_name", "indoor")
 
 
@@ -24,21 +23,17 @@ def kept_pairs(
     stock: Stock,
     kept: Path | None = None,
     laboratory: bool = False,
-    textured: bool = False,
 ) -> Iterator[Pair]:
     """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there.
 
     laboratory: as in render_pair; such pairs want a folder of their own.
-    textured: as in render_pair; such pairs, whose recipes are those of others, lie in kept/textured.
     """
-    if kept is not None and textured:
-        kept = kept / TEXTURED
     for recipe in recipes:
         path = None if kept is None else kept / f"{recipe.to_hex()}.npz"
         if path is not None and path.is_file():
             yield read_pair(path)
             continue
-        pair = render_pair(recipe, stock, laboratory=laboratory, textured=textured)
+        pair = render_pair(recipe, stock, laboratory=laboratory)
         if path is not None:
             write_pair(path, pair)
         yield pair

@@ -29,8 +29,8 @@ from anyprobe.evaluate.verdict import (
 from anyprobe.files.atomic import atomic_path
 
 LOWER = ("rmse", "deg", "stops", "sh9")
-TOLD = ("ideal", "meka", "lift_normals")
-"""Methods that are given a part of the truth."""
+TOLD = ("ideal", "meka")
+"""Designs that are given a part of the truth."""
 SMOOTHED = 20
 """Points of a learning curve that are averaged."""
 GRADUAL = ("irradiance", "ours", "ours_sharp")
@@ -120,8 +120,11 @@ def _lines(found: Mapping[str, dict[str, Any]], links: Mapping[str, str]) -> Ite
         yield "rough masks, less exactly lit, which may put Irradiance and Ours at a disadvantage to Direct. The"
         yield "paper's illumination network has seen some 25 million (2.3 million pairs, 11 epochs). Designs see"
         yield "64 x 64 pictures and give 32 x 64 maps, at about half of the paper chain's widths; maps are scaled up to"
-        yield "64 x 128 before they are scored. One HDR network serves all; half of the estimated maps it learns from"
-        yield "are Direct's."
+        yield "64 x 128 before they are scored. One HDR network serves all; " + (
+            f"it is that of {designs['hdr_run']}, {designs['hdr_pairs']:,} views of maps."
+            if "hdr_run" in designs
+            else "half of the estimated maps it learns from\nare Direct's."
+        )
         yield "[training.md](training.md) says how to train them further."
     if table1.get("remark"):
         yield from ("", table1["remark"])
@@ -220,6 +223,11 @@ def _grouped(found, links, name: str, title: str, prefix: str) -> Iterable[str]:
         yield from ("", f"![{title}]({links[name]})")
 
 
+def is_told(design: str) -> bool:
+    """Whether a method is given a part of the truth, as `<model>_normals` are."""
+    return design in TOLD or design.endswith("_normals")
+
+
 def _figures_table(rows: Sequence[Mapping[str, Any]], prefix: str, names: Sequence[str] | None = None):
     """Rows that have any of the figures; the best of each column in bold, but for methods that are told the truth and
     figures of other pairs for each method."""
@@ -230,7 +238,7 @@ def _figures_table(rows: Sequence[Mapping[str, Any]], prefix: str, names: Sequen
         values = [
             row[name]
             for row in rows
-            if row.get(name) is not None and row["design"] not in TOLD and not name.startswith("lights_")
+            if row.get(name) is not None and not is_told(row["design"]) and not name.startswith("lights_")
         ]
         lower = any(part in name for part in LOWER)
         best[name] = (min if lower else max)(values, default=None)

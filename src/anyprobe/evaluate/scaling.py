@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.evaluate.metrics import rmse, ssim
-from anyprobe.evaluate.study import clustered_error
+from anyprobe.evaluate.study import clustered_error, rounded
 from anyprobe.evaluate.verdict import gain_cell, step_holds
 
 DESIGNS = ("direct", "irradiance", "ours")
@@ -80,7 +80,7 @@ class ScalingScores:
         d = np.mean(each, axis=0)
         return {
             "mean": _mean(d),
-            "standard_error": round(clustered_error(d, self.maps, self.shapes), 5),
+            "standard_error": rounded(clustered_error(d, self.maps, self.shapes), 5),
             "seeds": [_mean(one) for one in each],
         }
 

@@ -74,7 +74,7 @@ class Study:
         d, maps, shapes = zip(*found, strict=True)
         return {
             "mean": round(float(np.mean(d)), 7),
-            "standard_error": round(clustered_error(d, maps, shapes), 7),
+            "standard_error": rounded(clustered_error(d, maps, shapes), 7),
         }
 
 
@@ -82,11 +82,19 @@ def clustered_error(d: Sequence[float], maps: Sequence[str], shapes: Sequence[st
     """Standard error of the mean of d [N], where pairs under one map, and pairs of one shape, may err together.
 
     V = V_map + V_shape - V_(map and shape), each of one_way_variance (Cameron, Gelbach and Miller 2011), and no less
-    than the larger of the first two, below which chance takes the sum where there are few shapes.
+    than the larger of the first two, below which chance takes the sum where there are few shapes. NaN where all pairs
+    are of one map and one shape: they do not tell.
     """
+    if len(set(maps)) < 2 and len(set(shapes)) < 2:
+        return float("nan")
     by_map, by_shape = one_way_variance(d, maps), one_way_variance(d, shapes)
     by_both = one_way_variance(d, list(zip(maps, shapes, strict=True)))
     return float(np.sqrt(max(by_map + by_shape - by_both, by_map, by_shape)))
+
+
+def rounded(value: float, digits: int) -> float | None:
+    """For JSON, which has no NaN."""
+    return None if np.isnan(value) else round(value, digits)
 
 
 def one_way_variance(d: Sequence[float], clusters: Sequence[Hashable]) -> float:

@@ -128,7 +128,7 @@ def beside_rivals(study: Study, groups: dict[str, Any], names: Iterable[str]) ->
                 rival: {
                     name: study.difference(method, rival, name, group)
                     for name in names
-                    if all(name in study.rows[one][0] for one in (method, rival))
+                    if all(name in study.rows[each][0] for each in (method, rival))
                 }
                 for rival in RIVALS
                 if rival in study.rows

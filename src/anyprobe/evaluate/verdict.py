@@ -25,10 +25,11 @@ CURVES = ("direct", "irradiance", "ours_sharp", "irradiance_2", "ours_2_sharp")
 """Columns of a run's log that compare: each error is against the map itself."""
 
 
-def step_holds(name: str, difference: Mapping[str, float]) -> str:
+def step_holds(name: str, difference: Mapping[str, float | None]) -> str:
     """ "holds", "is reversed" or "is open": whether a step's mean gain is more than two standard errors."""
     gain = -difference["mean"] if name in LOWER_IS_BETTER else difference["mean"]
-    if abs(gain) <= SURE * difference["standard_error"]:
+    error = difference["standard_error"]
+    if error is None or abs(gain) <= SURE * error:
         return "is open"
     return "holds" if gain > 0 else "is reversed"
 
@@ -77,10 +78,11 @@ def order_table(order: Mapping[str, Mapping[str, Mapping[str, float]]]) -> Itera
         yield f"| {step} | " + " | ".join(cells) + " |"
 
 
-def gain_cell(name: str, one: Mapping[str, float]) -> str:
+def gain_cell(name: str, one: Mapping[str, float | None]) -> str:
     """A step's gain in a figure, positive where the second is better, its standard error, and what follows."""
     gain = -one["mean"] if name in LOWER_IS_BETTER else one["mean"]
-    return f"{gain:+.5f} +- {one['standard_error']:.5f}, {step_holds(name, one)}"
+    error = "?" if one["standard_error"] is None else f"{one['standard_error']:.5f}"
+    return f"{gain:+.5f} +- {error}, {step_holds(name, one)}"
 
 
 def limit_lines(table1: Mapping[str, Any]) -> Iterable[str]:

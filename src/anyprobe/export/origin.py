@@ -74,7 +74,8 @@ def map_from_camera(path: Path) -> np.ndarray:
 
 def said_beside(path: Path) -> dict[str, Any]:
     """The .json that an estimate or an export wrote beside a map; {} where there is none of ours."""
-    beside = path.with_name(f"{path.stem.removesuffix('_ambient')}.json")
+    own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
+    beside = own if own.is_file() else other
     try:
         said = json.loads(beside.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):  # not ours: the map itself is all that is needed

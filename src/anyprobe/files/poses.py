@@ -69,9 +69,12 @@ class Poses:
             found.append(self.lenses[place].long_fov_deg(*size) if by_exif is None else None)
         return found
 
-    def clip_fov_deg(self) -> float | None:
-        """Field of view of a clip's longer side, the median of its frames'; None where the file does not tell it."""
-        told = [lens.long_fov_deg(0, 0) for lens in self.lenses]
+    def clip_fov_deg(self, width: int, height: int) -> float | None:
+        """Field of view of a clip's longer side, the median of its frames'; None where the file does not tell it.
+
+        width, height: of the clip's upright frames, pixels: a lens may be told across alone.
+        """
+        told = [lens.long_fov_deg(width, height) for lens in self.lenses]
         known = [one for one in told if one is not None]
         return float(np.median(known)) if known else None
 

@@ -127,8 +127,9 @@ class Estimator:
     ) -> Light:
         """The same for an object that is cut out already; of the photo only what it is, not its pixels.
 
-        gathered: [64, 128, 4] in the crop's frame, more of the surroundings than this photo shows, see infer.panorama.
-            It stays in the result as it is; the networks are told the photo's own alone, as they learned.
+        gathered: [64, 128, 4 or 5] in the crop's frame, more of the surroundings than this photo shows, see
+            infer.panorama. It stays in the result as it is; the networks are told the photo's own alone, as they
+            learned.
         """
         loaded = time.perf_counter()
         start = loaded if start is None else start

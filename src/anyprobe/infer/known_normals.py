@@ -131,8 +131,11 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         if not isinstance(values, np.ndarray):
             raise InputError(f"{path.name}: expected one array in a .npy file, got an .npz of several")
         return _decoded(values, path.name)
-    with path.open("rb") as stream:
-        is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
+    try:
+        with path.open("rb") as stream:
+            is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
+    except OSError as error:
+        raise InputError(f"{path}: expected a normal map that can be read, got {error.strerror}") from error
     if is_exr:
         return read_exr(path, path.name, InputError, MAX_PIXELS)[..., :3], path.name, False
     return _decoded(path, path.name)

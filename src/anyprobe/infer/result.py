@@ -36,14 +36,15 @@ TURNED = (
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 OF_THE_MAP = (
-    "frame map_from_camera scale exposure_ev response size confidence told sh9 main_light camera_from_crop warnings"
+    "frame map_from_camera scale exposure_ev response size confidence told sh9 main_light camera_from_crop warnings "
+    "radiance stages"
 ).split()
-"""What a sidecar says besides a light's info."""
+"""What a sidecar, or the server's answer kept as one, says besides a light's info."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Light:
-    """The light around an object, in the frame of the photo's camera. Its arrays cannot be written to.
+    """The light around an object, in the frame of the photo's camera. Radiance and confidence cannot be written to.
 
     Attributes:
         radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
@@ -235,11 +236,11 @@ class Light:
 
 
 def _restored(said: dict[str, Any], path: Path) -> dict[str, Any]:
-    """What a sidecar says of a Light's attributes; what it was told beside them is its info."""
+    """What a sidecar says of a Light's attributes (the page's says less); what it was told beside them is its info."""
     try:
-        told, warnings = float(said["told"]), tuple(str(line) for line in said["warnings"])
-        camera_from_crop = np.array(said["camera_from_crop"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
+        told, warnings = float(said.get("told", 1.0)), tuple(str(line) for line in said.get("warnings", ()))
+        camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
+    except (TypeError, ValueError):
         told, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= told <= 1 and is_rotation(camera_from_crop)):
         raise InputError(

@@ -67,7 +67,7 @@ def light_json(light: Light, include: frozenset[str], photo: Photo | None) -> di
         answer["stages"] = {name: packed(values) for name, values in light.stages.items()}
     if "mask" in include and photo is not None:
         picture = base64.b64encode(mask_png(photo.mask)).decode("ascii")
-        answer["mask"] = {"media_type": "image/png", "base64": picture}
+        answer["mask"] = {**answer.get("mask", {}), "media_type": "image/png", "base64": picture}
     return answer
 
 

@@ -49,9 +49,6 @@ MEDIA_TYPES = {
 
 PACKED = ".gz"
 
-SOURCE_DIGEST = "source.txt"
-"""Names the sources that the page was built from; nothing in the page reads it."""
-
 EXAMPLE = "example/vase.png"
 EXAMPLE_FOV_DEG = 24.0
 """Of the camera that drew it."""

@@ -27,7 +27,7 @@ from anyprobe.train.lift import Lift, LiftConfig
 from anyprobe.train.normals import Normals
 from anyprobe.train.resume import agreed, check_goes_on
 from anyprobe.train.start import load_start, start_id
-from anyprobe.train.supply import load_assets, name_assets, open_batches
+from anyprobe.train.supply import load_assets, name_assets, open_batches, sees_objects
 from anyprobe.train.team import Team
 from anyprobe.train.tiny_designs import TinyDesigns
 
@@ -187,7 +187,7 @@ def train(
     if pairs is not None:
         batches = map(pairs.batch, steps)
     else:
-        stock = load_assets(config.light, data)
+        stock = load_assets(config.light, data, sees_objects(config))
         origin = agreed(path, origin, {"assets": name_assets(stock)})
         batches = open_batches(config, stock, data, runs / "cache", device, compiled, steps, workers)
         del stock  # hundreds of maps, of which the batches keep what they need

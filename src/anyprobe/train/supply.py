@@ -30,7 +30,7 @@ def make_pairs(
 
     Files that cannot be used are listed on stderr.
     """
-    return _pairs(config, load_assets(config.light, data), cache, device, compiled)
+    return _pairs(config, load_assets(config.light, data, sees_objects(config)), cache, device, compiled)
 
 
 def _pairs(
@@ -56,7 +56,12 @@ def _maps(light: LightConfig, stock: Stock) -> list[np.ndarray]:
     return radiance
 
 
-def load_assets(light: LightConfig, data: Path | None) -> Stock:
+def sees_objects(config: RunConfig) -> bool:
+    """Whether a run learns from photos of objects; the others see maps alone."""
+    return config.model != "hdr"
+
+
+def load_assets(light: LightConfig, data: Path | None, with_shapes: bool = True) -> Stock:
     """The maps and shapes of a data folder that a run may learn from, none without one.
 
     Files that cannot be used are listed on stderr.
@@ -71,6 +76,7 @@ def load_assets(light: LightConfig, data: Path | None) -> Stock:
         "train",
         commercial_only=light.commercial_only,
         extra=light.extra,
+        with_shapes=with_shapes,
         report=(lambda line: None) if worker else warn,  # it was said before
     )
 

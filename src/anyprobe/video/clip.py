@@ -106,6 +106,12 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                 index += 1
 
 
+def upright_size(clip: Clip) -> tuple[int, int]:
+    """Width and height of the first frame as it is shown, pixels; 0, 0 where none can be decoded."""
+    frame = next(read_frames(clip, []), None)
+    return (0, 0) if frame is None else (frame.rgb.shape[1], frame.rgb.shape[0])
+
+
 def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
     """Write frames (time_s, [H, W, 3] uint8) as one H.264 file, whole or not at all.
 

@@ -5,6 +5,9 @@ Each frame's mask owes nothing to the last one's edge, so that no error grows fr
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,7 @@ import numpy as np
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.names import natural_order
 from anyprobe.infer.photo import Photo, load_photo, object_box
-from anyprobe.infer.surroundings import SurroundingsSource
+from anyprobe.infer.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -43,7 +46,7 @@ class MaskFollower:
     ) -> None:
         """masks: a folder of one mask a frame, sorted by name. where: of load_photo, for the first frame.
 
-        surroundings: of load_photo, for every frame.
+        surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
         self._files: list[Path] | None = None
         if masks is not None:
@@ -54,11 +57,27 @@ class MaskFollower:
                 key=lambda path: natural_order(path.name),
             )
         self.told = where
-        self._every = {"fov_deg": fov_deg, "surroundings": surroundings}
+        shown = isinstance(surroundings, str) and surroundings == PHOTO
+        self._every = {"fov_deg": fov_deg, "surroundings": PHOTO if shown else None}
+        self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see infer.surroundings
+        if surroundings is not None and not shown:
+            self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None
 
+    def content(self) -> dict[str, str | None]:
+        """What masks and surroundings hold, wherever their files lie: a digest each, or "photo"; None for none."""
+        surroundings = self._every["surroundings"]
+        if self._panorama is not None:
+            surroundings = _digest([self._panorama.tobytes()])
+        masks = None if self._files is None else _digest(_bytes_of(path) for path in self._files)
+        return {"masks": masks, "surroundings": surroundings}
+
     def photo(self, frame: Frame) -> Photo:
-        """The frame as a photo with its mask; InvalidMask where there is none."""
+        """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
+        photo = self._marked(frame)
+        return photo if self._panorama is None else replace(photo, around=self._panorama)
+
+    def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"
         if self._files is not None:
             if frame.index >= len(self._files):
@@ -81,6 +100,22 @@ class MaskFollower:
         x0, y0, x1, y1 = self.last[3:]
         whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
         return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}
+
+
+def _digest(parts: Iterable[bytes]) -> str:
+    """16 hexadecimal digits that tell these parts in this order from others."""
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(hashlib.sha256(part).digest())
+    return whole.hexdigest()[:16]
+
+
+def _bytes_of(path: Path) -> bytes:
+    """A file's; none of one that cannot be read, which the frame that asks for it names."""
+    try:
+        return path.read_bytes()
+    except OSError:
+        return b""
 
 
 def _grown_box(mask: np.ndarray) -> list[float]:

@@ -16,6 +16,7 @@ from anyprobe.infer.estimate import Estimator
 from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.infer.photo import Photo
 from anyprobe.infer.result import FRAME, SCALE, Light
+from anyprobe.infer.surroundings import turned
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
@@ -120,6 +121,7 @@ class ClipRun:
             size = frame.rgb.shape[1], frame.rgb.shape[0]
             if frame.index < done.next_index:
                 if frame.index == done.stage_index:
+                    self.follower.last = done.stage_last
                     self._set_up(self.follower.photo(frame))
                 continue
             if frame.index == done.next_index and done.next_index:
@@ -156,6 +158,7 @@ class ClipRun:
             raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
         if frame.index % self.every and done.light is not None:
             return {**record, **(self._turned(frame.index) or self._same())}
+        before = self.follower.last
         try:
             self._photo = self.follower.photo(frame)
             light = self._estimate(self._photo, frame.index)
@@ -178,18 +181,23 @@ class ClipRun:
             done.gain = least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
             self._set_up(self._photo)
-            done.stage_index = frame.index
+            done.stage_index, done.stage_last = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
         return {**record, **describe(steady), "held": done.light.held}
 
     def _estimate(self, photo: Photo, index: int) -> Light:
-        """The light of one frame in its camera; where poses are known, with the surroundings that all before showed."""
+        """The light of one frame in its camera; where poses are known, with the surroundings that all before showed.
+
+        A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
+        """
         if self.poses is None or photo.around is None:
             return self.estimator.from_photo(photo)
         done = self.progress
-        crop = cut_out(photo, first=done.panorama is None)
+        crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
+        if photo.around is not True and done.panorama is None:
+            crop = replace(crop, around=turned(photo.around, self.poses[0].T @ world_from_crop))
         if crop.around is not None:
             done.panorama = lay_over(window(crop.around, world_from_crop), done.panorama)
         known = seen_from(done.panorama, world_from_crop, crop.around)

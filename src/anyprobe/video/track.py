@@ -31,9 +31,11 @@ class Progress:
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
     last: of the follower. pieces: of the relit clip that are written.
-    stage_index: the frame that the virtual object was placed in. material: its, as plain numbers.
+    stage_index: the frame that the virtual object was placed in. stage_last: last as it was before that frame, by which
+    its mask is found again. material: the object's, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
-    panorama: [64, 128, 4] of the surroundings that frames have shown so far, see infer.panorama.
+    panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
+    cover, and cover; from an .exr or .hdr also how much of the cover is measured above white, see infer.panorama.
     """
 
     settings: dict[str, Any]
@@ -44,6 +46,7 @@ class Progress:
     last: list[float] | None = None
     pieces: int = 0
     stage_index: int | None = None
+    stage_last: list[float] | None = None
     material: dict | None = None
     gain: float = 1.0
     panorama: np.ndarray | None = None
