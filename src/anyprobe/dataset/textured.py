@@ -3,7 +3,8 @@
 What it is: patterns lie on the object. Where its pixels are in space follows from their normals (`locate`), and
 patterns are laid on from three sides of a block about it (`lay`), so that they bend with the surface and draw together
 towards its edge. What it is not: the skin of a scan. A jump in depth becomes a slope, patterns know nothing of what the
-object is, and they change its colour alone: neither alpha nor the normals.
+object is, and they change its colour alone, not the normals. Alpha is one for all in training's photos; a test pair's
+second material has its own (`dataset.pair.render_pair`).
 """
 
 from __future__ import annotations

@@ -1,0 +1,146 @@
+"""anyprobe video told more than the clip: poses, their lens, panoramas; and going on with the same alone."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import made_map
+
+pytest.importorskip("av", reason="the extra `video` is not installed")
+
+from support.clips import ball_frame, ball_mask, write_clip, write_masks
+
+from anyprobe.core.frames import rotation_y
+from anyprobe.core.response import response
+from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.infer.photo import load_photo
+from anyprobe.relight.relight import Arrangement
+from anyprobe.render.shapes import sphere
+from anyprobe.video import following
+from anyprobe.video import run as run_module
+from anyprobe.video.clip import open_clip, read_frames, upright_size
+from anyprobe.video.following import MaskFollower
+from anyprobe.video.run import ClipRun, VirtualObject
+
+
+def first_frame(path):
+    return next(read_frames(open_clip(path), []))
+
+
+# Panoramas
+
+
+@pytest.mark.parametrize("first_is_lit", [True, False])
+def test_a_panorama_is_of_the_first_frames_camera(tmp_path, estimator, first_is_lit):
+    """What it shows ahead of that camera, one that is turned a quarter to the left has at its right."""
+    clip = write_clip(tmp_path / "clip.mp4", [ball_frame(made_map())] * 2)
+    masks = write_masks(tmp_path / "masks", 2)
+    if not first_is_lit:
+        Image.fromarray(0 * ball_mask()).save(masks / "0000.png")
+    panorama = np.full((64, 128, 3), 60, np.uint8)
+    panorama[28:36, 60:68] = 200
+    follower = MaskFollower(masks, {}, None, panorama)
+    poses = np.array([np.eye(3), rotation_y(np.pi / 2)])
+    run = ClipRun(open_clip(clip), tmp_path / "out", estimator, follower, {}, exr=True, poses=poses)
+    assert len(run(lambda done: None).bad) == (0 if first_is_lit else 1)
+    shown = response(read_radiance(tmp_path / "out" / "lights" / "000001.exr")).mean(axis=-1)
+    bright = np.flatnonzero(shown[30:34].mean(axis=0) > 0.5)
+    assert (bright.min(), bright.max()) == pytest.approx((92, 99), abs=1)
+
+
+@pytest.mark.parametrize("kind", ["png", "exr"])
+def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path, rng, kind):
+    path = tmp_path / f"panorama.{kind}"
+    values = rng.random((128, 256, 4), np.float32)
+    if kind == "png":
+        Image.fromarray(np.uint8(255 * values)).save(path)
+    else:
+        write_exr(path, 3 * values[..., :3])
+    frame = first_frame(write_clip(tmp_path / "clip.mp4", [ball_frame(made_map())]))
+    masks = write_masks(tmp_path / "masks", 1)
+    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).around
+    follower = MaskFollower(masks, {}, None, path)
+    path.unlink()
+    for _ in range(2):
+        np.testing.assert_array_equal(follower.photo(frame).around, expected)
+    assert expected.shape[-1] == (4 if kind == "png" else 5)
+
+
+# The lens
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(command, work):
+    frame, mask = np.rot90(ball_frame(made_map())), np.rot90(ball_mask())  # 96 wide, 128 high
+    write_clip(work / "clip.mp4", [frame] * 2)
+    assert upright_size(open_clip(work / "clip.mp4")) == (96, 128)
+    (work / "masks").mkdir()
+    for name in ("0.png", "1.png"):
+        Image.fromarray(np.ascontiguousarray(mask)).save(work / "masks" / name)
+    frames = [{"transform_matrix": np.eye(4).tolist()}] * 2
+    (work / "poses.json").write_text(json.dumps({"frames": frames, "camera_angle_x": 2 * np.arctan(0.3)}))
+    order = ("video", "clip.mp4", "--masks", "masks", "--poses", "poses.json", "-q")
+    for folder, told, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
+        done = command(*order, "-o", folder, *told)
+        assert done.status == 0, done.err
+        found = json.loads((work / folder / "track.json").read_text())["fov_deg"]
+        assert np.tan(np.radians(found / 2)) == pytest.approx(tangent)
+
+
+# Going on
+
+
+def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monkeypatch):
+    """Its frame's mask is found by the one before, which was found too, though that frame gave no light."""
+    monkeypatch.setattr(run_module, "SAVE_EVERY", 2)
+    monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+    grown = np.maximum.reduce([np.roll(ball_mask(), n, axis) for n in (-2, 0, 2) for axis in (0, 1)])
+
+    def found(rgb, click=None, box=None, **told):
+        return load_photo(rgb, mask=grown if click is None else ball_mask(), **told)
+
+    monkeypatch.setattr(following, "load_photo", found)
+    plain = ball_frame(made_map())
+    plain[grown == 0] = 60
+    clip = write_clip(tmp_path / "clip.mp4", [plain] + [ball_frame(made_map())] * 4)
+    virtual = VirtualObject(mesh=sphere(8), material="chrome", arrangement=Arrangement(pitch_deg=15))
+
+    def run(folder, stop_at=None):
+        follower = MaskFollower(None, {}, None, "photo")
+        one = ClipRun(open_clip(clip), tmp_path / folder, estimator, follower, {}, virtual=virtual)
+
+        def watch(done):
+            if done == stop_at:
+                raise KeyboardInterrupt
+
+        assert one(watch).bad[0][0] == 0
+        assert one.progress.stage_index == 1
+        return [(tmp_path / folder / name).read_bytes() for name in ("track.json", "relit.mp4")]
+
+    whole = run("whole")
+    with pytest.raises(KeyboardInterrupt):
+        run("stopped", stop_at=3)
+    assert run("stopped") == whole
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command, work):
+    write_clip(work / "clip.mp4", [ball_frame(made_map())] * 2)
+    masks = write_masks(work / "masks", 2)
+    panorama = np.full((64, 128, 3), 90, np.uint8)
+    Image.fromarray(panorama).save(work / "around.png")
+    order = ("video", "clip.mp4", "-o", "out", "-q")
+    told = ("--masks", "masks", "--surroundings", "around.png")
+    assert command(*order, *told).status == 0
+    assert command(*order, *told).status == 0
+    Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
+    assert "got another surroundings;" in command(*order, *told).complaint
+    Image.fromarray(panorama).save(work / "around.png")
+    Image.fromarray(np.roll(ball_mask(), 1, axis=0)).save(masks / "0001.png")
+    assert "got another masks;" in command(*order, *told).complaint
+    Image.fromarray(ball_mask()).save(masks / "0001.png")
+    masks.rename(work / "moved")
+    assert command(*order, "--masks", "moved", *told[2:]).status == 0
