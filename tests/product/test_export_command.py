@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import OpenEXR
 import pytest
 from support.two_phase import two_phase
 
 from anyprobe.cli.export import target_names
 from anyprobe.errors import InputError
+from anyprobe.export.frames import BLENDER
 from anyprobe.export.targets import TARGETS, export
 from anyprobe.files.radiance import read_radiance
 from anyprobe.infer.result import Light
@@ -175,6 +177,19 @@ def test_values_above_half_stay_in_exr(work):
     paths = export(radiance, "blender", work)
     file = next(path for path in paths if path.suffix == ".exr" and "ambient" not in path.name)
     assert read_radiance(file).max() == pytest.approx(1e6)
+
+
+@pytest.mark.parametrize(("exposure_ev", "kind"), [(-25.0, np.float32), (0.0, np.float16)])
+def test_values_below_half_stay_in_exr(work, exposure_ev, kind):
+    radiance = 0.01 + two_phase(32)
+    radiance[20] = 0.0  # black is in every format
+    for path in export(radiance, "blender", work, exposure_ev=exposure_ev):
+        if path.suffix == ".exr" and "ambient" not in path.name:
+            found = read_radiance(path)
+            with OpenEXR.File(str(path)) as file:
+                assert file.channels()["RGB"].pixels.dtype == kind
+    expected = BLENDER.roll(radiance) * 2.0**exposure_ev
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=0)
 
 
 @pytest.mark.parametrize("stem", ["a/b", "..", ".hidden", "a\nb"])

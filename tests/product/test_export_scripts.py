@@ -52,6 +52,21 @@ def test_blender_shows_the_new_map_when_run_again(tmp_path, monkeypatch):
         np.testing.assert_allclose(image.pixels, value)
 
 
+def test_a_name_beyond_the_first_plane_is_found_again(tmp_path, monkeypatch):
+    """Letters of more than 16 bits, which JSON's escapes make two of there."""
+    bpy = MagicMock()
+    bpy.data.images = BlendersImages()
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    monkeypatch.setitem(sys.modules, "mathutils", MagicMock())
+    stem = 'sun\N{SUNRISE} "é"'
+    script = next(p for p in export(map_like(0.5), "blender", tmp_path, stem) if p.suffix == ".py")
+    assert runpy.run_path(str(script))["NAME"] == f"{stem}_blender"
+    for target, suffix in (("three", ".js"), ("three", ".html"), ("dds", ".js"), ("ktx2", ".js")):
+        paths = export(map_like(0.5), target, tmp_path, stem)
+        text = next(p for p in paths if p.suffix == suffix).read_text(encoding="utf-8")
+        assert f'NAME = "sun\N{SUNRISE} \\"é\\"_{target}";' in text
+
+
 @pytest.fixture
 def unity(tmp_path):
     """Apply() of Unity's component, one space between words."""

@@ -334,11 +334,19 @@ def test_what_is_no_light_is_read_as_stored(tmp_path):
     np.testing.assert_array_equal(read, numbers)
 
 
+def test_hdr_whose_primaries_are_zeros_is_rec709(tmp_path):
+    """As Photoshop and ImageMagick write what they do not know."""
+    radiance = draw_map(8)
+    store(tmp_path / "map.hdr", radiance, (0,) * 8)
+    write_hdr(tmp_path / "plain.hdr", radiance)
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.hdr"), read_radiance(tmp_path / "plain.hdr"))
+
+
 @pytest.mark.parametrize("suffix", [".hdr", ".exr"])
 @pytest.mark.parametrize(
     "primaries",
     [
-        (0.0,) * 8,
+        (0.0,) * 7 + (1.0,),  # a white without light
         (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.25, 0.45),  # the white outside
         (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.7, 0.2),  # a white inside that no eye takes for one
         (0.64, 0.33, 0.64, 0.33, 0.15, 0.06, 0.3127, 0.329),  # red is green

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import json
 
@@ -14,6 +15,8 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 from fastapi.testclient import TestClient
 
 from anyprobe.core.frames import rotation_y
+from anyprobe.errors import InputError
+from anyprobe.files.poses import parse_poses
 from anyprobe.infer.several import fuse_lights
 from anyprobe.scatter.presets import told_material
 from anyprobe.serve.answers import png as as_png
@@ -100,6 +103,24 @@ def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pict
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)
 
 
+def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
+    """Many of them take a while, in which others want an answer."""
+
+    loops = []
+
+    def parse(*arguments):
+        try:
+            loops.append(asyncio.get_running_loop())
+        except RuntimeError:  # none in this thread
+            raise InputError("seen in a thread") from None
+        return parse_poses(*arguments)
+
+    monkeypatch.setattr("anyprobe.serve.several.parse_poses", parse)
+    answer = client.post("/v1/fuse", files=parts(pictures))
+    assert not loops
+    assert (answer.status_code, answer.json()["error"]) == (422, "seen in a thread")
+
+
 @pytest.mark.parametrize(
     ("change", "data", "word"),
     [
@@ -108,6 +129,11 @@ def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pict
         (lambda files: files[:2], {}, "poses: expected a list of matrices"),
         (lambda files: files[:1] + files[2:], {}, "poses: expected 1 poses, one a photo in order, got 2"),
         (lambda files: files[:2], {"poses": "[[[1]]]"}, "poses: pose 1: expected 3 x 3"),
+        (
+            lambda files: files[:2],
+            {"poses": "[1, 1, 1]"},
+            "poses: expected 2 poses, one a photo in order, got 3",
+        ),
         (
             lambda files: [*files, ("mask", files[0][1])],
             {},

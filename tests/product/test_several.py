@@ -236,6 +236,9 @@ def test_photo_on_its_side_is_measured_as_it_is_shown(tmp_path):
     Image.new("RGB", (60, 40), "grey").save(tmp_path / "side.jpg", exif=exif)
     pixels = read_image(tmp_path / "side.jpg")
     assert photo_header(tmp_path / "side.jpg") == (pixels.rgb.shape[1::-1], None) == ((40, 60), None)
+    Image.new("RGB", (60, 40), "grey").save(tmp_path / "side.tif", exif=exif)
+    pixels = read_image(tmp_path / "side.tif")
+    assert photo_header(tmp_path / "side.tif") == (pixels.rgb.shape[1::-1], None) == ((40, 60), None)
     assert photo_header(tmp_path / "none.jpg") == photo_header(b"no photo") == ((0, 0), None)
 
 

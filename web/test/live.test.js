@@ -62,6 +62,24 @@ test("a jump is seen at once, and a click", async () => {
   assert.deepEqual(clicked.found, [0, 7]);
 });
 
+test("a light that was under way when an object was clicked on tells no mask, the next one tells the new", async () => {
+  const random = numbers(5);
+  let onLook = () => {};
+  const models = {
+    light: async () => {
+      onLook();
+      return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
+    },
+  };
+  const findMask = async ({ rgba }) => Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
+  const lights = new FrameLight(models, findMask, { on: [], off: [] }, 65);
+  const next = async (at) => (await lights.next(frameOf(50, 10, random), at / 15)).mask;
+  onLook = () => lights.mark({ on: [[0.5, 0.5]], off: [] });
+  assert.equal(await next(0), null);
+  onLook = () => {};
+  assert.ok(await next(1));
+});
+
 test("a box is told in pixels, and from then on the place of what it had inside", async () => {
   const { found, hints } = await follow(20, (at) => 20 + at, 5, { on: [], off: [], box: [0.25, 0.25, 0.75, 1] });
   assert.equal(found[2], 5);

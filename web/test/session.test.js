@@ -193,6 +193,40 @@ test("a click while nothing is seen is answered", async () => {
   assert.match(said[0], LOST);
 });
 
+test("after a click the object is placed by the new mask alone, not by one that was under way", async () => {
+  const { session, networks, page } = await follow();
+  networks.onLive(answer(64, 48, maskOf(64, 48)));
+  assert.equal(page.placed.length, 1);
+  let reply;
+  networks.ask = () => new Promise((resolve) => (reply = resolve));
+  session.mark({ on: [[32, 24]], off: [], box: null });
+  networks.onLive(answer(64, 48, maskOf(64, 48))); // of what was marked before
+  reply();
+  await settle();
+  const before = page.placed.length;
+  networks.onLive(answer(64, 48)); // under way still: it tells no mask, see frameLight.js
+  assert.equal(page.placed.length, before);
+  networks.onLive(answer(64, 48, maskOf(64, 48)));
+  assert.equal(page.placed.length, before + 1);
+});
+
+test("a reply to a click of a camera that was closed does not touch the next one's object", async () => {
+  const { session, networks } = await follow();
+  let reply;
+  const { ask } = networks;
+  networks.ask = () => new Promise((resolve) => (reply = resolve));
+  session.mark({ on: [[32, 24]], off: [], box: null });
+  session.stop();
+  networks.ask = ask;
+  session.start();
+  cameras[1].resolve(makeStream());
+  await settle();
+  networks.onLive(answer(64, 48, maskOf(64, 48)));
+  reply();
+  await settle();
+  assert.ok(session.placed);
+});
+
 test("a camera that is turned is fitted, and its object placed, anew", async () => {
   const { session, video, networks, page } = await follow();
   networks.onLive(answer(64, 48, maskOf(64, 48)));

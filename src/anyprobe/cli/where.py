@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.names import natural_order
+from anyprobe.files.names import visible_files
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
 PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
@@ -91,21 +91,20 @@ def where_for(photo: Path, where: dict) -> dict:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in the order one counts in, without what
-    `anyprobe mask` wrote beside them: NAME_mask and NAME_overlay."""
-    listed: list[Path] = []
+    """Files as given; folders as the photos in them, in the order one counts in, without hidden files
+    and what `anyprobe mask` wrote: NAME_mask and NAME_overlay."""
+    chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
-            listed.append(path)
+            chosen.append(path)
             continue
-        found = [p for p in path.iterdir() if p.suffix.lower() in PHOTO_SUFFIXES]
-        found.sort(key=lambda p: natural_order(p.name))
+        found = visible_files(path, PHOTO_SUFFIXES)
         written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay")}
         found = [p for p in found if p.stem not in written]
         if not found:
             raise InputError(f"{path}: expected a folder with photos, found none; check the path")
-        listed += found
-    return list(dict.fromkeys(listed))
+        chosen += found
+    return list(dict.fromkeys(chosen))
 
 
 def _numbers(option: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
@@ -121,12 +120,15 @@ def _numbers(option: str, text: str, count: int, form: str, example: str) -> tup
 
 
 def _file_for(photo: Path, given: Path | None, kind: str, suffixes: tuple[str, ...]) -> Path | None:
-    """The file itself, or by stem from a folder (NAME.* or NAME_<kind>.*)."""
+    """The file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a suffix)."""
     if given is None or not given.is_dir():
         return given
-    for stem in (f"{photo.stem}_{kind}", photo.stem):
+    for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
         for candidate in sorted(given.glob(f"{_literal(stem)}.*")):
-            if candidate.suffix.lower() in suffixes and candidate.resolve() != photo.resolve():
+            # the glob finds stem.0002.png too, which is another photo's
+            if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
+                continue
+            if candidate.resolve() != photo.resolve():
                 return candidate
     raise InvalidMask(
         f"{photo}: expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"

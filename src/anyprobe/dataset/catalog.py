@@ -17,6 +17,7 @@ from anyprobe.dataset.manifest import read_table
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.meshes import SUFFIXES as MESH_SUFFIXES
 from anyprobe.files.meshes import read_mesh
+from anyprobe.files.names import visible_files
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import shrink
 from anyprobe.render.mesh import Mesh
@@ -207,7 +208,7 @@ def listed_rows(
         raise InputError(
             f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path"
         )
-    files = {path.name for path in folder.iterdir() if path.suffix.lower() in suffixes + strange}
+    files = {path.name for path in visible_files(folder, suffixes + strange)}
     place = folder.resolve()
     rows: dict[str, dict[str, str]] = {}
     for home in (place, place.parent):

@@ -33,9 +33,9 @@ class Case:
 
 def photo_cases(folder: Path) -> Iterator[Case]:
     """Photos NAME.* with NAME_mask.png beside them; the click is the pixel deepest inside the mask."""
-    for mask_path in sorted(folder.glob("*_mask.png")):
+    for mask_path in sorted(folder.glob("[!.]*_mask.png")):
         stem = mask_path.stem.removesuffix("_mask")
-        path = next(p for p in sorted(folder.glob(f"{stem}.*")))
+        path = next(p for p in sorted(folder.iterdir()) if p.stem == stem)
         pixels = read_image(path)
         mask = mask_from_file(mask_path, pixels.rgb.shape[:2])
         rows, columns = np.nonzero(mask > 0.5)

@@ -9,6 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 BC6H_MAX = 65504.0
+BLOCKS = 1 << 12
+"""Encoded at once, some 10 kB each."""
+
 MODE = 0b00011
 WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])
 """Sixty-fourths of the second endpoint, from the format's definition."""
@@ -25,6 +28,12 @@ def encode_bc6h(faces: np.ndarray) -> np.ndarray:
         faces, size = np.tile(faces, (1, repeats, repeats, 1))[:, :4, :4], 4
     side = size // 4
     texels = faces.reshape(6, side, 4, side, 4, 3).transpose(0, 1, 3, 2, 4, 5).reshape(-1, 16, 3)
+    parts = [_encode(texels[at : at + BLOCKS]) for at in range(0, len(texels), BLOCKS)]
+    return np.concatenate(parts).reshape(6, side * side, 16)
+
+
+def _encode(texels: np.ndarray) -> np.ndarray:
+    """Texels [B, 16, 3] to blocks [B, 16] uint8."""
     halfs = np.clip(texels, 0.0, BC6H_MAX).astype(np.float16).view(np.uint16).astype(np.float64)
     values = halfs * 64.0 / 31.0  # the scale that endpoints are unpacked to
     first, second = _endpoints(values)
@@ -35,7 +44,7 @@ def encode_bc6h(faces: np.ndarray) -> np.ndarray:
     first[swap], second[swap] = second[swap].copy(), first[swap].copy()
     index[swap] = 15 - index[swap]
     blocks = [_pack(*block) for block in zip(first.tolist(), second.tolist(), index.tolist(), strict=True)]
-    return np.frombuffer(b"".join(blocks), np.uint8).reshape(6, side * side, 16)
+    return np.frombuffer(b"".join(blocks), np.uint8).reshape(-1, 16)
 
 
 def unpack_endpoint(code: np.ndarray) -> np.ndarray:

@@ -26,15 +26,13 @@ C_FROM_OURS = np.array([-1.0, 1.0, 1.0])
 SUPERSAMPLE = 4
 """Reads of the map along each side of a texel; a lamp of one pixel is then not missed."""
 
+READS = 1 << 18
+"""Reads of the map at once, some 300 bytes each."""
+
 
 def face_directions(size: int) -> np.ndarray:
     """Unit directions c of the texels' centres, [6, S, S, 3]."""
-    a = (np.arange(size) + 0.5) / size * 2 - 1
-    s, t = np.meshgrid(a, a)
-    one = np.ones_like(s)
-    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
-    c = np.stack([np.stack(face, axis=-1) for face in faces])
-    return c / np.linalg.norm(c, axis=-1, keepdims=True)
+    return np.stack([_directions(face, slice(None), size) for face in range(6)])
 
 
 def face_size(height: int) -> int:
@@ -44,10 +42,26 @@ def face_size(height: int) -> int:
 
 def cube_faces(radiance: np.ndarray, size: int) -> np.ndarray:
     """Our map [H, 2H, 3] on six faces [6, S, S, 3] float32, every texel an average over its square."""
-    fine = face_directions(size * SUPERSAMPLE) * C_FROM_OURS
-    values = np.stack([bilinear(radiance, direction_to_uv(face)) for face in fine])
-    squares = values.reshape(6, size, SUPERSAMPLE, size, SUPERSAMPLE, 3)
-    return squares.mean(axis=(2, 4)).astype(np.float32)
+    faces = np.empty((6, size, size, 3), np.float32)
+    rows = max(1, READS // (SUPERSAMPLE**2 * size))
+    for face in range(6):
+        for top in range(0, size, rows):
+            strip = slice(top * SUPERSAMPLE, (top + rows) * SUPERSAMPLE)
+            fine = _directions(face, strip, size * SUPERSAMPLE) * C_FROM_OURS
+            values = bilinear(radiance, direction_to_uv(fine))
+            squares = values.reshape(-1, SUPERSAMPLE, size, SUPERSAMPLE, 3)
+            faces[face, top : top + rows] = squares.mean(axis=(1, 3))
+    return faces
+
+
+def _directions(face: int, rows: slice, size: int) -> np.ndarray:
+    """face_directions of some rows of one face, [R, S, 3]."""
+    a = (np.arange(size) + 0.5) / size * 2 - 1
+    s, t = np.meshgrid(a, a[rows])
+    one = np.ones_like(s)
+    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
+    c = np.stack(faces[face], axis=-1)
+    return c / np.linalg.norm(c, axis=-1, keepdims=True)
 
 
 def box_mips(faces: np.ndarray) -> list[np.ndarray]:

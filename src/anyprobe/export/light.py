@@ -19,7 +19,7 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.export.frames import Frame
 from anyprobe.export.sh_layouts import webxr
-from anyprobe.files.radiance import HALF_MAX, write_exr, write_hdr
+from anyprobe.files.radiance import HALF_MAX, HALF_MIN, write_exr, write_hdr
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.main_light import MainLight, split_main_light
@@ -175,7 +175,7 @@ def write_json(path: Path, value: Mapping[str, Any]) -> None:
 def write_maps(light: ExportedLight, folder: Path, frame: Frame, suffix: str) -> None:
     """<name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
 
-    .exr holds halfs, or floats where halfs would clip, so that nothing is lost.
+    .exr holds halfs, or floats where halfs would clip or the darkest pixels lose digits, so that nothing is lost.
     """
     for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
         path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
@@ -183,10 +183,15 @@ def write_maps(light: ExportedLight, folder: Path, frame: Frame, suffix: str) ->
         if suffix == ".hdr":
             write_hdr(path, rolled, attributes=attributes)
         else:
-            write_exr(path, rolled, half=bool(rolled.max() <= HALF_MAX), attributes=attributes)
+            darkest = rolled.min(where=rolled > 0, initial=np.inf)  # of what is not black
+            half = bool(rolled.max() <= HALF_MAX and darkest >= HALF_MIN)
+            write_exr(path, rolled, half=half, attributes=attributes)
 
 
 def template(name: str, light: ExportedLight) -> str:
-    """A text of the templates folder, "@NAME@" with its quotes made the name as a string literal."""
+    """A text of the templates folder, "@NAME@" with its quotes made the name as a string literal.
+
+    Its letters stay as they are, for files in UTF-8: Python does not join JSON's pairs of \\u escapes.
+    """
     text = (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
-    return text.replace('"@NAME@"', json.dumps(light.name))
+    return text.replace('"@NAME@"', json.dumps(light.name, ensure_ascii=False))

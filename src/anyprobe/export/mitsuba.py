@@ -14,6 +14,7 @@ from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.errors import OutputError
 from anyprobe.export.frames import OPENEXR
 from anyprobe.export.light import SCALE, ExportedLight
+from anyprobe.files.plain_path import utf8_path
 
 SCENE = """<!-- mitsuba {name}.xml; the emitter is all that other scenes need -->
 <scene version="3.0.0">
@@ -87,7 +88,8 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
     try:
-        OpenEXR.File(header, channels).write(str(path))
+        with utf8_path(path) as plain:
+            OpenEXR.File(header, channels).write(plain)
     except RuntimeError as error:  # its only report of a full disk
         raise OutputError(f"{path}: cannot be written ({' '.join(str(error).split())})") from error
     scene = SCENE.replace("{name}", light.name.replace("--", "__")).replace("{map}", quoteattr(path.name))

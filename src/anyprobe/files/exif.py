@@ -12,9 +12,12 @@ ON_ITS_SIDE = (5, 6, 7, 8)
 def upright_size(image: Image.Image) -> tuple[int, int]:
     """Width and height of the picture as it is shown."""
     width, height = image.size
-    return (
-        (height, width) if image.getexif().get(ExifTags.Base.Orientation) in ON_ITS_SIDE else (width, height)
-    )
+    if image.getexif().get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
+        return width, height
+    if image.format == "TIFF":  # Pillow turns the size of these alone, and not in all its versions
+        tags = image.tag_v2
+        width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
+    return height, width
 
 
 def exif_fov_deg(image: Image.Image) -> float | None:

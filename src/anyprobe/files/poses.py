@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,12 @@ from anyprobe.files.names import natural_order
 
 TOLERANCE = 0.01
 """By how much R R^T may differ from 1: files carry a few digits."""
+
+MOST_POSES = 10_000
+"""Named poses in a file of which a few photos are wanted: a clip of five minutes has as many frames."""
+
+LENS_KEYS = ("fl_x", "fl_y", "w", "h", "camera_angle_x", "camera_angle_y")
+"""What tells a lens."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,8 +44,8 @@ class Lens:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Poses:
-    """world_from_camera [N, 3, 3]; names of the photos without folders, or None where the file has none; its own name,
-    for messages; the cameras' lenses."""
+    """world_from_camera [N, 3, 3]; names of the photos without folders (see bare_name), or None where the file has
+    none; its own name, for messages; the cameras' lenses."""
 
     file: str
     world_from_camera: np.ndarray
@@ -81,20 +88,17 @@ class Poses:
     def _places(self, photos: list[Path]) -> list[int]:
         """Which pose is whose."""
         if self.names is None:
-            if len(photos) != len(self.world_from_camera):
-                raise InputError(
-                    f"{self.file}: expected {len(photos)} poses, one a photo in order, got "
-                    f"{len(self.world_from_camera)}"
-                )
+            _check_count(self.file, len(self.world_from_camera), len(photos))
             return list(range(len(photos)))
-        for what, names in (("poses of", self.names), ("photos", [photo.name for photo in photos])):
-            twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+        bare = [PurePosixPath(bare_name(photo.name)) for photo in photos]
+        for what, names in (("poses of", self.names), ("photos", [photo.name for photo in bare])):
+            twice = _first_twice(names)
             if twice is not None:
                 raise InputError(
                     f"{self.file}: expected names that differ, got two {what} {twice}; rename one"
                 )
         known = {name: place for place, name in enumerate(self.names)}
-        found = [known.get(photo.name, known.get(photo.stem)) for photo in photos]  # some write no suffix
+        found = [known.get(photo.name, known.get(photo.stem)) for photo in bare]  # some write no suffix
         for photo, one in zip(photos, found, strict=True):
             if one is None:
                 raise InputError(f"{self.file}: expected a pose of {photo.name}, got none of that name")
@@ -112,7 +116,12 @@ def read_poses(path: Path) -> Poses:
     return parse_poses(data, str(path))
 
 
-def parse_poses(data: bytes, file: str) -> Poses:
+def bare_name(path: str) -> str:
+    """A photo's name without folders, whichever system's separators the path has."""
+    return PurePosixPath(path.replace("\\", "/")).name
+
+
+def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     """Camera poses: the camera looks along its -Z and +Y is up in its picture; the world's axes may be any.
 
     The data are JSON: a list of matrices, or an object with "frames" whose entries have "transform_matrix", as in the
@@ -120,8 +129,11 @@ def parse_poses(data: bytes, file: str) -> Poses:
     world: 3 x 3, 3 x 4 or 4 x 4 numbers, row by row; only its rotation counts. The lens is that of "fl_x" and "w" (and
     "h"; pixels), or of "camera_angle_x" (radians), an entry's own or the whole file's.
 
+    Args:
+        photos: how many photos the poses are for, where that is known: far too many poses are then refused unread.
     Raises:
-        InputError: another content, a matrix that is no rotation, or a lens that is none; names which, and the file.
+        InputError: another content, a matrix that is no rotation, a lens that is none, or too many of them; names
+            which, and the file.
     """
     try:
         content = json.loads(data.decode("utf-8"))
@@ -135,7 +147,7 @@ def parse_poses(data: bytes, file: str) -> Poses:
         matrices = [one.get("transform_matrix") for one in frames]
         told = [one.get("file_path") for one in frames]
         if all(isinstance(name, str) for name in told):
-            names = tuple(Path(name).name for name in told)
+            names = tuple(bare_name(name) for name in told)
     else:
         matrices = content if isinstance(content, list) else []
     if not matrices:
@@ -143,12 +155,38 @@ def parse_poses(data: bytes, file: str) -> Poses:
             f'{file}: expected a list of matrices, or "frames" with "transform_matrix", got neither; '
             "write one matrix a photo"
         )
+    if photos is not None and names is None and len(matrices) > photos:
+        _check_count(file, len(matrices), photos)
+    if photos is not None and len(matrices) > max(photos, MOST_POSES):
+        raise InputError(
+            f"{file}: expected at most {MOST_POSES} poses for {photos} photos, got {len(matrices)}; "
+            "leave out those of other photos"
+        )
     rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
-    common = content if isinstance(content, dict) else {}
-    lenses = tuple(
-        _lens(file, common | one if isinstance(one, dict) else common) for one in frames or matrices
-    )
+    common = _told_of_lens(content)
+    lenses = tuple(_lens(file, common | _told_of_lens(one)) for one in frames or matrices)
     return Poses(file=file, world_from_camera=rotations, names=names, lenses=lenses)
+
+
+def _check_count(file: str, poses: int, photos: int) -> None:
+    """InputError unless poses without names are as many as the photos."""
+    if poses != photos:
+        raise InputError(f"{file}: expected {photos} poses, one a photo in order, got {poses}")
+
+
+def _first_twice(names: Iterable[str]) -> str | None:
+    """The first name that stood before it already."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return name
+        seen.add(name)
+    return None
+
+
+def _told_of_lens(told: Any) -> dict[str, Any]:
+    """What an object of the file says of a lens; {} of anything else."""
+    return {key: told[key] for key in LENS_KEYS if key in told} if isinstance(told, dict) else {}
 
 
 def _lens(file: str, told: dict[str, Any]) -> Lens:

@@ -20,6 +20,7 @@ from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.plain_path import utf8_path
 from anyprobe.files.rgbe import (
     HDR_MAGIC,
     RESOLUTION,
@@ -38,6 +39,9 @@ MAX_MAP_PIXELS = 16384 * 8192
 
 HALF_MAX = 65504.0
 """Largest finite half; what lies above would become infinity."""
+
+HALF_MIN = 2.0**-14
+"""Smallest half of full precision; what lies below loses digits, and is 0 from 3e-8 on."""
 
 ATTRIBUTE = "anyprobe:"
 """What the names of our own strings in an .exr's header begin with."""
@@ -156,9 +160,9 @@ def write_exr(
     }
     header |= {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, utf8_path(temporary) as plain:
         try:
-            OpenEXR.File(header, channels).write(str(temporary))
+            OpenEXR.File(header, channels).write(plain)
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
@@ -166,7 +170,7 @@ def write_exr(
                 f"{path}: cannot be written (the file came out cut); free some space"
             ) from error
         except RuntimeError as error:  # its only report of a full disk or a closed folder
-            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
+            reason = " ".join(str(error).replace(plain, str(path)).split())
             raise OutputError(f"{path}: cannot be written ({reason})") from error
     return clipped_share
 
@@ -202,7 +206,7 @@ def read_exr(
                     f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, "
                     f"got {max(width, data_width)} x {max(height, data_height)}; shrink it first"
                 )
-            with OpenEXR.File(str(path), separate_channels=True) as file:
+            with utf8_path(path) as plain, OpenEXR.File(plain, separate_channels=True) as file:
                 found = {key: channel.pixels for key, channel in file.channels().items()}
     except (RuntimeError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, fault):
@@ -271,7 +275,7 @@ def exr_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 def _exr_header(path: str | os.PathLike[str]) -> dict[str, Any]:
-    with OpenEXR.File(str(path), header_only=True) as file:
+    with utf8_path(path) as plain, OpenEXR.File(plain, header_only=True) as file:
         return dict(file.header())  # emptied when the file closes
 
 

@@ -24,6 +24,9 @@ RLE_WIDTHS = range(8, 32768)
 COMMENT_WIDTH = 72
 """Characters of an attribute's value in one line of a header."""
 
+UNSTATED = (0.0,) * 8
+"""PRIMARIES as programs write them that know of none."""
+
 MIN_RUN = 4
 """Shorter repetitions cost more as runs than inside a literal."""
 
@@ -33,7 +36,7 @@ class HdrHeader:
     """What a .hdr says before its pixels, which begin at byte `at`.
 
     exposure: what the pixels were multiplied by.
-    primaries: CIE x, y of red, green, blue and white; those of Rec. 709 where the file names none.
+    primaries: CIE x, y of red, green, blue and white; those of Rec. 709 where the file names none, or eight zeros.
     """
 
     height: int
@@ -69,6 +72,8 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
                 raise InvalidEnvironment(
                     f"{name}: expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header"
                 ) from error
+    if primaries == UNSTATED:
+        primaries = REC709_CHROMATICITIES
     if not (np.isfinite(exposure) and exposure > 0.0):
         raise InvalidEnvironment(f"{name}: expected EXPOSURE to be a number > 0; repair the header")
     line, _, pixels = body.partition(b"\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -13,6 +14,9 @@ from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, read_image
 from anyprobe.files.radiance import read_exr
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
+
+Part = tuple[slice, slice]
+"""Rows and columns of a photo."""
 
 SHORTEST = 0.5
 """A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
@@ -26,6 +30,10 @@ BALL = "ball"
 """In place of a normal map: the object is a ball, its outline tells its normals."""
 ROUND = 0.9
 """Overlap with a ball's outline, intersection over union, from which on a mask is taken for one."""
+STRIP_PX = 1 << 17
+"""A ball's normals are computed in strips of so many pixels: rays of a whole photo take 118 bytes a pixel."""
+STEEPEST = np.radians(89.9)
+"""No ray of a photo (field of view below 170 degrees) is so far aside."""
 FACING = 0.6
 """Share of the normals that must look towards the camera; else their axes are another frame's."""
 
@@ -45,29 +53,85 @@ def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
     Raises:
         InputError: the outline is no ball's.
     """
-    height, width = mask.shape
     focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    x = (np.arange(width) + 0.5 - width / 2) / focal
-    y = (height / 2 - np.arange(height) - 0.5) / focal
-    d = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
-    length = np.linalg.norm(d, axis=-1, keepdims=True)
-    d = d / length
-    angles = mask / (focal**2 * length[..., 0] ** 3)  # steradians of what the mask covers of each pixel
-    axis = (angles[..., None] * d).sum(axis=(0, 1))
+    solid_angle, axis = 0.0, np.zeros(3)
+    for part in _strips(_box(mask > 0.0)):
+        d, length = _rays(part, mask.shape, focal)
+        angles = mask[part] / (focal**2 * length**3)  # steradians of what the mask covers of each pixel
+        solid_angle += angles.sum()
+        axis += (angles[..., None] * d).sum(axis=(0, 1))
     axis /= np.linalg.norm(axis)
-    cos_phi = 1.0 - angles.sum() / (2 * np.pi)
-    along = d @ axis
-    inside, on = along > cos_phi, mask > 0.5
-    overlap = (inside & on).sum() / (inside | on).sum()
+    cos_phi = 1.0 - solid_angle / (2 * np.pi)
+    radius = np.sqrt(max(1.0 - cos_phi**2, 1e-12))
+    normals = np.zeros((*mask.shape, 3), np.float32)
+    shared = covered = 0
+    for part in _strips(_around(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
+        d, _ = _rays(part, mask.shape, focal)
+        along = d @ axis
+        inside, on = along > cos_phi, mask[part] > 0.5
+        shared += int((inside & on).sum())
+        covered += int((inside | on).sum())
+        s = along - np.sqrt(np.maximum(radius**2 - 1.0 + along**2, 0.0))
+        n = (s[..., None] * d - axis) / radius
+        normals[part] = np.where(inside[..., None], n, 0.0)
+    overlap = shared / covered
     if overlap < ROUND:
         raise InputError(
             f"normals: expected a ball, the mask's outline is none (it shares {overlap:.0%} with the nearest ball's); "
             "mask the ball alone and whole, or give its normals"
         )
-    radius = np.sqrt(max(1.0 - cos_phi**2, 1e-12))
-    s = along - np.sqrt(np.maximum(radius**2 - 1.0 + along**2, 0.0))
-    n = (s[..., None] * d - axis) / radius
-    return np.where(inside[..., None], n, 0.0).astype(np.float32)
+    return normals
+
+
+def _rays(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unit rays [h, w, 3] through a part of a photo of this shape, in the camera's frame, and the length [h, w]
+    that each had where z was -1; focal in pixels."""
+    rows, columns = (np.arange(span.start, span.stop) for span in part)
+    x = (columns + 0.5 - shape[1] / 2) / focal
+    y = (shape[0] / 2 - rows - 0.5) / focal
+    d = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
+    length = np.linalg.norm(d, axis=-1)
+    return d / length[..., None], length
+
+
+def _strips(part: Part) -> Iterator[Part]:
+    """A part in strips of at most STRIP_PX pixels, a row at least."""
+    rows, columns = part
+    step = max(1, STRIP_PX // max(columns.stop - columns.start, 1))
+    for top in range(rows.start, rows.stop, step):
+        yield slice(top, min(top + step, rows.stop)), columns
+
+
+def _box(inside: np.ndarray) -> Part:
+    """The part that holds all of inside [H, W], which must not be empty."""
+    spans = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (slice(int(span[0]), int(span[-1]) + 1) for span in spans)
+    return rows, columns
+
+
+def _around(one: Part, other: Part) -> Part:
+    """The part that holds both."""
+    rows, columns = (
+        slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
+    )
+    return rows, columns
+
+
+def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal: float) -> Part:
+    """The part of a photo in which the rays at most asin(radius) from the axis lie, with a pixel to spare.
+
+    Seen along Y the cone reaches asin(radius / m) to either side of its axis, m being the length of what is seen of
+    the axis; likewise along X. Where the cone holds Y or X itself, it reaches all around.
+    """
+    spans = []
+    for size, aside in ((shape[0], -axis[1]), (shape[1], axis[0])):
+        seen = np.hypot(aside, axis[2])
+        reach = np.arcsin(radius / seen) if radius < seen else np.pi
+        angle = np.arctan2(aside, -axis[2]) + np.array([-reach, reach])
+        ends = np.tan(np.clip(angle, -STEEPEST, STEEPEST)) * focal + size / 2 + (-1.0, 1.0)
+        low, high = np.clip(ends, 0, size)
+        spans.append(slice(int(low), int(np.ceil(high))))
+    return spans[0], spans[1]
 
 
 def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,13 @@ from PIL import Image
 
 from anyprobe.errors import InvalidMask
 from anyprobe.files.images import MAX_PIXELS
+from anyprobe.files.plain_path import utf8_path
 from anyprobe.masks.check import check_mask
 
 DepthSource = str | os.PathLike[str] | np.ndarray
+
+Window = tuple[np.ndarray, np.ndarray]
+"""x, y of an .exr's first pixel, and x, y just after its last."""
 
 ASPECT_TOLERANCE = 0.02
 """Relative difference of the sides' ratios above which depth and photo are not the same view."""
@@ -26,7 +31,8 @@ def read_depth(source: DepthSource) -> np.ndarray:
 
     Args:
         source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits
-            (sensors write millimetres), or an .exr with a channel Z, V, Y or R.
+            (sensors write millimetres), or an .exr with a channel Z, V, Y or R: of it the display
+            window, zero where it holds no data.
     Raises:
         InvalidMask: not a depth image.
     """
@@ -113,11 +119,39 @@ def _read_npy(path: Path) -> np.ndarray:
 def _read_exr(path: Path) -> np.ndarray:
     import OpenEXR
 
-    with OpenEXR.File(str(path), separate_channels=True) as file:
+    with utf8_path(path) as plain, OpenEXR.File(plain, header_only=True) as file:
+        display, data = (_window(file.header()[name]) for name in ("displayWindow", "dataWindow"))
+    width, height = max((high - low for low, high in (display, data)), key=np.prod).tolist()
+    if width * height > MAX_PIXELS:
+        raise InvalidMask(
+            f"{path.name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {width} x {height}; shrink it first"
+        )
+    with utf8_path(path) as plain, OpenEXR.File(plain, separate_channels=True) as file:
         channels = {name.split(".")[-1]: channel.pixels for name, channel in file.channels().items()}
     for name in EXR_CHANNELS:
         if name in channels:
-            return channels[name]
+            return _shown(channels[name], data, display)
     raise InvalidMask(
         f"{path.name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}"
     )
+
+
+def _window(corners: Iterable[Sequence[int]]) -> Window:
+    low, high = (np.asarray(corner, dtype=np.int64) for corner in corners)
+    return low, high + 1
+
+
+def _shown(pixels: np.ndarray, data: Window, display: Window) -> np.ndarray:
+    """The data window's pixels in the display window [H, W]: overscan is cut, zero where there is no data."""
+    (data_low, data_high), (low, high) = data, display
+    if (data_low == low).all() and (data_high == high).all():
+        return pixels
+    if pixels.shape != tuple(data_high - data_low)[::-1]:
+        raise ValueError("a channel of fewer pixels than its window")
+    shown = np.zeros(tuple(high - low)[::-1], dtype=pixels.dtype)
+    (x0, y0), (x1, y1) = np.maximum(low, data_low), np.minimum(high, data_high)
+    if x1 > x0 and y1 > y0:
+        inside = pixels[y0 - data_low[1] : y1 - data_low[1], x0 - data_low[0] : x1 - data_low[0]]
+        shown[y0 - low[1] : y1 - low[1], x0 - low[0] : x1 - low[0]] = inside
+    return shown

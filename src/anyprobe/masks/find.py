@@ -63,7 +63,7 @@ def find_mask(
     click_off: Clicks | None = None,
     box: Sequence[float] | None = None,
 ) -> FoundMask:
-    """The object's mask: by the first told of mask, depth, click or box, alpha; else the network's proposal.
+    """The object's mask: by the first told of mask, depth, click or box, alpha that cuts; else the network's proposal.
 
     Args: see Where.
 
@@ -82,9 +82,8 @@ def find_mask(
         raise InvalidMask("near, far: expected a depth image to cut, got none; pass --depth FILE too")
     if click is not None or click_off is not None or box is not None:
         return _pointed_at(pixels, click, click_off, box)
-    if pixels.alpha is not None:
-        return FoundMask(mask=mask_from_alpha(pixels.alpha), source="alpha")
-    return _proposed(pixels)
+    cut_out = mask_from_alpha(pixels.alpha)
+    return _proposed(pixels) if cut_out is None else FoundMask(mask=cut_out, source="alpha")
 
 
 def _pointed_at(pixels: Pixels, click, click_off, box) -> FoundMask:

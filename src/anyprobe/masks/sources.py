@@ -4,31 +4,43 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto
-from anyprobe.files.images import read_image
+from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, exr_file, read_image
+from anyprobe.files.radiance import read_exr
 from anyprobe.masks.check import check_mask
 
 MaskPicture = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 MaskFunction = Callable[[np.ndarray], np.ndarray]
 MaskSource = MaskPicture | MaskFunction
 
+CUT_AWAY = 0.5
+"""Alpha up to which a pixel is no part of the object."""
 
-def mask_from_alpha(alpha: np.ndarray) -> np.ndarray:
-    """The photo's own transparency as the mask, [H, W] in [0, 1]."""
+
+def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
+    """A picture's own transparency [H, W] as the mask; None where it cuts nothing away.
+
+    Alpha that is the same everywhere tells no object, nor does one that is above one half everywhere:
+    renders and editors write 0.9995 or 254 of 255 into opaque pictures.
+    """
+    if alpha is None or not alpha.min() <= CUT_AWAY or alpha.min() == alpha.max():
+        return None
     return check_mask(alpha)
 
 
 def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     """A picture of the mask, white on the object.
 
-    Its alpha channel counts if it has one that varies, else its brightness. The
-    outer tenths of the range are flattened, which removes the noise of JPEG around
-    black and white and keeps soft edges, with the half level in place.
+    Its alpha channel counts if it has one that cuts something away, else its brightness.
+    The outer tenths of the range are flattened, which removes the noise of JPEG around
+    black and white and keeps soft edges, with the half level in place. Of an .exr the
+    luminance is the mask as it is stored: it is linear and has no such noise.
 
     Args:
         source: anything read_image takes, or a boolean or 0/1 array.
@@ -37,18 +49,52 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     if isinstance(source, np.ndarray) and (source.dtype == bool or _is_binary(source)):
         source = source.astype(np.uint8) * 255
     try:
-        pixels = read_image(source, None if isinstance(source, (str, os.PathLike)) else "mask")
+        brightness, alpha, name = _read(source)
     except InvalidPhoto as error:
         raise InvalidMask(f"mask: {error}") from error
-    found = pixels.rgb.shape[:2]
+    found = brightness.shape
     if found != tuple(shape):
         raise InvalidMask(
-            f"{pixels.name}: expected a mask of the photo's size {shape[1]} x {shape[0]}, "
+            f"{name}: expected a mask of the photo's size {shape[1]} x {shape[0]}, "
             f"got {found[1]} x {found[0]}; draw it on the upright photo"
         )
-    if pixels.alpha is not None and pixels.alpha.min() < pixels.alpha.max():
-        return check_mask(pixels.alpha)
-    return check_mask(np.clip((luminance(pixels.rgb) - 0.1) / 0.8, 0.0, 1.0))
+    cut_out = mask_from_alpha(alpha)
+    return check_mask(brightness) if cut_out is None else cut_out
+
+
+def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
+    """What brightness says of each pixel, [H, W] in [0, 1]; alpha, or None; and what messages call the picture."""
+    name = Path(source).name if isinstance(source, (str, os.PathLike)) else "mask"
+    if _is_exr(source):
+        return *_read_exr(source, name), name
+    pixels = read_image(source, name)
+    return np.clip((luminance(pixels.rgb) - 0.1) / 0.8, 0.0, 1.0), pixels.alpha, pixels.name
+
+
+def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """Luminance as stored, and alpha or None, both [H, W] in [0, 1]."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        with exr_file(bytes(source)) as path:
+            values = read_exr(path, name, InvalidPhoto, MAX_PIXELS)
+    else:
+        values = read_exr(source, name, InvalidPhoto, MAX_PIXELS)
+    if not np.isfinite(values).all():
+        raise InvalidPhoto(f"{name}: expected finite values, got NaN or infinity; repair the picture first")
+    alpha = np.clip(values[..., 3], 0.0, 1.0) if values.shape[2] == 4 else None
+    return np.clip(luminance(values), 0.0, 1.0), alpha
+
+
+def _is_exr(source: MaskPicture) -> bool:
+    """Whether the first bytes are an .exr's; a file that cannot be opened is read_image's to refuse."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        return bytes(source[: len(EXR_MAGIC)]) == EXR_MAGIC
+    if not isinstance(source, (str, os.PathLike)):
+        return False
+    try:
+        with Path(source).open("rb") as stream:
+            return stream.read(len(EXR_MAGIC)) == EXR_MAGIC
+    except OSError:
+        return False
 
 
 def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:

@@ -57,12 +57,13 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow) -> np.ndarray:
 
     The real object and what lies above the horizon get none; pixels that lose nothing keep their bits.
     """
-    rows, columns = np.mgrid[0 : view.height, 0 : view.width] + 0.5
-    ratio = shadow.at(view.on_ground(columns.ravel(), rows.ravel())).reshape(view.height, view.width, 3)
-    ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[..., None])
-    touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
     picture = photo.rgb.copy()
-    picture[touched] = response(inverse_response(photo.rgb[touched]) * ratio[touched])
+    for strip, ground in view.ground_strips():
+        ratio = shadow.at(ground.reshape(-1, 3)).reshape(ground.shape)
+        ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[strip, :, None])
+        touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
+        under = picture[strip]
+        under[touched] = response(inverse_response(under[touched]) * ratio[touched])
     return picture
 
 

@@ -6,6 +6,7 @@ camera's height over the ground, whose true value a photo does not tell and noth
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,9 @@ GAP = 0.15
 
 LEAST_SIZE = 0.35
 """A virtual object is not made smaller than this share of what was asked to fit beside the real one."""
+
+STRIP_PIXELS = 1 << 18
+"""Of the photo, whose places on the ground are worked out at once: some 200 bytes each."""
 
 MARGIN = 0.02
 """Kept free at the picture's border, of its width."""
@@ -64,6 +68,14 @@ class View:
         rays = self.rays(x, y)
         down = -(rays @ self.up)
         return rays / np.where(down > 1e-4, down, np.nan)[..., None]
+
+    def ground_strips(self) -> Iterator[tuple[slice, np.ndarray]]:
+        """on_ground of all pixels' centres from the top down, a few rows at a time: which rows, and [R, W, 3]."""
+        step = max(1, STRIP_PIXELS // self.width)
+        for top in range(0, self.height, step):
+            strip = slice(top, min(top + step, self.height))
+            rows, columns = np.mgrid[strip, 0 : self.width] + 0.5
+            yield strip, self.on_ground(columns.ravel(), rows.ravel()).reshape(*rows.shape, 3)
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """Where points [..., 3] in front of the camera appear, [..., 2] px."""

@@ -51,10 +51,24 @@ class Ground:
 def open_mitsuba():
     """The module `mitsuba`, its variant llvm_ad_rgb set.
 
-    An LLVM that does not fit ends the process, so that another process tries it first.
-
     Raises:
         MissingExtra: Mitsuba or an LLVM that fits is not installed.
+    """
+    if not mitsuba_runs():
+        raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "relight", "path tracing")
+    import mitsuba as mi
+
+    if mi.variant() != "llvm_ad_rgb":
+        mi.set_variant("llvm_ad_rgb")
+    mitsuba_material.register(mi)
+    return mi
+
+
+@lru_cache(maxsize=1)
+def mitsuba_runs() -> bool:
+    """Whether Mitsuba and an LLVM that fits are installed; tried once.
+
+    An LLVM that does not fit ends the process, so that another process tries it.
     """
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         versions = {int(m[1]): p for p in glob(LLVM) if (m := re.search(r"libLLVM-(\d+)\.so$", p))}
@@ -64,14 +78,7 @@ def open_mitsuba():
         "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr; "
         "assert dr.sum(mi.Float([1, 2, 3]))[0] == 6"
     )
-    if subprocess.run([sys.executable, "-c", trial], capture_output=True, check=False).returncode:
-        raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "relight", "path tracing")
-    import mitsuba as mi
-
-    if mi.variant() != "llvm_ad_rgb":
-        mi.set_variant("llvm_ad_rgb")
-    mitsuba_material.register(mi)
-    return mi
+    return not subprocess.run([sys.executable, "-c", trial], capture_output=True, check=False).returncode
 
 
 def trace_mesh(

@@ -126,9 +126,9 @@ class Stage:
     def _ground(self, radiance: np.ndarray) -> Ground:
         """A ground whose radiance under the map is what the photo shows around the object's foot."""
         foot, reach = self.placement.foot, 2 * self.placement.radius
-        rows, columns = np.mgrid[0 : self.view.height, 0 : self.view.width] + 0.5
-        away = np.linalg.norm(self.view.on_ground(columns, rows) - foot, axis=-1)
-        near = (away < reach) & (self.photo.mask < 0.05)
+        near = self.photo.mask < 0.05
+        for strip, ground in self.view.ground_strips():
+            near[strip] &= np.linalg.norm(ground - foot, axis=-1) < reach
         seen = self.photo.rgb[near] if near.any() else self.photo.rgb[-1]
         irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
         albedo = np.clip(np.pi * inverse_response(seen).mean(axis=0) / irradiance, 0.0, 0.95)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from dataclasses import dataclass
 from itertools import chain
@@ -78,8 +79,7 @@ async def read_several(request: Request, limits: Limits) -> Several:
     for mask in masks:
         await check_pixels(mask, "mask", limits)
     normals, around = option.word("normals", BALL), option.word("surroundings", PHOTO)
-    told, names = parse_poses(poses, "poses"), [Path(name) for _, name in photos]
-    turned, fovs = told.of(names), told.fovs_deg(names, [data for data, _ in photos])
+    turned, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     light = option.of_light()
     uploads = tuple(
         Upload(
@@ -94,6 +94,12 @@ async def read_several(request: Request, limits: Limits) -> Several:
         for k, (data, name) in enumerate(photos)
     )
     return Several(uploads=uploads, world_from_camera=turned)
+
+
+def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
+    """world_from_camera [N, 3, 3] of photos (their data and names), and what Poses.fovs_deg says of them."""
+    told, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
+    return told.of(names), told.fovs_deg(names, [data for data, _ in photos])
 
 
 def estimate_several(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.names import natural_order
+from anyprobe.files.names import visible_files
 from anyprobe.infer.photo import Photo, load_photo, object_box
 from anyprobe.infer.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.video.clip import Frame
@@ -52,10 +52,7 @@ class MaskFollower:
         if masks is not None:
             if not masks.is_dir():
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
-            self._files = sorted(
-                (path for path in masks.iterdir() if path.suffix.lower() in MASK_SUFFIXES),
-                key=lambda path: natural_order(path.name),
-            )
+            self._files = visible_files(masks, MASK_SUFFIXES)
         self.told = where
         shown = isinstance(surroundings, str) and surroundings == PHOTO
         self._every = {"fov_deg": fov_deg, "surroundings": PHOTO if shown else None}

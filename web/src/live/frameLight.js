@@ -90,7 +90,8 @@ export class FrameLight {
     lap("balls");
     ms.all = performance.now() - start;
     const known = { surroundings: around ? shareOf(around) : 0 };
-    return { light, known, spread, stages: withStages ? stages : null, balls, mask: isNew ? mask : null, box, ...size, ms };
+    const isOfThese = isNew && this.masked !== null; // else clicked meanwhile: it may be another object's
+    return { light, known, spread, stages: withStages ? stages : null, balls, mask: isOfThese ? mask : null, box, ...size, ms };
   }
 
   /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */

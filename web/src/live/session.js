@@ -92,12 +92,14 @@ export class LiveSession {
   }
 
   /** @param {import("../photo/picture.js").Hints} hints in pixels of the still picture */
-  mark({ on, off, box }) {
+  async mark({ on, off, box }) {
+    const { live } = this;
     const { width, height } = this.still;
     const shares = (points) => points.map(([x, y]) => [x / width, y / height]);
     this.placed = false;
     this.said = null;
-    return this.live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
+    await live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
+    if (this.live === live) this.placed = false; // an answer that was under way has placed it by the old mask
   }
 
   /** What is asked of the light has changed. */

@@ -34,13 +34,21 @@ export function objectBox(mask, width) {
   return y1 < 0 ? null : [x0, y0, x1 + 1, y1 + 1];
 }
 
-/** The picture's own transparency as a mask, or null where all of it is opaque. */
+/** Alpha up to which a pixel is no part of the object. */
+const CUT_AWAY = 0.5;
+
+/**
+ * The picture's own transparency as a mask, or null where it cuts nothing away: where it is the same or above one half
+ * everywhere, as editors write it into opaque pictures.
+ */
 export function maskFromAlpha({ rgba }) {
-  let opaque = true;
+  let [least, most] = [255, 0];
   const mask = new Float32Array(rgba.length / 4);
   for (let i = 0; i < mask.length; i++) {
-    mask[i] = rgba[4 * i + 3] / 255;
-    opaque &&= rgba[4 * i + 3] === 255;
+    const alpha = rgba[4 * i + 3];
+    mask[i] = alpha / 255;
+    if (alpha < least) least = alpha;
+    if (alpha > most) most = alpha;
   }
-  return opaque ? null : mask;
+  return least / 255 <= CUT_AWAY && least < most ? mask : null;
 }

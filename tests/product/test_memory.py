@@ -1,0 +1,105 @@
+"""Large maps and photos go by strips: what that takes, and that it changes no bit."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from anyprobe.core.response import inverse_response, response
+from anyprobe.export.bc6h import encode_bc6h
+from anyprobe.export.cubemap import cube_faces
+from anyprobe.relight.compose import cast_shadow
+from anyprobe.relight.ground import View
+from anyprobe.relight.relight import Stage
+
+
+@pytest.fixture
+def noise(rng) -> Callable[..., np.ndarray]:
+    """Values over six decades, of a shape."""
+    return lambda *shape: (10 ** rng.uniform(-3, 3, shape)).astype(np.float32)
+
+
+def most_bytes(work: Callable[[], object]) -> int:
+    """What a call has at once beyond what was there."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("size", [1, 2, 48])
+def test_faces_by_strips_are_the_faces(noise, monkeypatch, size):
+    radiance = noise(33, 66, 3)
+    found = []
+    for reads in (1, 16 * size * 7, 1 << 30):  # a row of texels at once, seven, a whole face
+        monkeypatch.setattr("anyprobe.export.cubemap.READS", reads)
+        found.append(cube_faces(radiance, size))
+    np.testing.assert_array_equal(found[0], found[2])
+    np.testing.assert_array_equal(found[1], found[2])
+
+
+def test_faces_take_little_more_than_themselves(noise, monkeypatch):
+    monkeypatch.setattr("anyprobe.export.cubemap.READS", 1 << 14)
+    radiance, size = noise(16, 32, 3), 64
+    assert most_bytes(lambda: cube_faces(radiance, size)) < 6 * size**2 * 12 + 400 * (1 << 14)
+
+
+def test_blocks_by_parts_are_the_blocks(noise, monkeypatch):
+    faces, found = noise(6, 32, 32, 3), []
+    for blocks in (1, 100, 1 << 30):
+        monkeypatch.setattr("anyprobe.export.bc6h.BLOCKS", blocks)
+        found.append(encode_bc6h(faces))
+    np.testing.assert_array_equal(found[0], found[2])
+    np.testing.assert_array_equal(found[1], found[2])
+
+
+def test_blocks_take_little_more_than_themselves(noise, monkeypatch):
+    monkeypatch.setattr("anyprobe.export.bc6h.BLOCKS", 64)
+    faces = noise(6, 64, 64, 3)
+    assert most_bytes(lambda: encode_bc6h(faces)) < 3 * faces.nbytes + 64 * 16_000
+
+
+@pytest.fixture
+def scene(rng):
+    """A photo [500, 700] without an object, its camera, and a shadow that is a stripe of the ground."""
+    height, width = 500, 700
+    photo = SimpleNamespace(
+        rgb=rng.random((height, width, 3), dtype=np.float32), mask=np.zeros((height, width), np.float32)
+    )
+    photo.mask[400:450, 100:200] = 0.7
+    view = View(width=width, height=height, focal=600.0, up=np.array([0.0, np.cos(0.3), np.sin(0.3)]))
+    shadow = SimpleNamespace(
+        at=lambda points: np.where(np.abs(points[:, :1]) < 0.5, np.abs(points), 1.0).clip(0, 1)
+    )
+    return photo, view, shadow
+
+
+def test_shadow_by_strips_is_the_shadow(scene, monkeypatch):
+    photo, view, shadow = scene
+    monkeypatch.setattr("anyprobe.relight.ground.STRIP_PIXELS", 9_000)
+    found = cast_shadow(photo, view, shadow)
+    rows, columns = np.mgrid[0 : view.height, 0 : view.width] + 0.5
+    ratio = shadow.at(view.on_ground(columns.ravel(), rows.ravel())).reshape(photo.rgb.shape)
+    ratio = 1 - (1 - ratio) * (1 - photo.mask[..., None])
+    dark = (ratio < 1 - 1 / 1024).any(axis=-1)
+    expected = photo.rgb.copy()
+    expected[dark] = response(inverse_response(photo.rgb[dark]) * ratio[dark])
+    np.testing.assert_array_equal(found, expected)
+    assert 0.1 < dark.mean() < 0.9
+
+
+def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):
+    photo, view, shadow = scene
+    monkeypatch.setattr("anyprobe.relight.ground.STRIP_PIXELS", 9_000)
+    assert most_bytes(lambda: cast_shadow(photo, view, shadow)) < photo.rgb.nbytes + 400 * 9_000
+    stage = object.__new__(Stage)
+    stage.photo, stage.view = photo, view
+    stage.placement = SimpleNamespace(foot=view.on_ground(350.0, 400.0), radius=0.2)
+    light = np.ones((16, 32, 3), np.float32)
+    assert most_bytes(lambda: stage._ground(light)) < photo.rgb.nbytes + 400 * 9_000

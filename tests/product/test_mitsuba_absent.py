@@ -1,0 +1,37 @@
+"""Where Mitsuba cannot run: found out once."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from anyprobe.errors import MissingExtra
+from anyprobe.relight import path_traced
+from anyprobe.relight.relight import uses_mitsuba
+
+
+@pytest.fixture
+def tries(monkeypatch):
+    """The processes that were started to try Mitsuba, all in vain."""
+    started = []
+
+    def run(command, **_):
+        started.append(command)
+        return SimpleNamespace(returncode=1)
+
+    cached = path_traced.open_mitsuba, path_traced.mitsuba_runs
+    for one in cached:
+        one.cache_clear()
+    monkeypatch.setattr(path_traced.subprocess, "run", run)
+    yield started
+    for one in cached:
+        one.cache_clear()
+
+
+def test_mitsuba_that_is_absent_is_tried_once(tries):
+    assert [uses_mitsuba("auto") for _ in range(3)] == [False] * 3
+    for _ in range(2):
+        with pytest.raises(MissingExtra, match="mitsuba"):
+            uses_mitsuba("mitsuba")
+    assert len(tries) == 1

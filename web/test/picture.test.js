@@ -1,0 +1,28 @@
+/** A picture's transparency is a mask where it cuts something away, as in Python. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { maskFromAlpha } from "../src/photo/picture.js";
+
+/** A picture of 8 x 4 grey pixels of this alpha, but for its first. */
+function pictureOf(alpha, first = alpha) {
+  const rgba = new Uint8ClampedArray(4 * 8 * 4).fill(90);
+  for (let i = 3; i < rgba.length; i += 4) rgba[i] = alpha;
+  rgba[3] = first;
+  return { width: 8, height: 4, rgba };
+}
+
+test("alpha that cuts nothing away is no mask", () => {
+  for (const [alpha, first] of [[255, 255], [254, 254], [255, 254], [255, 128], [0, 0], [100, 100]]) {
+    assert.equal(maskFromAlpha(pictureOf(alpha, first)), null, `${alpha}, ${first}`);
+  }
+});
+
+test("alpha that cuts something away is the mask as it is", () => {
+  for (const [alpha, first] of [[255, 127], [254, 0], [0, 255]]) {
+    const mask = maskFromAlpha(pictureOf(alpha, first));
+    assert.equal(mask[0], Math.fround(first / 255));
+    assert.ok(mask.slice(1).every((cover) => cover === Math.fround(alpha / 255)));
+  }
+});
