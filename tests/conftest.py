@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,13 @@ from support.scenes import ball_photo
 from anyprobe.cli.app import main
 from anyprobe.infer import estimate as estimate_module
 from anyprobe.infer.estimate import Estimator
+
+
+def pytest_configure() -> None:
+    if (
+        signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    ):  # by a shell that runs tests in the background; its children
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # would inherit it, and never end by Ctrl-C
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

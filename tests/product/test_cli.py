@@ -376,7 +376,6 @@ def test_interrupt_leaves_no_temporary_files(work, moment):
     code = f"""
 import os, signal
 from anyprobe.infer import outputs
-signal.signal(signal.SIGINT, signal.default_int_handler)  # shells have background jobs ignore it
 whole = {moment}
 def interrupted(*args):
     if interrupted.count == 0:

@@ -11,6 +11,7 @@ from typing import Any
 
 from anyprobe.errors import InputError
 from anyprobe.evaluate.laboratory import LABORATORY, laboratory_lines
+from anyprobe.evaluate.lamps import CONSTANT
 from anyprobe.evaluate.names import named
 from anyprobe.evaluate.paper_rows import SECONDS, TABLE1
 from anyprobe.evaluate.scaling import scaling_lines
@@ -29,8 +30,8 @@ from anyprobe.evaluate.verdict import (
 from anyprobe.files.atomic import atomic_path
 
 LOWER = ("rmse", "deg", "stops", "sh9")
-TOLD = ("ideal", "meka")
-"""Designs that are given a part of the truth."""
+TOLD = ("ideal", "meka", CONSTANT)
+"""Methods that are given a part of the truth, or say of flash photos what is true of all."""
 SMOOTHED = 20
 """Points of a learning curve that are averaged."""
 GRADUAL = ("irradiance", "ours", "ours_sharp")
@@ -224,7 +225,7 @@ def _grouped(found, links, name: str, title: str, prefix: str) -> Iterable[str]:
 
 
 def is_told(design: str) -> bool:
-    """Whether a method is given a part of the truth, as `<model>_normals` are."""
+    """Whether a method is not to be called the best: `<model>_normals` and those of TOLD."""
     return design in TOLD or design.endswith("_normals")
 
 
