@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.cli.results import RESULTS, commit, open_designs, open_methods, tail, write_result
+from anyprobe.cli.results import RESULTS, commit, curves, open_designs, open_methods, tail, write_result
 from anyprobe.errors import InputError
 from anyprobe.evaluate.laboratory import LABORATORY
 
@@ -153,20 +153,6 @@ def irradiance_methods(models: list[str], designs: DesignMethods | None = None) 
     names = [Path(name).name for name in models]
     shown = designs is None or ("paper" in names and not designs.has_own_irradiance)
     return names if shown else ["irradiance", *names]
-
-
-def curves(log: Path) -> dict[str, Any]:
-    """The columns of a run's log: Fig. 6 and the learning curves."""
-    import csv
-
-    if not log.is_file():
-        raise InputError(f"{log}: expected the run's log, found none; keep it beside the checkpoint")
-    with log.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    if not rows:
-        raise InputError(f"{log}: expected rows of a run's log, got none; keep that of its training")
-    names = [name for name in rows[0] if name not in ("step", "learning_rate", "pairs_per_second")]
-    return {"columns": {name: [round(float(row[name]), 6) for row in rows] for name in names}}
 
 
 def _command(

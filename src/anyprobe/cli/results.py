@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import subprocess
 from pathlib import Path
@@ -48,6 +49,18 @@ def open_methods(
         made, trained[Path(name).name] = shipped(name, told)
         methods |= made
     return methods, trained
+
+
+def curves(log: Path) -> dict[str, Any]:
+    """The columns of a run's log: Fig. 6 and the learning curves."""
+    if not log.is_file():
+        raise InputError(f"{log}: expected the run's log, found none; keep it beside the checkpoint")
+    with log.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    if not rows:
+        raise InputError(f"{log}: expected rows of a run's log, got none; keep that of its training")
+    names = [name for name in rows[0] if name not in ("step", "learning_rate", "pairs_per_second")]
+    return {"columns": {name: [round(float(row[name]), 6) for row in rows] for name in names}}
 
 
 def write_result(path: Path, content: dict[str, Any]) -> None:

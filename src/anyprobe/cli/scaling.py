@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from anyprobe.cli.need import need_torch
-from anyprobe.cli.results import RESULTS, commit, tail, write_result
+from anyprobe.cli.results import RESULTS, commit, curves, tail, write_result
 from anyprobe.cli.train import RUNS
 from anyprobe.errors import InputError
 
@@ -34,7 +34,7 @@ def scaling(
     from anyprobe.dataset.stock import Stock
     from anyprobe.evaluate.kept_pairs import kept_pairs
     from anyprobe.evaluate.laboratory import LABORATORY
-    from anyprobe.evaluate.scaling import ScalingScores
+    from anyprobe.evaluate.scaling import ScalingScores, changes
     from anyprobe.evaluate.study import CLUSTERED
     from anyprobe.evaluate.test_set import FROZEN, read_recipes
     from anyprobe.train.scaling import SCALING
@@ -72,7 +72,12 @@ def scaling(
         "recipes": digest(recipes),
         "pairs": len(chosen),
         "standard_errors": CLUSTERED,
-        "runs": {name: read_trial(path) | scores[name].result() for name, path in found.items()},
+        "runs": {
+            name: read_trial(path)
+            | scores[name].result()
+            | changes(curves(path.with_name("log.csv"))["columns"])
+            for name, path in found.items()
+        },
     }
     write_result(out / "scaling.json", content)
     talk.print(f"{out / 'scaling.json'}; anyprobe report puts it on the page")

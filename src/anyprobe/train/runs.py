@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from anyprobe.train.config import RunConfig, designs, designs_laboratory, hdr_curves, lift, normals, paper
-from anyprobe.train.scaling import SCALING, world_64k_fixed
+from anyprobe.train.scaling import SCALING
 from anyprobe.train.trials import TRIALS, shapes_trial
 
 RUNS = {
@@ -20,7 +20,6 @@ RUNS = {
         *TRIALS,
         shapes_trial,
         *SCALING,
-        world_64k_fixed,
     )
 }
 
