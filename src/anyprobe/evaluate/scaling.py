@@ -25,8 +25,8 @@ STEPS = {
 }
 """What is compared: the better by the paper, and the worse."""
 FIGURES = ("ldr_rmse", "ldr_ssim")
-KINDS = {"world_64k_fixed": "world, the paper's schedule"}
-"""Runs that are not called by what stands before their name's first _."""
+KINDS = {"fixed": "the paper's schedule", "again": "other pairs"}
+"""What the page adds to a run's camera and materials for what its name ends with."""
 CHANGE = "_change"
 """Ends the columns of a log that tell by how much a loss changes from step to step."""
 SHAKEN = {
@@ -117,7 +117,8 @@ def changes(columns: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float
 
 def _kind(name: str) -> str:
     """What the page calls a run, beside its pairs."""
-    return KINDS.get(name, name.partition("_")[0])
+    first, *rest = name.split("_")
+    return ", ".join([first, *(KINDS[part] for part in rest if part in KINDS)])
 
 
 def scaling_lines(content: Mapping[str, Any]) -> Iterable[str]:

@@ -34,10 +34,42 @@ def laboratory_640k() -> RunConfig:
 def world_64k_fixed() -> RunConfig:
     """As `world_64k` but for its end, which is as the paper has it: a learning rate that stays, once it has risen, and
     maps that sharpen to the last step."""
-    return replace(world_64k(), name="world_64k_fixed", cooldown=0.0, gradual_share=1.0)
+    return _fixed(world_64k())
 
 
-SCALING = (world_64k, world_640k, world_64k_fixed, laboratory_64k, laboratory_640k)
+def world_64k_fixed_again() -> RunConfig:
+    """The same on other pairs: where the learning rate stays, where a run ends is a matter of chance."""
+    return _again(world_64k_fixed())
+
+
+def laboratory_64k_fixed() -> RunConfig:
+    """`laboratory_64k` with the end of `world_64k_fixed`."""
+    return _fixed(laboratory_64k())
+
+
+def laboratory_64k_fixed_again() -> RunConfig:
+    """The same on other pairs."""
+    return _again(laboratory_64k_fixed())
+
+
+SCALING = (
+    world_64k,
+    world_640k,
+    world_64k_fixed,
+    world_64k_fixed_again,
+    laboratory_64k,
+    laboratory_640k,
+    laboratory_64k_fixed,
+    laboratory_64k_fixed_again,
+)
+
+
+def _fixed(run: RunConfig) -> RunConfig:
+    return replace(run, name=f"{run.name}_fixed", cooldown=0.0, gradual_share=1.0)
+
+
+def _again(run: RunConfig) -> RunConfig:
+    return replace(run, name=f"{run.name}_again", pairs=replace(run.pairs, seed=run.pairs.seed + 1))
 
 
 def _tiny(name: str, steps: int, laboratory: bool = False) -> RunConfig:
