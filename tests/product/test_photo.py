@@ -69,12 +69,13 @@ def test_box_goes_before_alpha_and_mask_before_box(monkeypatch):
     assert asked == [(1, 2, 90, 90)]
 
 
-def test_fully_transparent_photo():
+def test_fully_transparent_photo_is_looked_at_as_an_opaque_one():
+    """Programs that know no alpha leave it at zero."""
     photo = rgba_photo()
     photo[..., 3] = 0.0
     with pytest.raises(InvalidMask) as caught:
         load_photo(photo)
-    assert_one_line(caught, "empty mask")
+    assert_one_line(caught, "nothing stands out")
 
 
 # Mask files
