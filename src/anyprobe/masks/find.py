@@ -8,7 +8,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from anyprobe.core.hints import Point
+from anyprobe.masks.prompts import Point
 from anyprobe.errors import InvalidMask, MissingExtra
 from anyprobe.files.images import Pixels
 from anyprobe.masks.check import check_mask

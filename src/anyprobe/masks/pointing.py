@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anyprobe.core.hints import Point
+from anyprobe.masks.prompts import Point
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.check import MIN_OBJECT_PX
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.hints import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_hints
+from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.errors import ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.refine import resize
@@ -147,7 +147,7 @@ class MaskNetwork:
     def _look(self, rgb, window: Letterbox, on, off, box) -> Proposal:
         """One run of the network on a window; cover of the window's extent."""
         corners = None if box is None else (*window.point(*box[:2]), *window.point(*box[2:]))
-        hint = draw_hints(SIZE, [window.point(*p) for p in on], [window.point(*p) for p in off], box=corners)
+        hint = draw_prompts(SIZE, [window.point(*p) for p in on], [window.point(*p) for p in off], box=corners)
         cover = window.cut(self.cover(window.square(rgb), hint))
         kept = cover * keep_large_parts(cover > 0.5)
         return Proposal(cover=kept, confidence=_confidence(cover, kept > 0.5))
