@@ -15,7 +15,7 @@ from anyprobe.dataset.catalog import load_maps
 from anyprobe.dataset.room import room
 from anyprobe.dataset.sky import sky
 from anyprobe.errors import InputError
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import f0_from_ior
 
 SIZE = 128

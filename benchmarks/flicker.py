@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 from sequences import FPS, Scene, Sequence, camera_pose, film, scenes, sequences
 
+from anyprobe.estimate.estimator import Estimator
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.estimate import Estimator
+from anyprobe.light.dominant_light import find_main_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
-from anyprobe.light.main_light import find_main_light
 from anyprobe.light.temporal import step
-from anyprobe.render.balls import ball_normals, silver
+from anyprobe.render.spheres import ball_normals, silver
 
 BALL = 24
 SETTLED = 0.1

@@ -43,7 +43,7 @@ from anyprobe.core.response import response
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import irradiance
-from anyprobe.render.balls import ball_normals, diffuse
+from anyprobe.render.spheres import ball_normals, diffuse
 
 ROOT = Path(__file__).parents[1]
 FPS, WIDTH, HEIGHT, DIAMETER = 30, 640, 480, 220

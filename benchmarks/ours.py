@@ -12,9 +12,9 @@ from measure import best_time, relative_rmse
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import Pyramid
-from anyprobe.render.by_maps import PLAIN, Kernels, radiance_by_maps
 from anyprobe.render.integrate import shading_pyramid
-from anyprobe.scatter.brdf import Material
+from anyprobe.render.picture import PLAIN, Kernels, radiance_by_maps
+from anyprobe.scatter.materials import Material
 
 COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
 """Samples a point that are tried; of the specular and the diffuse term alike."""

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.stock import load_stock
+from anyprobe.dataset.asset_store import load_stock
 from anyprobe.evaluate.mask_scenes import rendered_cases
 from anyprobe.evaluate.masks import Case, iou, methods, photo_cases
 from anyprobe.masks.propose import shared_network

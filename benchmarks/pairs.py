@@ -16,16 +16,14 @@ import torch
 from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.dataset.asset_store import Stock, load_stock
 from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.local_engine import one_thread
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
+from anyprobe.dataset.process_pools import one_thread
 from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
-from anyprobe.dataset.stock import Stock, load_stock
-from anyprobe.dataset.stream import stream
-from anyprobe.train.config import RunConfig
-from anyprobe.train.runs import RUNS
-from anyprobe.train.supply import make_pairs
+from anyprobe.train.config import RUNS, RunConfig
+from anyprobe.train.dataloader import make_pairs, stream
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""

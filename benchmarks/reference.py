@@ -19,7 +19,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles, uv_to_direction
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere, square_to_ggx_normal
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 from anyprobe.scatter.microfacet import ggx_distribution
 
 SAMPLES = 1024

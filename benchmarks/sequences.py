@@ -18,15 +18,14 @@ from anyprobe.core.response import CameraCurve
 from anyprobe.dataset.camera import Shot, take_photo
 from anyprobe.dataset.mask_errors import fray
 from anyprobe.dataset.room import room
-from anyprobe.dataset.sky import sky
-from anyprobe.dataset.studio import direction_at, soft_cap, studio
-from anyprobe.infer.photo import Photo
+from anyprobe.dataset.sky import direction_at, sky, soft_cap, studio
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import blob, lathe, superquadric
 from anyprobe.render.surface import frame_object
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 FPS = 24
 SIZE = 160

@@ -21,12 +21,12 @@ from pathlib import Path
 import numpy as np
 from places import draw_place
 
-from anyprobe.dataset.stock import Stock, load_left_out, load_stock
+from anyprobe.dataset.asset_store import Stock, load_left_out, load_stock
 from anyprobe.errors import InputError
-from anyprobe.evaluate.protocol import score
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import Photo, crop_object
-from anyprobe.infer.several import estimate_together, fuse_lights
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.multiview import estimate_together, fuse_lights
+from anyprobe.estimate.photo import Photo, crop_object
+from anyprobe.evaluate.scoring import score
 
 MOST = 8
 COUNTS = (1, 2, 4, 8)

@@ -19,17 +19,16 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
+from anyprobe.dataset.asset_store import Stock, own_map
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.plan import balanced_recipes
-from anyprobe.dataset.stock import Stock, own_map
-from anyprobe.infer.engines import ENGINES
-from anyprobe.infer.runtime import Models, file_hashes
+from anyprobe.estimate.runtime import ENGINES, Models, file_hashes
 from anyprobe.render.shapes import figure
 from anyprobe.train.config import lift
 from anyprobe.train.export_onnx import export
+from anyprobe.train.init_weights import load_start
 from anyprobe.train.lift import Lift
-from anyprobe.train.start import load_start
 
 ROOT = Path(__file__).parents[1]
 PHOTOS = 8

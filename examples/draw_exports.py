@@ -24,7 +24,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.render.balls import ball_images, ball_normals
+from anyprobe.render.spheres import ball_images, ball_normals
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs" / "export"

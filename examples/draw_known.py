@@ -16,14 +16,14 @@ from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import Stock, own_map
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.plan import balanced_recipes
-from anyprobe.dataset.stock import Stock, own_map
+from anyprobe.estimate.runtime import Models
 from anyprobe.evaluate.methods import TOLD, run_told
-from anyprobe.infer.runtime import Models
-from anyprobe.render.balls import diffuse, silver
 from anyprobe.render.shapes import figure
+from anyprobe.render.spheres import diffuse, silver
 
 TITLES = ("photo", "true light", "from the photo alone", *(f"told {what}" for what in TOLD))
 ROWS, CELL, GAP, TOP = 5, 64, 10, 16

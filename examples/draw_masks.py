@@ -15,9 +15,9 @@ from PIL import Image, ImageDraw
 
 from anyprobe.core.color import to_bytes
 from anyprobe.dataset.asks import cover_box, unasked_target
+from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.dataset.scenes import draw_scene
 from anyprobe.dataset.sprites import ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces

@@ -25,15 +25,14 @@ from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.room import room
-from anyprobe.dataset.studio import direction_at, soft_cap
+from anyprobe.dataset.sky import direction_at, soft_cap
+from anyprobe.estimate.photo import Photo
 from anyprobe.files.objects import open_object
-from anyprobe.infer.photo import Photo
 from anyprobe.light.environment import shrink
-from anyprobe.relight.compose import lay_over
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage, lay_over
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.picture import draw_mesh
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs"

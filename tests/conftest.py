@@ -15,8 +15,8 @@ from PIL import Image
 from support.scenes import ball_photo
 
 from anyprobe.cli.app import main
-from anyprobe.infer import estimate as estimate_module
-from anyprobe.infer.estimate import Estimator
+from anyprobe.estimate import estimator as estimate_module
+from anyprobe.estimate.estimator import Estimator
 
 
 def pytest_configure() -> None:

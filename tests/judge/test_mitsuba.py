@@ -35,7 +35,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid, lookup
 from anyprobe.render.integrate import shade, shading_pyramid
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 

@@ -26,7 +26,7 @@ from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import pixel_rays, see
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 
@@ -62,7 +62,7 @@ def test_paper_bsdf_is_not_mitsubas(mi, rng, alpha):
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_our_brdf_is_another_function(mi, rng, name):
-    """scatter.brdf.evaluate, direction by direction."""
+    """scatter.materials.evaluate, direction by direction."""
     wi, wo = pairs(rng)
     bsdf = mi.load_dict(paper_bsdf(MATERIALS[name]))
     toward = mi.Vector3f(*wo.T.astype(np.float32))

@@ -13,8 +13,7 @@ from support.drawn_pairs import DrawnRenderer
 from support.folders import snapshot
 
 from anyprobe.dataset import render_job
-from anyprobe.dataset.local_engine import WorkerFailed, run_local
-from anyprobe.dataset.ray_engine import run_ray
+from anyprobe.dataset.process_pools import WorkerFailed, run_local, run_ray
 from anyprobe.errors import AnyprobeError, InputError
 
 pytest.importorskip("ray", reason="the package ray is not installed")

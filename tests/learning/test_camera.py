@@ -19,7 +19,6 @@ from anyprobe.dataset.camera import (
     exposure_for_clipping,
     take_photo,
 )
-from anyprobe.dataset.laboratory import CAMERA
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SIZE = 64
@@ -92,15 +91,6 @@ def test_metering_sets_the_object_or_the_scene_to_its_key():
     assert exposure(by_scene, 5.0, 8.0) * 8.0 == pytest.approx(0.2)
     assert exposure(by_scene, 100.0, 1.0) * 100.0 == pytest.approx(OBJECT_RANGE[1])
     assert exposure(by_scene, 1e-3, 1.0) * 1e-3 == pytest.approx(OBJECT_RANGE[0])
-
-
-def test_the_laboratory_s_camera_sees_the_scene_alone():
-    """However bright or dark the object is in it."""
-    for object_mean in (1e-4, 1.0, 1e4):
-        assert exposure(CAMERA, object_mean, 5.0) == pytest.approx(0.25 / 5.0)
-    radiance = np.full((4, 4, 3), (0.1, 0.2, 0.4), np.float32)
-    photo = take_photo(CAMERA, radiance, np.ones((4, 4), bool), None, np.random.default_rng(0))
-    np.testing.assert_array_equal(photo, to_bytes(response(radiance)))
 
 
 def test_the_clean_shot_is_the_same_shot_without_flaws():

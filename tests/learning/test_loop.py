@@ -17,21 +17,25 @@ from typer.testing import CliRunner  # noqa: E402
 
 from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError, OutputError  # noqa: E402
-from anyprobe.infer.runtime import Models  # noqa: E402
+from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.config import LightConfig, designs, lift, normals, paper  # noqa: E402
-from anyprobe.train.design_methods import read_run  # noqa: E402
-from anyprobe.train.journal import run_folder  # noqa: E402
+from anyprobe.train.config import (  # noqa: E402
+    LightConfig,
+    lift,
+    normals,
+    paper,
+    smoke,
+)
+from anyprobe.train.init_weights import load_start, mean_checkpoint, save_start, start_id  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
+from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
-from anyprobe.train.runs import smoke  # noqa: E402
-from anyprobe.train.start import load_start, mean_checkpoint, save_start, start_id  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -226,34 +230,6 @@ def test_a_run_begins_from_kept_weights(run, tmp_path):
         run(tmp_path / "d", steps=2, named=paper, start=kept)
 
 
-def test_designs_are_kept_to_be_scored_and_begun_from(run, tmp_path, monkeypatch):
-    """Half as large or less, with what they have seen and their log; they become no graphs."""
-    monkeypatch.chdir(tmp_path)
-    checkpoint = run(tmp_path / "a", steps=3, named=designs)
-    (tmp_path / "runs").mkdir()
-    checkpoint.parent.rename(tmp_path / "runs" / "designs")
-    result = CliRunner().invoke(app, ["weights", "kept", "designs"])
-    assert result.exit_code == 0, result.output
-    kept = tmp_path / "kept" / "checkpoint.pt"
-    assert kept.stat().st_size < 0.25 * (tmp_path / "runs" / "designs" / "checkpoint.pt").stat().st_size
-    assert (tmp_path / "kept" / "log.csv").read_text().startswith("step,pairs,")
-    trained, smaller = (load_nets(path) for path in (tmp_path / "runs" / "designs" / "checkpoint.pt", kept))
-    for name, value in smaller.state_dict().items():
-        torch.testing.assert_close(value, trained.state_dict()[name], rtol=1e-3, atol=1e-6)
-    assert read_run(kept) == read_run(tmp_path / "runs" / "designs" / "checkpoint.pt")
-    begun = load_nets(run(tmp_path / "b", steps=1, named=designs, start=kept)).state_dict()
-    weight = "direct.head.weight"
-    assert (begun[weight] - trained.state_dict()[weight]).abs().max() < 0.01
-    refused = CliRunner().invoke(app, ["weights", "other", "designs", "--start", "a.pt"])
-    assert "--start: expected a run that becomes graphs, got designs" in str(refused.exception)
-    assert not (tmp_path / "other").exists()
-    kept.parent.rename(tmp_path / "b" / "designs-dry-kept")
-    (tmp_path / "b" / "designs-dry").rename(tmp_path / "b" / "other")
-    (tmp_path / "b" / "designs-dry-kept").rename(tmp_path / "b" / "designs-dry")
-    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
-        run(tmp_path / "b", steps=8, named=designs)
-
-
 @pytest.mark.parametrize(
     "asked",
     [
@@ -261,7 +237,6 @@ def test_designs_are_kept_to_be_scored_and_begun_from(run, tmp_path, monkeypatch
         ("train", "mask", "--device", "cuda"),
         ("train", "mask", "--no-compile"),
         ("weights", "to", "mask", "--mean-map", "a.exr"),
-        ("weights", "to", "designs", "--data", "data"),
     ],
 )
 def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch):

@@ -7,19 +7,18 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.core.color import REC709  # noqa: E402
+
 from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import lighting, pairs  # noqa: E402
+from anyprobe.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
-from anyprobe.dataset.laboratory import ALPHAS, CAMERA  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import TOLD_ERROR_DEG, PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.dataset.surfaces import (  # noqa: E402
     NUM_ELEVATIONS,
     SurfaceConfig,
@@ -33,7 +32,7 @@ from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from anyprobe.render.surface import frame_object, pixel_rays, see  # noqa: E402
-from anyprobe.scatter.brdf import Material  # noqa: E402
+from anyprobe.scatter.materials import Material  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -61,20 +60,6 @@ def test_a_batch_depends_on_its_number_alone(maps, surfaces):
     for name in ("photo", "irradiance", "ldr", "ln_radiance"):
         assert torch.equal(getattr(went_on, name), getattr(resumed, name))
     assert not torch.equal(went_on.photo, make_source(maps, surfaces, seed=1).batch(3).photo)
-
-
-def test_a_laboratory_has_eight_materials_and_one_camera(maps, surfaces):
-    """Which exposes by the scene alone: whatever lies in it, maps have one mean and photos are not balanced."""
-    source = make_source(maps, surfaces, conditions=0, laboratory=True)
-    found = {round(float(alpha), 4) for k in range(12) for alpha in source.batch(k).alpha}
-    assert found <= set(ALPHAS)
-    assert len(found) > 3
-    batch = source.batch(0)
-    weights = torch.tensor(REC709).reshape(1, 3, 1, 1)
-    log_mean = (torch.exp(batch.ln_radiance) * weights).sum(dim=1).clip(min=1e-6).log().mean(dim=(1, 2))
-    torch.testing.assert_close(log_mean.exp(), torch.full((4,), CAMERA.scene_key), rtol=0.02, atol=0)
-    drawn = make_source(maps, surfaces, conditions=0).batch(0)
-    assert (torch.exp(drawn.ln_radiance).mean(dim=(1, 2, 3)) / log_mean.exp()).log().std() > 0.1
 
 
 def test_targets_are_the_mean_curve_of_one_radiance(maps, surfaces):
@@ -379,7 +364,7 @@ def test_told_normals_err_by_a_small_turn(maps, surfaces):
     )
     batches = [source.batch(step) for step in range(8)]
     assert torch.equal(batches[0].photo, plain.photo)
-    turns = torch.cat([batch.told for batch in batches])
+    turns = torch.cat([batch.given_normals_rotation for batch in batches])
     told = turns.abs().sum(dim=(1, 2)) > 0
     assert 8 <= told.sum() <= 24
     turns = turns[told]
@@ -398,7 +383,7 @@ def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     source = PairSource(illuminator, surfaces, replace(config, around=0.5))
     batches = [source.batch(step) for step in range(8)]
     assert torch.equal(batches[0].photo, plain.photo)
-    around = torch.cat([batch.around for batch in batches])
+    around = torch.cat([batch.surroundings for batch in batches])
     ldr = torch.cat([batch.ldr for batch in batches])
     shown = around[:, 3].flatten(1).sum(dim=1) > 0
     assert 8 <= shown.sum() <= 24

@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
-from anyprobe.dataset.surroundings import (  # noqa: E402
+from anyprobe.dataset.seen_surroundings import (  # noqa: E402
     MOST_OTHERS,
     _shown,
     draw_frame,
@@ -16,7 +16,7 @@ from anyprobe.dataset.surroundings import (  # noqa: E402
     photo_around,
     unsteady,
 )
-from anyprobe.infer.surroundings import see_around  # noqa: E402
+from anyprobe.estimate.surroundings import see_around  # noqa: E402
 
 
 def tone(light: torch.Tensor) -> torch.Tensor:

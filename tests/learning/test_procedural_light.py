@@ -6,20 +6,22 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.dataset import room as rooms
+from anyprobe.dataset.asset_store import draw_map, room, sky, studio
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.procedural_light import draw_map, room, sky, studio
 from anyprobe.dataset.sky import (
     REC709_FROM_XYZ,
     clear_sky,
     daylight,
+    direction_at,
     horizontal_irradiance,
     matching_functions,
     scattered_irradiance,
     sky_radiance,
+    soft_box,
+    soft_cap,
     sun_irradiance,
     zenith_luminance,
 )
-from anyprobe.dataset.studio import direction_at, soft_box, soft_cap
 from anyprobe.dataset.variants import (
     add_lamp,
     blend,

@@ -11,10 +11,10 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from support.some_pair import ball_pair  # noqa: E402
 
 from anyprobe.errors import ModelError  # noqa: E402
-from anyprobe.infer.runtime import LIFT_INPUTS, Models, weights_folder  # noqa: E402
+from anyprobe.estimate.runtime import LIFT_INPUTS, Models, weights_folder  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.quantize import EXACT, difference, lift_examples, quantize  # noqa: E402
+from anyprobe.train.export_onnx import EXACT, difference, lift_examples, quantize  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_steps_that_change_too_much_are_refused(graphs, pairs, tmp_path, monkeyp
     told = difference(source, graphs / "int8" / "light.onnx", lift_examples(pairs))
     assert 0 < told < 0.02
     assert difference(source, source, lift_examples(pairs[:2])) == 0
-    monkeypatch.setattr("anyprobe.train.quantize.TOLERANCE", 0.5 * told)
+    monkeypatch.setattr("anyprobe.train.export_onnx.INT8_TOLERANCE", 0.5 * told)
     with pytest.raises(ModelError, match="expected 8 bits to change maps by .* got 0.0"):
         quantize(source, tmp_path / "light.onnx", lift_examples(pairs))
     assert list(tmp_path.iterdir()) == []

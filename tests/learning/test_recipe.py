@@ -11,11 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anyprobe.core.color import luminance
 from anyprobe.core.response import MEAN_CURVE, inverse_response
+from anyprobe.dataset.asset_store import Stock, load_stock
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.laboratory import CAMERA, MATERIALS, material_of
-from anyprobe.dataset.material import SPECULAR_BELOW
 from anyprobe.dataset.pair import (
     _draw,
     fibonacci_viewpoint,
@@ -26,7 +24,6 @@ from anyprobe.dataset.pair import (
 )
 from anyprobe.dataset.plan import balanced_recipes, full_plan
 from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
-from anyprobe.dataset.stock import Stock, load_stock
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import rotate
 from anyprobe.render.mesh import make_mesh
@@ -129,7 +126,7 @@ def test_the_test_set_is_balanced(stock) -> None:
 def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
     """Rendered anew in two processes with another number of threads: bit for bit."""
     script = (
-        "import hashlib; from anyprobe.dataset.stock import load_stock;"
+        "import hashlib; from anyprobe.dataset.asset_store import load_stock;"
         "from anyprobe.dataset.plan import full_plan; from anyprobe.dataset.pair import render_pair;"
         "stock = load_stock(None, 'train', procedural_maps=1, procedural_shapes=1);"
         f"pair = render_pair(full_plan(stock, conditions={conditions}).recipe(3), stock);"
@@ -211,25 +208,6 @@ def test_photo_and_map_have_one_exposure() -> None:
         ratio = seen / (albedo * pair.radiance.mean(axis=(0, 1)))
         assert (ratio > 0.5).all()
         assert (ratio < 1.6).all()
-
-
-def test_a_laboratory_changes_the_material_and_the_camera_alone(stock) -> None:
-    recipe = full_plan(stock).recipe(1)
-    drawn, fixed = render_pair(recipe, stock), render_pair(recipe, stock, laboratory=True)
-    assert fixed.material is MATERIALS[recipe.material]
-    np.testing.assert_array_equal(fixed.map_from_camera, drawn.map_from_camera)
-    np.testing.assert_array_equal(fixed.normals, drawn.normals)
-    np.testing.assert_allclose(fixed.radiance / fixed.gain, drawn.radiance / drawn.gain, rtol=1e-5)
-    assert not np.array_equal(fixed.photo, drawn.photo)
-    log_mean = np.exp(np.log(luminance(fixed.radiance)).mean())
-    assert log_mean == pytest.approx(CAMERA.scene_key, rel=1e-3)
-
-
-def test_a_laboratory_s_materials_are_what_recipes_number() -> None:
-    for number, material in enumerate(MATERIALS):
-        assert (material.alpha >= SPECULAR_BELOW) == bool(number & 1)
-        assert (material.albedo.max() == 0) == bool(number & 2)
-        assert material_of(material.alpha) is material
 
 
 def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:

@@ -7,10 +7,10 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
-from anyprobe.dataset.reshaped import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
+from anyprobe.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402
 

@@ -15,17 +15,16 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.dataset.asks import Batch  # noqa: E402
+from anyprobe.dataset.asset_store import Stock  # noqa: E402
 from anyprobe.dataset.catalog import MapAsset  # noqa: E402
-from anyprobe.dataset.stock import Stock  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.masks.propose import SIZE  # noqa: E402
 from anyprobe.train import loop, mask_run  # noqa: E402
-from anyprobe.train.config import normals  # noqa: E402
+from anyprobe.train.checkpoint import agreed, differing  # noqa: E402
+from anyprobe.train.config import normals, smoke  # noqa: E402
+from anyprobe.train.dataloader import name_assets  # noqa: E402
+from anyprobe.train.init_weights import save_start  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, train_mask  # noqa: E402
-from anyprobe.train.resume import agreed, differing  # noqa: E402
-from anyprobe.train.runs import smoke  # noqa: E402
-from anyprobe.train.start import save_start  # noqa: E402
-from anyprobe.train.supply import name_assets  # noqa: E402
 
 CONFIG = smoke(normals(), 4)
 PAIRS = SimpleNamespace(batch=lambda step: some_batch())
@@ -136,9 +135,7 @@ def test_an_older_checkpoint_goes_on_exactly(tmp_path):
     straight = torch.load(go(tmp_path / "a"), weights_only=True)
     path = go(tmp_path / "b", stop_after=2)
     config = asdict(CONFIG)
-    for part, name in (("pairs", "laboratory"), ("pairs", "every"), ("light", "extra"), ("lift", "queries")):
-        del config[part][name]
-    del config["irradiance_learns"]
+    del config["pairs"]["gathered"], config["light"]["extra"]
     config["name"] = "before"
     changed(path, origin=None, pairs=None, config=json.dumps(config))
     resumed = torch.load(go(tmp_path / "b"), weights_only=True)

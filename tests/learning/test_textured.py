@@ -10,12 +10,12 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import pair as pair_module  # noqa: E402
 from anyprobe.dataset import pairs  # noqa: E402
+from anyprobe.dataset.asset_store import load_stock  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.material import METALS, draw_material  # noqa: E402
 from anyprobe.dataset.pair import render_pair  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.plan import full_plan  # noqa: E402
-from anyprobe.dataset.stock import load_stock  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.dataset.textured import (  # noqa: E402
     MOST_ALBEDO,
@@ -32,7 +32,7 @@ from anyprobe.dataset.textured import (  # noqa: E402
 from anyprobe.dataset.textures import smooth_noise  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.render.picture import draw_mesh  # noqa: E402
-from anyprobe.scatter.brdf import Material  # noqa: E402
+from anyprobe.scatter.materials import Material  # noqa: E402
 
 SIZE, RADIUS = 128, 0.85
 X, Y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, 1 - (np.arange(SIZE) + 0.5) / SIZE * 2)

@@ -9,11 +9,11 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.by_maps import radiance_by_maps
 from anyprobe.render.integrate import NUM_LAMPS, shade
+from anyprobe.render.picture import radiance_by_maps
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object, see
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 HEIGHT = 64
 ROTATION = world_from_camera(2.1, 0.4)

@@ -12,8 +12,7 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import integral
-from anyprobe.light.lamps import WIDENING, take_pixels
-from anyprobe.light.octahedral import build_pyramid, lookup
+from anyprobe.light.octahedral import WIDENING, build_pyramid, lookup, take_pixels
 from anyprobe.render.integrate import (
     NUM_LAMPS,
     PATCHES,
@@ -23,7 +22,7 @@ from anyprobe.render.integrate import (
     shade_specular,
     shading_pyramid,
 )
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 from anyprobe.scatter.microfacet import ggx_distribution
 
 HEIGHT = 64

@@ -5,8 +5,8 @@ import pytest
 
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.dominant_light import connected, dilate, find_main_light, split_main_light
 from anyprobe.light.environment import shrink
-from anyprobe.light.main_light import connected, dilate, find_main_light, split_main_light
 
 FINE = pixel_directions(256)
 CENTRES = {

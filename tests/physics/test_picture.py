@@ -8,14 +8,14 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.infer.photo import Photo
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import integral, shrink
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.render.balls import ball_normals, silver
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
+from anyprobe.render.spheres import ball_normals, silver
 from anyprobe.render.surface import frame_object
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 HEIGHT = 1024
 RADIUS_DEG = 0.53

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InputError
-from anyprobe.scatter.presets import DULL, MATERIALS, told_material
+from anyprobe.scatter.materials import DULL, MATERIALS, told_material
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])

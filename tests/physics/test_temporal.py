@@ -9,7 +9,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.light.filtering import blur_cap
 from anyprobe.light.temporal import OFFSET, Smoothing, Steadied, step
-from anyprobe.render.balls import ball_normals, silver
+from anyprobe.render.spheres import ball_normals, silver
 
 HEIGHT, BALL = 16, 12
 FRAME_NOISE = 0.05

@@ -10,10 +10,9 @@ from support.some_pair import ball_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset import stock
+from anyprobe.dataset import asset_store
 from anyprobe.errors import InputError, ModelError
-from anyprobe.evaluate.calibrate import calibrate
-from anyprobe.evaluate.calibration import CLOSE, Calibration, fit_logit, to_logit
+from anyprobe.evaluate.calibration import CLOSE, Calibration, calibrate, fit_logit, to_logit
 
 
 def maps(rng, confidence, chance):
@@ -205,10 +204,12 @@ def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
 
     made = {True: assets("ab"), False: assets("abcd")}
     monkeypatch.setattr(
-        stock, "load_stock", lambda data, split, commercial_only: stock.Stock(*2 * [made[commercial_only]])
+        asset_store,
+        "load_stock",
+        lambda data, split, commercial_only: asset_store.Stock(*2 * [made[commercial_only]]),
     )
-    left = stock.load_left_out(Path("data"))
+    left = asset_store.load_left_out(Path("data"))
     assert (list(left.maps), list(left.shapes)) == (["c"], ["c", "d"])  # d: its lights are made up
     made[False] = made[True]
     with pytest.raises(InputError, match="0 maps and 0 shapes"):
-        stock.load_left_out(Path("data"))
+        asset_store.load_left_out(Path("data"))

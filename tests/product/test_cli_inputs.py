@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.where import read_where, where_for
+from anyprobe.cli.options import read_where, where_for
 from anyprobe.core.response import response
 from anyprobe.files.names import natural_order
 from anyprobe.files.radiance import read_radiance

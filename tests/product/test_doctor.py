@@ -12,7 +12,7 @@ import pytest
 import anyprobe
 from anyprobe.cli import doctor
 from anyprobe.errors import ModelError
-from anyprobe.infer.runtime import DEFAULT_MODEL, file_hashes
+from anyprobe.estimate.runtime import DEFAULT_MODEL, file_hashes
 
 
 def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
@@ -69,7 +69,7 @@ def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
     """A model that always sees one lamp is as wrong as that lamp is far from the drawn one."""
     inside = doctor._lamp(np.asarray(found) / np.linalg.norm(found))
     light = anyprobe.Light(radiance=inside)
-    monkeypatch.setattr("anyprobe.infer.estimate.Estimator", lambda model: lambda photo: light)
+    monkeypatch.setattr("anyprobe.estimate.estimator.Estimator", lambda model: lambda photo: light)
     assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
 
 

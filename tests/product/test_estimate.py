@@ -18,10 +18,10 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Outputs, bundled_models
 from anyprobe.files.radiance import exr_attributes, read_radiance
-from anyprobe.infer.runtime import DEFAULT_MODEL, Outputs, bundled_models
+from anyprobe.light.dominant_light import find_main_light
 from anyprobe.light.environment import rotate
-from anyprobe.light.main_light import find_main_light
 from anyprobe.light.reconstruct import reconstruct
 
 FOV_DEG = 70.0
@@ -67,7 +67,7 @@ def test_light_has_the_promised_shape(photo_path):
     assert np.isfinite(light.radiance).all()
     assert light.radiance.min() >= 0
     assert light.sh9().shape == (9, 3)
-    main = light.main_light()
+    main = light.dominant_light()
     assert np.linalg.norm(main.direction) == pytest.approx(1, abs=1e-5)
     assert main.color.shape == main.irradiance.shape == (3,)
     assert light.confidence.shape == (height, 2 * height)
@@ -247,7 +247,7 @@ def test_lamp_of_the_crop_lands_where_the_pinhole_says(estimator, kind, in_crop,
     photo = photo_at(WIDTH // 2 + right, HEIGHT // 2 - up)
     light = with_lamp_in_crop(estimator, in_crop)(photo, fov_deg=FOV_DEG)
     assert_points_at(light.radiance, in_camera)
-    main = light.main_light().direction
+    main = light.dominant_light().direction
     assert main @ (np.asarray(in_camera) / np.linalg.norm(in_camera)) > np.cos(np.radians(2))
 
 
@@ -285,7 +285,7 @@ def test_exif_focal_length_equals_the_field_of_view(tmp_path, estimator):
 
 def test_rotation_moves_the_main_light_as_it_says():
     light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
-    before = light.main_light().direction
+    before = light.dominant_light().direction
     turns = (rotation_y(0.7), rotation_x(-0.5), rotation_z(1.9), rotation_y(2.5) @ rotation_x(0.8))
     for turn in turns:
         after = light.rotate(turn).main_light().direction
@@ -397,7 +397,7 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     assert "exposure units" in sidecar["scale"]
     assert sidecar["exposure_ev"] == 0
     np.testing.assert_allclose(sidecar["sh9"], light.sh9(), atol=1e-6)
-    main = light.main_light()
+    main = light.dominant_light()
     for key in ("direction", "color", "irradiance"):
         np.testing.assert_allclose(sidecar["main_light"][key], getattr(main, key), atol=1e-6)
     assert set(sidecar["seconds"]) == {"load", "networks", "turn"}

@@ -9,9 +9,9 @@ import pytest
 from support.scenes import ball_photo
 
 import anyprobe
-from anyprobe.infer.estimate import as_material
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.scatter.presets import MATERIALS, told_material
+from anyprobe.estimate.estimator import as_material
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.scatter.materials import MATERIALS, told_material
 
 
 def through(entry: str, estimator, rgba: np.ndarray, **told):

@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from anyprobe.infer import photo as photo_module
-from anyprobe.infer.several import estimate_together
+from anyprobe.estimate import photo as photo_module
+from anyprobe.estimate.multiview import estimate_together
 
 SLOW_S = 0.3
 pytestmark = pytest.mark.usefixtures("networks_opened_once", "slow_masks")

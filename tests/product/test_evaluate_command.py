@@ -10,8 +10,8 @@ from support.some_pair import ball_pair
 
 from anyprobe.dataset import catalog
 from anyprobe.dataset import pair as pair_module
-from anyprobe.dataset.stock import own_map, own_shape
-from anyprobe.evaluate import methods, protocol
+from anyprobe.dataset.asset_store import own_map, own_shape
+from anyprobe.evaluate import methods, scoring
 
 ASSETS = ("--hdri", "h", "--meshes", "m", "--pairs", "4")
 ALPHAS = (0.05, 0.6, 0.2, 0.9)
@@ -36,7 +36,7 @@ def rendered(monkeypatch) -> list[dict]:
 @pytest.fixture
 def scored_quickly(monkeypatch) -> None:
     """Every figure 1: the balls that most are of take a second a pair."""
-    monkeypatch.setattr(protocol, "score", lambda estimate, truth: dict.fromkeys(protocol.METRICS, 1.0))
+    monkeypatch.setattr(scoring, "score", lambda estimate, truth: dict.fromkeys(scoring.METRICS, 1.0))
 
 
 def written(folder) -> dict:

@@ -11,10 +11,10 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear
 from anyprobe.errors import InvalidEnvironment
-from anyprobe.export.frames import OPENEXR, THREE
+from anyprobe.estimate.result import Light
+from anyprobe.export.target_frames import OPENEXR, THREE
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.result import Light
 
 TAU = 2 * np.pi
 LAYOUTS = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.evaluate.groups import GROUPS, groups_of, main_light_share
+from anyprobe.evaluate.scoring import GROUPS, groups_of, main_light_share
 
 
 def room(lamp_share: float, direction=(0.3, 0.8, 0.5)) -> np.ndarray:

@@ -17,18 +17,16 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.fitted import fit_map
-from anyprobe.infer.known_material import MAX_STOPS, fit_gain
-from anyprobe.infer.known_normals import normals_from_outline, read_normals
-from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.material_prior import MAX_STOPS, fit_gain, fit_map
+from anyprobe.estimate.normals_prior import normals_from_outline, read_normals
+from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.light.environment import rotate
-from anyprobe.render.balls import ball_normals
 from anyprobe.render.integrate import shade, shading_pyramid
 from anyprobe.render.shapes import sphere
+from anyprobe.render.spheres import ball_normals
 from anyprobe.render.surface import Camera, pixel_rays, see
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS, material_named
+from anyprobe.scatter.materials import MATERIALS, Material, material_named
 
 MATTE = MATERIALS["matte"]
 EXAMPLES = Path(__file__).parents[2] / "examples"

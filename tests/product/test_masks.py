@@ -12,8 +12,8 @@ from PIL import Image
 
 from anyprobe.core.hints import BOX_LEVEL, draw_hints
 from anyprobe.errors import InvalidMask, ModelError
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
-from anyprobe.infer.photo import load_photo
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.grabcut import cut_seeded
@@ -199,7 +199,7 @@ def test_contract_of_the_graph():
 
 
 def test_a_graph_of_another_contract_is_refused(tmp_path):
-    from anyprobe.infer.runtime import weights_folder
+    from anyprobe.estimate.runtime import weights_folder
 
     with pytest.raises(ModelError, match="stage"):
         MaskNetwork(weights_folder("paper") / "hdr.onnx")

@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from anyprobe.cli.where import list_photos, where_for
+from anyprobe.cli.options import list_photos, where_for
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.files.names import visible_files

@@ -15,7 +15,7 @@ from anyprobe.evaluate.metrics import (
     si_rmse,
     ssim,
 )
-from anyprobe.render.balls import ball_images, ball_normals
+from anyprobe.render.spheres import ball_images, ball_normals
 
 
 @pytest.fixture

@@ -12,14 +12,12 @@ import anyprobe
 from anyprobe.core.frames import dot, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.infer.known_material import use_material
-from anyprobe.infer.mirror import MEASURED, is_mirror, measure
-from anyprobe.infer.runtime import Outputs
-from anyprobe.light.main_light import find_main_light
-from anyprobe.render.balls import ball_normals
+from anyprobe.estimate.material_prior import MEASURED, is_mirror, measure, use_material
+from anyprobe.estimate.runtime import Outputs
+from anyprobe.light.dominant_light import find_main_light
+from anyprobe.render.spheres import ball_normals
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS
+from anyprobe.scatter.materials import MATERIALS, Material
 
 CHROME = MATERIALS["chrome"]
 TAN_HALF = 0.1

@@ -15,10 +15,10 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import inverse_response, response
-from anyprobe.infer.panorama import DIFFER, lay_over, seen_from, window
-from anyprobe.infer.photo import Photo, crop_object, load_photo
-from anyprobe.infer.several import fuse_lights
-from anyprobe.infer.surroundings import around_of, radiance_of
+from anyprobe.estimate.multiview import fuse_lights
+from anyprobe.estimate.panorama import DIFFER, lay_over, seen_from, window
+from anyprobe.estimate.photo import Photo, crop_object, load_photo
+from anyprobe.estimate.surroundings import around_of, radiance_of
 from anyprobe.light.environment import rotate
 
 POSES = [rotation_x(0.1), rotation_y(1.6) @ rotation_x(0.1), rotation_y(-1.5), rotation_y(0.4)]

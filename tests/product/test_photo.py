@@ -10,7 +10,7 @@ from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
-from anyprobe.infer.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
+from anyprobe.estimate.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.grabcut import mask_from_box
 from anyprobe.masks.sources import mask_from_file

@@ -13,17 +13,16 @@ from support.scenes import ball_photo, made_map
 import anyprobe
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
-from anyprobe.infer.photo import load_photo
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS
+from anyprobe.scatter.materials import MATERIALS, Material
 
 WIDTH, HEIGHT, DIAMETER = 240, 160, 60
 WHITE = Material(albedo=np.ones(3), f0=np.zeros(3), alpha=1.0)

@@ -24,8 +24,8 @@ from support.folders import names, snapshot
 from support.mesh_files import obj
 
 from anyprobe.cli import render as render_command
-from anyprobe.dataset import render_again, render_job, shards
-from anyprobe.dataset.local_engine import run_local
+from anyprobe.dataset import render_job, shards
+from anyprobe.dataset.process_pools import run_local
 from anyprobe.dataset.samples import Sample, StockRenderer, decode
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.radiance import write_hdr
@@ -209,7 +209,7 @@ def test_folder_of_assets_with_a_bad_file(tmp_path, assets):
     assert len(said) == 1
     assert "cut.hdr" in said[0]
     render_job.render_missing(job, here, ignore)
-    assert render_again.render_again(job, (0, (0,)), ignore) == ""
+    assert render_job.render_again(job, (0, (0,)), ignore) == ""
     plan = render_job.read_plan(tmp_path / "set")
     assert [(one["name"], one["licence"]) for one in plan["maps"] + plan["shapes"]] == [
         ("hall", "CC0"),
@@ -683,7 +683,7 @@ def test_pair_of_another_seed_is_found(whole, tmp_path):
         shutil.copy(tmp_path / "other" / f"shard-000000.{suffix}", whole)
     assert shards.fault(whole, 0, "object", 5) == ""
     job = render_job.Job(folder=whole, data=None, make=DrawnRenderer)
-    assert "is not in it" in render_again.render_again(job, (0, (0,)), lambda count: None)
+    assert "is not in it" in render_job.render_again(job, (0, (0,)), lambda count: None)
 
 
 def test_repacked_picture_is_the_same_picture(whole):
@@ -696,14 +696,14 @@ def test_repacked_picture_is_the_same_picture(whole):
     shards.write_shard(whole, 0, changed(old, 0, "photo.png", repack))
     assert (whole / "shard-000000.tar").stat().st_size > 60_000
     job = render_job.Job(folder=whole, data=None, make=DrawnRenderer)
-    assert render_again.render_again(job, (0, tuple(range(5))), lambda count: None) == ""
+    assert render_job.render_again(job, (0, tuple(range(5))), lambda count: None) == ""
 
 
 def test_pairs_to_render_again_are_drawn_from_all(whole):
     """So many of them, each at most once, in the shards they are in."""
     tried = Counter()
     for _ in range(40):
-        tasks = render_again.choose(render_job.read_plan(whole), [0, 2, 4], 3)
+        tasks = render_job.choose(render_job.read_plan(whole), [0, 2, 4], 3)
         numbers = [number for _, group in tasks for number in group]
         assert len(numbers) == len(set(numbers)) == 3
         assert all(number // 5 == shard for shard, group in tasks for number in group)
@@ -711,5 +711,5 @@ def test_pairs_to_render_again_are_drawn_from_all(whole):
     assert set(tried) <= {*range(5), *range(10, 15), *range(20, 23)}
     assert len(tried) > 10
     assert (
-        np.sum([len(group) for _, group in render_again.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5
+        np.sum([len(group) for _, group in render_job.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5
     )

@@ -12,8 +12,8 @@ from support.some_pair import ball_pair
 
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, ModelError
-from anyprobe.infer import runtime
-from anyprobe.infer.runtime import CONTRACT, SPREAD, STAGES, Models, file_hashes, model_id, weights_folder
+from anyprobe.estimate import runtime
+from anyprobe.estimate.runtime import CONTRACT, SPREAD, STAGES, Models, file_hashes, model_id, weights_folder
 from anyprobe.light.environment import integral
 
 MAX_WEIGHTS_BYTES = 40 * 2**20

@@ -23,9 +23,9 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 from fastapi.testclient import TestClient
 
 from anyprobe.cli.serve import is_loopback
-from anyprobe.infer.photo import load_photo
-from anyprobe.infer.result import Light
-from anyprobe.scatter.brdf import Material
+from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.result import Light
+from anyprobe.scatter.materials import Material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import CLIENT_GONE, create_app
 from anyprobe.serve.limits import Limits

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from anyprobe.core.frames import rotation_y, world_from_camera
+from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import write_hdr
-from anyprobe.infer.runtime import DEFAULT_MODEL
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")

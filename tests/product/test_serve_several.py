@@ -16,9 +16,9 @@ from fastapi.testclient import TestClient
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import InputError
+from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.files.poses import parse_poses
-from anyprobe.infer.several import fuse_lights
-from anyprobe.scatter.presets import told_material
+from anyprobe.scatter.materials import told_material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import create_app
 from anyprobe.serve.limits import Limits

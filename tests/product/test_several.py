@@ -14,13 +14,12 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
+from anyprobe.estimate.multiview import OFFSET, UNTOLD, fuse, fuse_lights
+from anyprobe.estimate.result import Light
 from anyprobe.files.images import photo_header, read_image
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.result import Light
-from anyprobe.infer.several import UNTOLD, fuse_lights
 from anyprobe.light.environment import integral, rotate
-from anyprobe.light.fuse import OFFSET, fuse
 
 D = pixel_directions(64)
 ONE = np.ones((2, 64, 128), np.float32)

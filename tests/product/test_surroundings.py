@@ -16,10 +16,9 @@ from anyprobe.core.frames import normalize, turn_towards
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
-from anyprobe.files.radiance import write_exr, write_hdr
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import Outputs
-from anyprobe.infer.surroundings import (
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.runtime import Outputs
+from anyprobe.estimate.surroundings import (
     BURNT,
     SEEN,
     TINT,
@@ -29,6 +28,7 @@ from anyprobe.infer.surroundings import (
     turned,
     use_surroundings,
 )
+from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import rotate
 
 

@@ -7,10 +7,9 @@ import pytest
 from support.some_pair import ball_pair
 
 from anyprobe.core.response import response
-from anyprobe.evaluate.methods import TOLD, run_told, shipped, true_normals
-from anyprobe.infer.fitted import fit_map
-from anyprobe.infer.known_material import fit_gain
-from anyprobe.infer.runtime import Models
+from anyprobe.estimate.material_prior import fit_gain, fit_map
+from anyprobe.estimate.runtime import Models
+from anyprobe.evaluate.methods import TOLD, model_methods, run_told, true_normals
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +49,14 @@ def test_what_is_told_is_all_that_differs(models):
         np.testing.assert_allclose(np.exp(answers[name].ln_radiance), fitted, rtol=1e-2)
 
 
-def test_only_a_model_that_lifts_is_also_told_normals():
-    assert list(shipped("lift")[0]) == ["lift"]
-    assert list(shipped("lift", told=True)[0]) == ["lift", "lift_normals", "lift_spread"]
-    assert list(shipped("paper", told=True)[0]) == ["paper"]
-    pair = ball_pair(3)
-    alone, told, spread = (method(pair) for method in shipped("lift", told=True)[0].values())
-    assert (alone.radiance != told.radiance).any()
+def test_only_a_model_that_lifts_is_given_normals():
+    rows = {
+        name: list(model_methods(Models(name), name, told))
+        for name, told in (("lift", True), ("paper", False))
+    }
+    assert rows["lift"] == ["lift", "lift, lamps spread", *(f"lift, told {what}" for what in TOLD)]
+    assert rows["paper"] == ["paper"]
+    pair, methods = ball_pair(3), model_methods(Models(), "lift", told=True)
+    alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", told normals", ", lamps spread"))
+    assert (alone.radiance != given.radiance).any()
     assert spread.radiance.max() < alone.radiance.max()

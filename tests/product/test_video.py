@@ -24,7 +24,7 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
-from anyprobe.relight.relight import Arrangement
+from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import join_pieces, open_clip, read_frames, upright_size, write_piece

@@ -15,9 +15,9 @@ from support.clips import ball_frame, ball_mask, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.radiance import read_radiance, write_exr
-from anyprobe.infer.photo import load_photo
-from anyprobe.relight.relight import Arrangement
+from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import following
 from anyprobe.video import run as run_module

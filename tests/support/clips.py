@@ -11,7 +11,7 @@ from PIL import Image
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.light.environment import rotate
-from anyprobe.render.balls import ball_normals, diffuse
+from anyprobe.render.spheres import ball_normals, diffuse
 
 SIZE, DIAMETER = (128, 96), 40
 LEFT_PX, TOP_PX = 20, 40

@@ -20,7 +20,7 @@ from anyprobe.dataset.pair import MapPair, Pair
 from anyprobe.dataset.plan import Plan
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.samples import CONDITIONS, AssetNote, Sample, encode_map_pair, encode_pair
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 
 class DrawnRenderer:

@@ -19,7 +19,7 @@ import numpy as np
 
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 LLVM = "/usr/lib/*/libLLVM-*.so"
 OLDEST_LLVM = 17

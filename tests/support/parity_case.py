@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import LIFT_STAGES, SPREAD, weights_folder
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.runtime import LIFT_STAGES, SPREAD, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
@@ -42,7 +42,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     """
     loaded = load_photo(photo, fov_deg=long_fov_deg)
     light = estimator.from_photo(loaded)
-    main = light.main_light()
+    main = light.dominant_light()
     answers = {
         "mask": loaded.mask,
         "crop": light.stages["photo"].transpose(2, 0, 1),

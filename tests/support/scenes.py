@@ -9,7 +9,7 @@ import numpy as np
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.render.balls import ball_normals, diffuse
+from anyprobe.render.spheres import ball_normals, diffuse
 
 HEIGHT, WIDTH, DIAMETER = 96, 128, 64
 CENTER = (64, 48)

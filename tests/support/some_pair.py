@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.light.environment import shrink
-from anyprobe.render.balls import ball_normals, diffuse
-from anyprobe.scatter.brdf import Material
+from anyprobe.render.spheres import ball_normals, diffuse
+from anyprobe.scatter.materials import Material
 
 
 def ball_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: int = 0) -> Pair:

@@ -19,8 +19,8 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.targets import export
-from anyprobe.light.main_light import find_main_light
-from anyprobe.render.balls import ball_images, ball_normals
+from anyprobe.light.dominant_light import find_main_light
+from anyprobe.render.spheres import ball_images, ball_normals
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ import pytest
 from support.browser import FOLDER, NODE_MODULES, NoBrowser, find_browser, run_steps, serve
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
-from anyprobe.export.light import prepare
+from anyprobe.export.exported_light import prepare
 from anyprobe.export.targets import export
 from anyprobe.light.harmonics import irradiance
 

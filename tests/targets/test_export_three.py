@@ -8,8 +8,8 @@ from support.browser import run_steps
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.export.targets import export
+from anyprobe.light.dominant_light import split_main_light
 from anyprobe.light.harmonics import irradiance, project
-from anyprobe.light.main_light import split_main_light
 
 pytestmark = pytest.mark.slow
 

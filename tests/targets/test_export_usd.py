@@ -9,7 +9,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 from anyprobe.core.latlong import bilinear
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.light.main_light import find_main_light
+from anyprobe.light.dominant_light import find_main_light
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("pxr", reason="usd-core is needed (pip install usd-core)")

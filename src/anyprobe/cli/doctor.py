@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from anyprobe.errors import ModelError
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 PACKAGES = (
     "anyprobe",
@@ -33,7 +33,7 @@ def doctor(
     """Print versions, providers and model hashes, and estimate the light of a drawn ball."""
     import onnxruntime
 
-    from anyprobe.infer.runtime import file_hashes
+    from anyprobe.estimate.runtime import file_hashes
 
     talk = Console(highlight=False)
     talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
@@ -58,8 +58,8 @@ SELF_TEST_DEG = 45
 
 def self_test(model: str) -> tuple[float, float]:
     """Seconds for one photo of a white ball lit from the upper left, and the main light's error in degrees."""
-    from anyprobe.infer.estimate import Estimator
-    from anyprobe.render.balls import ball_normals, diffuse
+    from anyprobe.estimate.estimator import Estimator
+    from anyprobe.render.spheres import ball_normals, diffuse
 
     toward = np.array([-0.6, 0.6, 0.53])
     radiance = _lamp(toward / np.linalg.norm(toward))
@@ -72,7 +72,7 @@ def self_test(model: str) -> tuple[float, float]:
     start = time.perf_counter()
     light = estimator(photo)
     seconds = time.perf_counter() - start
-    cosine = float(light.main_light().direction @ toward / np.linalg.norm(toward))
+    cosine = float(light.dominant_light().direction @ toward / np.linalg.norm(toward))
     return seconds, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 

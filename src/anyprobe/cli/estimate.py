@@ -16,30 +16,28 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Column, Table
 
-from anyprobe.cli.known import (
+from anyprobe.cli.options import (
     AlbedoOption,
-    LampsOption,
-    MaterialOption,
-    NormalsOption,
-    SurroundingsOption,
-    read_material,
-    read_normals_option,
-    read_surroundings_option,
-)
-from anyprobe.cli.where import (
     BoxOption,
     ClickOption,
     DepthOption,
     FarOption,
+    LampsOption,
     MaskOption,
+    MaterialOption,
     NearOption,
+    NormalsOption,
     NotOption,
+    SurroundingsOption,
     list_photos,
+    read_material,
+    read_normals_option,
+    read_surroundings_option,
     read_where,
     where_for,
 )
 from anyprobe.errors import AnyprobeError, InputError, OutputError
-from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, DRAWN
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,7 +80,7 @@ def estimate(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
-    from anyprobe.infer.estimate import Estimator
+    from anyprobe.estimate.estimator import Estimator
 
     where = read_where(mask, box, click, click_off, depth, near, far) | {
         "normals": read_normals_option(normals),
@@ -112,8 +110,8 @@ def _one(
     estimator, path: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
 ) -> Done:
     """Estimate one photo and write its files; an error of ours ends this photo alone."""
-    from anyprobe.infer.outputs import write_results
-    from anyprobe.infer.photo import load_photo
+    from anyprobe.estimate.outputs import write_results
+    from anyprobe.estimate.photo import load_photo
 
     start = time.perf_counter()
     try:
@@ -136,17 +134,19 @@ def _one(
         files = {kind: str(target) for kind, target in written.items()}
         print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
     seconds = sum(light.info["seconds"].values())
-    return Done(photo=path, direction=light.main_light().direction, seconds=seconds, warnings=light.warnings)
+    return Done(
+        photo=path, direction=light.dominant_light().direction, seconds=seconds, warnings=light.warnings
+    )
 
 
 def _together(
     estimator, steps, poses: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
 ) -> Done:
     """One light of all photos, under the first one's name; any error ends all of it."""
+    from anyprobe.estimate.multiview import estimate_together
+    from anyprobe.estimate.outputs import write_results
+    from anyprobe.estimate.photo import Photo, load_photo
     from anyprobe.files.poses import read_poses
-    from anyprobe.infer.outputs import write_results
-    from anyprobe.infer.photo import Photo, load_photo
-    from anyprobe.infer.several import estimate_together
 
     start = time.perf_counter()
     told_poses = read_poses(poses)
@@ -168,7 +168,7 @@ def _together(
         files = {kind: str(target) for kind, target in written.items()}
         print(json.dumps({**light.sidecar(), "photo": str(listed[0]), "files": files}), flush=True)
     seconds = time.perf_counter() - start
-    direction = light.main_light().direction
+    direction = light.dominant_light().direction
     return Done(photo=listed[0], direction=direction, seconds=seconds, warnings=light.warnings)
 
 
@@ -182,7 +182,7 @@ def _line(path: Path, error: AnyprobeError) -> str:
 
 def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:
     """Refuse a result that would replace one of the inputs."""
-    from anyprobe.infer.outputs import SUFFIXES
+    from anyprobe.estimate.outputs import SUFFIXES
 
     files = (*listed, told["mask"], told["depth"], told["normals"], told["surroundings"])
     inputs = {given.resolve(): given for given in files if isinstance(given, Path)}

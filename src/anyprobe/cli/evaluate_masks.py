@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from anyprobe.cli.need import need_torch
+from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
 
 
@@ -45,7 +45,7 @@ def evaluate_masks(
     sets = {}
     if data is not None:
         need_torch("rendering scenes")
-        from anyprobe.dataset.stock import load_stock
+        from anyprobe.dataset.asset_store import load_stock
         from anyprobe.evaluate.mask_scenes import rendered_cases
 
         sets["scenes"] = rendered_cases(load_stock(data, "test", commercial_only=False), scenes, seed)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.where import (
+from anyprobe.cli.options import (
     BoxOption,
     ClickOption,
     DepthOption,

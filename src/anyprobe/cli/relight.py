@@ -11,12 +11,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from anyprobe.cli.known import LampsOption
-from anyprobe.cli.where import (
+from anyprobe.cli.options import (
     BoxOption,
     ClickOption,
     DepthOption,
     FarOption,
+    LampsOption,
     MaskOption,
     NearOption,
     NotOption,
@@ -24,7 +24,7 @@ from anyprobe.cli.where import (
     where_for,
 )
 from anyprobe.errors import InputError, OutputError
-from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, DRAWN
 
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
@@ -84,11 +84,11 @@ def relight(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
+    from anyprobe.estimate.photo import load_photo
     from anyprobe.files.images import write_png
     from anyprobe.files.objects import open_object
-    from anyprobe.infer.photo import load_photo
-    from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
-    from anyprobe.scatter.presets import material_named
+    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
+    from anyprobe.scatter.materials import material_named
 
     where = where_for(photo, read_where(mask, box, click, click_off, depth, near, far))
     foot = point(at)
@@ -138,7 +138,7 @@ def relight(
 def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.ndarray, float]:
     """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
-        from anyprobe.export.origin import check_front, map_from_camera
+        from anyprobe.export.exported_light import check_front, map_from_camera
         from anyprobe.files.radiance import read_radiance
         from anyprobe.light.environment import rotate
 
@@ -148,7 +148,7 @@ def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.nda
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         return radiance, 1.0
-    from anyprobe.infer.estimate import Estimator
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.relight.appearance import least_scale
 
     radiance = Estimator(model, lamps=lamps).from_photo(photo).radiance

@@ -14,11 +14,10 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.known import LampsOption, SurroundingsOption, read_surroundings_option
+from anyprobe.cli.options import LampsOption, SurroundingsOption, read_surroundings_option, read_where
 from anyprobe.cli.relight import Renderer, point
-from anyprobe.cli.where import read_where
 from anyprobe.errors import InputError
-from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, DRAWN
 
 LINE_S = 30
 """Between two lines of progress where there is no terminal."""
@@ -70,11 +69,11 @@ def video(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
-    from anyprobe.infer.estimate import Estimator
-    from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, uses_mitsuba
-    from anyprobe.scatter.presets import material_named
+    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, uses_mitsuba
+    from anyprobe.scatter.materials import material_named
     from anyprobe.video.clip import open_clip, upright_size
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject, forget_run

@@ -18,12 +18,11 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
+from anyprobe.dataset.asset_store import Stock
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, take_photo
-from anyprobe.dataset.laboratory import CAMERA, MATERIALS
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
-from anyprobe.dataset.stock import Stock
 from anyprobe.dataset.textured import draw_factor, draw_share, paint
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
@@ -31,7 +30,7 @@ from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import Shading, shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, see
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 """A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material to linear RGB (and more) [S, S, 3+]."""
@@ -104,13 +103,11 @@ def render_pair(
     recipe: Recipe,
     stock: Stock,
     trace: Trace | None = None,
-    laboratory: bool = False,
     textured: bool = False,
 ) -> Pair:
     """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape, or nobody can see it.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
-    laboratory: with the camera and one of the materials of dataset.laboratory in the place of what the recipe draws.
     textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both
         (dataset.textured). Irradiance and map know of it by the photo's exposure alone. Not with trace, which is
         given one material.
@@ -122,8 +119,6 @@ def render_pair(
     asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material, shot = drawn.material, drawn.shot
-    if laboratory:
-        material, shot = MATERIALS[recipe.material], CAMERA
     camera, surface = _look(shape.mesh, drawn, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
     map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera

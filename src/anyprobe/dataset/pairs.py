@@ -19,19 +19,18 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
-from anyprobe.dataset.laboratory import ALPHAS, CAMERA, material_of
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.reshaped import join_some, reshape_some
+from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_around, unsteady
+from anyprobe.dataset.shape_augment import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
-from anyprobe.dataset.surroundings import draw_frame, gather, photo_around, unsteady
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import stand_ins
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.albedo import albedo_table
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,16 +40,15 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
-    laboratory: the one camera and the eight materials of dataset.laboratory; wants conditions 0.
     every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
     around: share of photos of which more is known than the object: the map, as far as the picture shows it
-        (dataset.surroundings).
+        (dataset.seen_surroundings).
     gathered: of these, the share of which also what other photos of the object show is known.
     joined, reshaped: shares of surfaces before which another is put, and that are given another shape
-        (dataset.reshaped).
+        (dataset.shape_augment).
     textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
         alpha (dataset.textured); targets know of neither but by the photo's exposure.
     """
@@ -62,7 +60,6 @@ class PairConfig:
     pool: int = 12
     lanes: int = 2
     conditions: int = 1
-    laboratory: bool = False
     every: int = 1
     cut_out: float = 0.0
     told: float = 0.0
@@ -82,9 +79,9 @@ TOLD_ERROR_DEG = 2.0
 class Batch:
     """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
-    zero outside the object, and tan_half [B] of half the field of view; told [B, 3, 3]: from these normals to those
-    that come with the photo, a small turn, or zero where none do; around [B, 4, H, 2H]: what else the photo shows,
-    see dataset.surroundings.photo_around, or zero."""
+    zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from these normals to those
+    that come with the photo, a small turn, or zero where none do; surroundings [B, 4, H, 2H]: what else the photo shows,
+    see dataset.seen_surroundings.photo_around, or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -93,8 +90,8 @@ class Batch:
     alpha: torch.Tensor
     normals: torch.Tensor
     tan_half: torch.Tensor
-    told: torch.Tensor
-    around: torch.Tensor
+    given_normals_rotation: torch.Tensor
+    surroundings: torch.Tensor
 
     def to(self, device: str) -> Batch:
         """The same on another device."""
@@ -123,8 +120,7 @@ class PairSource:
         for key in wanted:
             if key not in self._groups:
                 rng = np.random.default_rng((self.config.seed, 1, *key))
-                alphas = ALPHAS if self.config.laboratory else None
-                self._groups[key] = [self.illuminator.draw(rng, alphas) for _ in range(self.config.group)]
+                self._groups[key] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
         return [lit for key in wanted for lit in self._groups[key]]
 
     @torch.no_grad()
@@ -157,10 +153,7 @@ class PairSource:
     ) -> Batch:
         """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos."""
         count, size = len(chosen), normals.shape[-1]
-        if self.config.laboratory:
-            materials = [material_of(lit.alpha) for lit in chosen]
-        else:
-            materials = [draw_material(rng, lit.alpha) for lit in chosen]
+        materials = [draw_material(rng, lit.alpha) for lit in chosen]
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -173,8 +166,6 @@ class PairSource:
         radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
-        if self.config.laboratory:
-            shots = [CAMERA] * count
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
@@ -211,8 +202,8 @@ class PairSource:
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
             normals=normals,
             tan_half=angles,
-            told=torch.from_numpy(told.astype(np.float32)).to(self.device),
-            around=around,
+            given_normals_rotation=torch.from_numpy(told.astype(np.float32)).to(self.device),
+            surroundings=around,
         )
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:

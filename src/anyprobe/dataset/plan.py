@@ -8,8 +8,8 @@ from math import gcd
 
 import numpy as np
 
+from anyprobe.dataset.asset_store import Stock
 from anyprobe.dataset.recipe import EXPOSURES, MATERIALS, VIEWPOINTS, Recipe
-from anyprobe.dataset.stock import Stock
 from anyprobe.errors import InputError
 
 

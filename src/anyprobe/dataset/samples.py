@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
+from anyprobe.dataset.asset_store import load_stock
 from anyprobe.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
 from anyprobe.dataset.plan import full_plan
 from anyprobe.dataset.recipe import Recipe
-from anyprobe.dataset.stock import load_stock
 from anyprobe.errors import InputError
 
 CONDITIONS = ("clean", "world")

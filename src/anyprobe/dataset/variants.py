@@ -11,9 +11,9 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.studio import direction_at, soft_cap, tint
+from anyprobe.dataset.sky import direction_at, soft_cap, tint
+from anyprobe.light.dominant_light import dilate, find_main_light
 from anyprobe.light.environment import integral, rotate, shrink
-from anyprobe.light.main_light import dilate, find_main_light
 
 SEARCH_HEIGHT = 64
 """Rows of the map in which the main light is looked for."""

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from anyprobe.dataset.asks import cover_box, inside_click, unasked_target
+from anyprobe.dataset.asset_store import Stock
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.scenes import draw_scene
 from anyprobe.dataset.sprites import ViewSource
-from anyprobe.dataset.stock import Stock
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.evaluate.masks import Case, make_case
 

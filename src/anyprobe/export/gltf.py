@@ -19,8 +19,8 @@ from PIL import Image
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.export.cubemap import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.light import ExportedLight, numbers
-from anyprobe.export.sh_layouts import gltf
+from anyprobe.export.exported_light import ExportedLight, numbers
+from anyprobe.export.target_frames import gltf
 from anyprobe.export.usd import pointing_away
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.export.frames import OPENEXR
-from anyprobe.export.light import ExportedLight, numbers, write_maps
+from anyprobe.export.exported_light import ExportedLight, numbers, write_maps
+from anyprobe.export.target_frames import OPENEXR
 
 STAGE = """#usda 1.0
 (

@@ -14,12 +14,12 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
-from anyprobe.infer.photo import Photo
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.balls import ball_normals, diffuse, mirror
 from anyprobe.render.integrate import NUM_LAMPS, shade
-from anyprobe.scatter.brdf import Material
+from anyprobe.render.spheres import ball_normals, diffuse, mirror
+from anyprobe.scatter.materials import Material
 
 ALPHAS = (0.05, 0.15, 0.35, 0.8)
 DIELECTRIC_F0 = 0.045

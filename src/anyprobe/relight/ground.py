@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.errors import InputError
-from anyprobe.infer.photo import Photo, object_box
+from anyprobe.estimate.photo import Photo, object_box
 from anyprobe.render.mesh import Mesh
 
 LEAST_SLOPE_DEG = 12.0

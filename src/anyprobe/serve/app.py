@@ -17,8 +17,8 @@ from starlette.requests import ClientDisconnect
 
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
+from anyprobe.estimate.estimator import Estimator
 from anyprobe.export.targets import TARGETS, find_target
-from anyprobe.infer.estimate import Estimator
 from anyprobe.serve import answers, estimates, openapi
 from anyprobe.serve.guards import BodyLimit, OwnNamesOnly, OwnPagesOnly, SecureHeaders
 from anyprobe.serve.limits import Limits

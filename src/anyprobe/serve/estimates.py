@@ -10,13 +10,12 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_of
 from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import Photo, load_photo
+from anyprobe.estimate.result import Light
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import Photo, load_photo
-from anyprobe.infer.result import Light
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import told_material
+from anyprobe.scatter.materials import Material, told_material
 from anyprobe.serve.pool import Job
 from anyprobe.serve.uploads import Upload
 
@@ -76,7 +75,7 @@ def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:
 
 def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
     """Write a map (.exr or .hdr bytes in the place of the photo) for one target into an empty folder."""
-    from anyprobe.export.origin import check_front, map_from_camera, origin_turned
+    from anyprobe.export.exported_light import check_front, map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
     job.step()

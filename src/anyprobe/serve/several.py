@@ -12,13 +12,13 @@ import numpy as np
 from starlette.requests import Request
 
 from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.multiview import estimate_together
+from anyprobe.estimate.normals_prior import BALL
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.surroundings import PHOTO
 from anyprobe.files.poses import parse_poses
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.known_normals import BALL
-from anyprobe.infer.photo import Photo
-from anyprobe.infer.result import Light
-from anyprobe.infer.several import estimate_together
-from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.estimates import as_told, open_photo
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.openapi import FUSE

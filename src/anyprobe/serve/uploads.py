@@ -15,9 +15,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
+from anyprobe.estimate.normals_prior import BALL
+from anyprobe.estimate.surroundings import PHOTO
 from anyprobe.files.images import declared_pixels
-from anyprobe.infer.known_normals import BALL
-from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.openapi import FORM, form_names, query_names
 
@@ -38,7 +38,7 @@ class Upload:
         clicks_off: likewise beside it.
         fov_deg: field of view of the longer side.
         material: name of the object's; albedo: its linear albedo, one number or three.
-        lamps: how they are asked for, of infer.runtime.LAMPS.
+        lamps: how they are asked for, of estimate.runtime.LAMPS.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
         exposure: stops that an export is brightened by.
         world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.

@@ -17,19 +17,18 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch.nn import functional as F
 
 from anyprobe.dataset.asks import Batch, SceneConfig, SceneSource
+from anyprobe.dataset.asset_store import Stock, own_map
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.sprites import ViewSource
-from anyprobe.dataset.stock import Stock, own_map
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
-from anyprobe.train.checkpoint import load_weights, read_checkpoint
+from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
 from anyprobe.train.config import LightConfig
-from anyprobe.train.journal import LOG_STEPS, forget_after, run_folder
+from anyprobe.train.dataloader import load_assets, name_assets
+from anyprobe.train.init_weights import load_start, start_id
+from anyprobe.train.logger import LOG_STEPS, forget_after, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS
-from anyprobe.train.resume import agreed, check_goes_on
-from anyprobe.train.start import load_start, start_id
-from anyprobe.train.supply import load_assets, name_assets
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,11 +109,11 @@ def train_mask(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         scenes: the batches, when they are at hand already.
-        start: weights to begin from, of train.start; a run that goes on may name those that it began from.
+        start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
     Raises:
-        InputError: a checkpoint of another run (train.resume).
+        InputError: a checkpoint of another run (train.checkpoint).
         ModelError: a damaged checkpoint, or weights of another network.
     """
     torch.manual_seed(config.seed)

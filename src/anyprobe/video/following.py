@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.estimate.photo import Photo, load_photo, object_box
+from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.files.names import visible_files
-from anyprobe.infer.photo import Photo, load_photo, object_box
-from anyprobe.infer.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -56,7 +56,7 @@ class MaskFollower:
         self.told = where
         shown = isinstance(surroundings, str) and surroundings == PHOTO
         self._every = {"fov_deg": fov_deg, "surroundings": PHOTO if shown else None}
-        self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see infer.surroundings
+        self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
         if surroundings is not None and not shown:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None

@@ -11,19 +11,19 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import FRAME, SCALE, Light
+from anyprobe.estimate.surroundings import turned
 from anyprobe.files.radiance import write_exr
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
-from anyprobe.infer.photo import Photo
-from anyprobe.infer.result import FRAME, SCALE, Light
-from anyprobe.infer.surroundings import turned
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.track import (
@@ -59,7 +59,7 @@ def forget_run(folder: Path) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualObject:
-    """What the relit clip shows; see relight.relight."""
+    """What the relit clip shows; see relight.insert."""
 
     mesh: Mesh
     material: str

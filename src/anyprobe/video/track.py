@@ -12,10 +12,10 @@ from zipfile import BadZipFile
 import numpy as np
 
 from anyprobe.errors import InputError
+from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.result import FRAME, SCALE
+from anyprobe.light.dominant_light import split_main_light
 from anyprobe.light.harmonics import project
-from anyprobe.light.main_light import split_main_light
 from anyprobe.light.temporal import Steadied
 
 STATE = ".state.npz"
@@ -35,7 +35,7 @@ class Progress:
     its mask is found again. material: the object's, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
-    cover, and cover; from an .exr or .hdr also how much of the cover is measured above white, see infer.panorama.
+    cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
     """
 
     settings: dict[str, Any]
