@@ -34,7 +34,7 @@ app = typer.Typer(help=__doc__, no_args_is_help=True)
 def lift_trial() -> RunConfig:
     """What the others are compared with: a short run of `lift`, plain objects, nothing told of what is around."""
     plain = replace(
-        lift().pairs, around=0.0, gathered=0.0, joined=0.0, reshaped=0.0, textured=0.0, two_materials=0.0
+        lift().pairs, surroundings=0.0, gathered=0.0, joined=0.0, reshaped=0.0, textured=0.0, two_materials=0.0
     )
     return replace(
         lift(),

@@ -356,11 +356,11 @@ def test_shapes_are_the_same_whoever_draws_them(tmp_path):
 def test_told_normals_err_by_a_small_turn(maps, surfaces):
     """They come with the share of the photos that was asked for, and change nothing else of the pairs."""
     plain = make_source(maps, surfaces).batch(0)
-    assert not plain.told.any()
+    assert not plain.well_exposed_fraction.any()
     source = PairSource(
         Illuminator(maps, compiled=False),
         surfaces,
-        PairConfig(batch=4, seed=0, group=2, pool=2, reuse=4, told=0.5),
+        PairConfig(batch=4, seed=0, group=2, pool=2, reuse=4, given_normals=0.5),
     )
     batches = [source.batch(step) for step in range(8)]
     assert torch.equal(batches[0].photo, plain.photo)
@@ -380,7 +380,7 @@ def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     plain = make_source(maps, surfaces).batch(0)
     assert not plain.around.any()
     illuminator = Illuminator(maps, compiled=False)
-    source = PairSource(illuminator, surfaces, replace(config, around=0.5))
+    source = PairSource(illuminator, surfaces, replace(config, surroundings=0.5))
     batches = [source.batch(step) for step in range(8)]
     assert torch.equal(batches[0].photo, plain.photo)
     around = torch.cat([batch.surroundings for batch in batches])
@@ -391,5 +391,5 @@ def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     sure = around[:, 3:] > 0.99
     wrong = ((around[:, :3] - ldr.clip(0, 1)) * sure).abs().sum() / (3 * sure.sum())
     assert wrong < 0.12  # another curve than the mean one, a little turned
-    cut = PairSource(illuminator, surfaces, replace(config, around=1.0, cut_out=1.0)).batch(0)
+    cut = PairSource(illuminator, surfaces, replace(config, surroundings=1.0, cut_out=1.0)).batch(0)
     assert not cut.around.any()

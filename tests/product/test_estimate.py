@@ -72,7 +72,7 @@ def test_light_has_the_promised_shape(photo_path):
     assert main.color.shape == main.irradiance.shape == (3,)
     assert light.confidence.shape == (height, 2 * height)
     assert 0 <= light.confidence.min() <= light.confidence.max() <= 1
-    assert 0 <= light.told <= 1
+    assert 0 <= light.well_exposed_fraction <= 1
     assert light.warnings == ()
 
 
@@ -137,7 +137,7 @@ def test_black_or_white_object_warns_and_is_not_trusted(photo_rgba, estimator, v
     light = estimator(photo_rgba)
     assert len(light.warnings) == 1
     assert "\n" not in light.warnings[0]
-    assert light.told < 0.05
+    assert light.well_exposed_fraction < 0.05
 
 
 def test_errors_are_the_callers_value_errors(estimator):
@@ -409,7 +409,7 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     areas = pixel_solid_angles(light.radiance.shape[0])
     mean = float((light.confidence * areas).sum() / (areas.sum() * light.radiance.shape[1]))
     assert sidecar["confidence"] == pytest.approx(mean, abs=1e-4)
-    assert sidecar["told"] == pytest.approx(light.told, abs=1e-4)
+    assert sidecar["told"] == pytest.approx(light.well_exposed_fraction, abs=1e-4)
     assert sidecar["warnings"] == []
     assert sidecar["photo"] == "ball.png"
     np.testing.assert_allclose(sidecar["camera_from_crop"], light.camera_from_crop, atol=1e-6)

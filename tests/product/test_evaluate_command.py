@@ -49,7 +49,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
     assert ended.status == 0, ended.err
     assert [call["conditions"] for call in rendered] == [1] * 4
     scores = written(work)["scores"]
-    assert list(scores) == ["lift", "lift, lamps spread", "mean map", "chrome ball"]
+    assert list(scores) == ["lift", "lift, emitters expected", "mean map", "chrome ball"]
     groups = list(scores["lift"])
     assert {"all", "specular", "diffuse", "indoor", "outdoor", "alpha 0-0.1", "alpha 0.75-1"} <= set(groups)
     tables, printed = ended.out.split("confidence, in brackets")
@@ -72,33 +72,30 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
 def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
     """Two of the five things that are: the others take as long again."""
     monkeypatch.setattr(methods, "TOLD", {name: methods.TOLD[name] for name in ("normals", "surroundings")})
-    ended = command("evaluate", *ASSETS, "--told", "--textured")
+    ended = command("evaluate", *ASSETS, "--priors", "--textured")
     assert [call["textured"] for call in rendered] == [True] * 4
-    told, alone = written(work)["confidence_told"], written(work)["confidence"]
-    assert written(work)["command"].endswith(" --textured --told")
-    assert list(told) == ["lift, told normals", "lift, told surroundings"]
-    assert told["lift, told surroundings"]["right"] > alone["right"] + 0.01
-    assert told["lift, told normals"] != alone
+    told, alone = written(work)["confidence_with_priors"], written(work)["confidence"]
+    assert list(told) == ["lift, normals given", "lift, surroundings given"]
+    assert told["lift, surroundings given"]["right"] > alone["right"] + 0.01
+    assert told["lift, normals given"] != alone
     (row,) = [
         line
         for line in ended.out.split("confidence, in brackets")[1].splitlines()
-        if line.startswith("│ lift, told surroundings ")
+        if line.startswith("│ lift, surroundings given ")
     ]
     assert f"{told['lift, told surroundings']['auc']:.3f} (0.500)" in row
 
 
 def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):
     ended = command("evaluate", *ASSETS, "--model", "paper")
-    assert (written(work)["confidence"], written(work)["confidence_told"]) == (None, {})
+    assert (written(work)["confidence"], written(work)["confidence_with_priors"]) == (None, {})
     assert "confidence" not in ended.out
     assert [call["textured"] for call in rendered] == [False] * 4
-    assert written(work)["command"].endswith(" --model paper")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--real", "r", "--textured"), "--textured: expected test pairs to render, got --real"),
         ((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos that anyprobe shades"),
     ],
 )

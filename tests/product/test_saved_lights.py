@@ -25,7 +25,7 @@ def light():
     return anyprobe.Light(
         radiance=two_phase(32),
         confidence=np.full((32, 64), 0.3, np.float32),
-        told=0.75,
+        well_exposed_fraction=0.75,
         warnings=("too dark", "too bright"),
         camera_from_crop=rotation_x(0.2),
         info={"photo": "vase.png", "model": "m-0", "exposure": 0.02, "mask": {"source": "alpha"}},
@@ -46,7 +46,7 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
     np.testing.assert_allclose(again.radiance, light.radiance, rtol=0.01, atol=0.01 * light.radiance.max())
     np.testing.assert_allclose(again.map_from_camera, turn, atol=1e-5)
     np.testing.assert_allclose(again.camera_from_crop, light.camera_from_crop, atol=1e-5)
-    assert (again.told, again.warnings, again.info) == (light.told, light.warnings, light.info)
+    assert (again.well_exposed_fraction, again.warnings, again.info) == (light.well_exposed_fraction, light.warnings, light.info)
     assert again.confidence is None
     alike = {"sh9", "main_light", "confidence", "map_from_camera"}
     told, before = again.sidecar(), light.sidecar()
@@ -57,12 +57,12 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
 
 def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
     again = anyprobe.Light.load(str(light.rotate(TURN).save(tmp_path / "vase.hdr")))
-    assert (again.told, again.warnings, again.info) == (1.0, (), {"model": "m-0"})
+    assert (again.well_exposed_fraction, again.warnings, again.info) == (1.0, (), {"model": "m-0"})
     np.testing.assert_allclose(again.map_from_camera, TURN, atol=1e-5)
     write_hdr(tmp_path / "any.hdr", two_phase(16))
     (tmp_path / "any.json").write_text(json.dumps({"told": "something else's", "scale": 2}))
     bare = anyprobe.Light.load(tmp_path / "any.hdr")
-    assert (bare.info, bare.told) == ({}, 1.0)
+    assert (bare.info, bare.well_exposed_fraction) == ({}, 1.0)
     np.testing.assert_array_equal(bare.map_from_camera, np.eye(3))
 
 
@@ -73,7 +73,7 @@ def test_a_light_of_the_page_is_opened(light, tmp_path):
     said = {key: value for key, value in light.sidecar().items() if key not in less}
     (tmp_path / "vase.json").write_text(json.dumps(said))
     again = anyprobe.Light.load(path)
-    assert (again.told, again.warnings, again.info) == (1.0, (), light.info)
+    assert (again.well_exposed_fraction, again.warnings, again.info) == (1.0, (), light.info)
     np.testing.assert_array_equal(again.camera_from_crop, np.eye(3))
 
 
@@ -91,7 +91,7 @@ def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
 def test_a_photo_may_be_called_ambient(light, tmp_path, own):
     """vase_ambient.exr is an export's second map only where no photo of this name has a .json."""
     light.save(tmp_path / "vase.json")
-    other = anyprobe.Light(radiance=light.radiance, told=0.25, info={"photo": "vase_ambient.png"})
+    other = anyprobe.Light(radiance=light.radiance, well_exposed_fraction=0.25, info={"photo": "vase_ambient.png"})
     path = other.save(tmp_path / "vase_ambient.exr")
     if own:
         other.save(tmp_path / "vase_ambient.json")

@@ -82,7 +82,7 @@ def evaluate(
         bool, typer.Option("--textured", help="Objects of mild texture or of two materials.")
     ] = False,
     told: Annotated[
-        bool, typer.Option("--told", help="Also with true normals, material and surroundings given.")
+        bool, typer.Option("--priors", help="Also with true normals, material and surroundings given.")
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
@@ -107,7 +107,7 @@ def evaluate(
     trace = _tracer() if path_traced else None
     runtime, title = Models(model, engine=engine), Path(model).name
     if told and runtime.stages != LIFT_STAGES:
-        raise InputError(f"--told: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
+        raise InputError(f"--priors: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
     methods = model_methods(runtime, title, told) | baselines()
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     recipes, stock = _test_set(hdri, meshes, pairs, None if frozen else seed, conditions, talk)
@@ -143,7 +143,7 @@ def evaluate(
     _write(out, result, watch.picture())
     _print(result["scores"], result["irradiance"])
     if result["confidence"] is not None:
-        _print_confidence(title, result["confidence"], result["confidence_told"])
+        _print_confidence(title, result["confidence"], result["confidence_with_priors"])
     talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
@@ -176,7 +176,7 @@ class Watch:
     def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
         from anyprobe.evaluate.calibration import Calibration
 
-        judged = (name for name in methods if name == title or name.startswith(f"{title}, told "))
+        judged = (name for name in methods if name == title or name.startswith(f"{title}, ") and name.endswith(" given"))
         self.title, self.calibrations = title, {name: Calibration() for name in judged}
         self.irradiance: list[dict[str, float]] = []
         self.every = max(1, pairs // 16) | 1  # odd: even steps would show a few shapes only
@@ -203,7 +203,7 @@ class Watch:
             for name in self.irradiance[0]
         }
         confidence = found.pop(self.title)
-        return {"irradiance": irradiance, "confidence": confidence, "confidence_told": found}
+        return {"irradiance": irradiance, "confidence": confidence, "confidence_with_priors": found}
 
     def picture(self) -> np.ndarray:
         """Display picture [rows * CELL, W, 3]."""

@@ -42,12 +42,12 @@ class PairConfig:
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
-    told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
+    given_normals: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
         tracked model.
-    around: share of photos of which more is known than the object: the map, as far as the picture shows it
+    surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.seen_surroundings).
-    gathered: of these, the share of which also what other photos of the object show is known.
-    joined, reshaped: shares of surfaces before which another is put, and that are given another shape
+    merged_surroundings: of these, the share of which also what other photos of the object show is known.
+    joined, shape_augment: shares of surfaces before which another is put, and that are given another shape
         (dataset.shape_augment).
     textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
         alpha (dataset.textured); targets know of neither but by the photo's exposure.
@@ -62,8 +62,8 @@ class PairConfig:
     conditions: int = 1
     every: int = 1
     cut_out: float = 0.0
-    told: float = 0.0
-    around: float = 0.0
+    given_normals: float = 0.0
+    surroundings: float = 0.0
     gathered: float = 0.0
     joined: float = 0.0
     reshaped: float = 0.0
@@ -79,9 +79,9 @@ TOLD_ERROR_DEG = 2.0
 class Batch:
     """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
-    zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from these normals to those
-    that come with the photo, a small turn, or zero where none do; surroundings [B, 4, H, 2H]: what else the photo shows,
-    see dataset.seen_surroundings.photo_around, or zero."""
+    zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from
+    these normals to the given ones, a small turn, or zero where none are given; surroundings [B, 4, H, 2H]:
+    what else the photo shows, see dataset.seen_surroundings, or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -182,12 +182,12 @@ class PairSource:
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
         told = np.zeros((count, 3, 3), np.float32)
-        if self.config.told > 0:
-            told = _small_turns(count, rng) * (rng.random(count) < self.config.told)[:, None, None]
+        if self.config.given_normals > 0:
+            told = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
         angles = torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device)
         around = light.new_zeros(count, 4, *light.shape[2:])
-        if self.config.around > 0:
-            framed &= rng.random(count) < self.config.around
+        if self.config.surroundings > 0:
+            framed &= rng.random(count) < self.config.surroundings
             frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
             tone = partial(self._tone, curve=curves(shots, self.device))
             around = photo_around(unsteady(light, rng), photo_mask, angles, frames, tone)

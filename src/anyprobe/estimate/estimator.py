@@ -146,11 +146,11 @@ class Estimator:
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
-        told = told_share(crop.image)
+        exposed = told_share(crop.image)
         if (
             outputs.confidence is not None
         ):  # of what the object tells; what is seen around it does not hang on that
-            outputs = replace(outputs, confidence=outputs.confidence * min(1.0, told / ENOUGH_TOLD))
+            outputs = replace(outputs, confidence=outputs.confidence * min(1.0, exposed / ENOUGH_TOLD))
         around = crop.around if gathered is None else gathered
         if around is not None:
             outputs = use_surroundings(outputs, around, tint=material is None)
@@ -158,13 +158,13 @@ class Estimator:
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         if outputs.confidence is None:
-            confidence = np.full(radiance.shape[:2], told, np.float32)
+            confidence = np.full(radiance.shape[:2], exposed, np.float32)
         else:
             confidence = rotate(outputs.confidence[..., None], crop.camera_from_crop)[..., 0].clip(0.0, 1.0)
         return Light(
             radiance=radiance,
             confidence=confidence,
-            told=told,
+            well_exposed_fraction=exposed,
             warnings=photo.warnings,
             stages={
                 "photo": crop.image,

@@ -140,7 +140,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         first,
         radiance=fuse(maps, weights),
         confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
-        told=float(np.mean([light.told for light in lights])),
+        well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
         info={**first.info, "fused": [light.info.get("photo") for light in lights], **_seconds(lights)},
     )

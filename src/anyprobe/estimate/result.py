@@ -34,7 +34,7 @@ TURNED = (
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 OF_THE_MAP = (
-    "frame map_from_camera scale exposure_ev response size confidence told sh9 main_light camera_from_crop warnings "
+    "frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 main_light camera_from_crop warnings "
     "radiance stages"
 ).split()
 """What a sidecar, or the server's answer kept as one, says besides a light's info."""
@@ -48,8 +48,8 @@ class Light:
         radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
             photo's exposure units: an object rendered with it fits the photo as it is.
         confidence: [H, 2H] in [0, 1]: how likely a pixel's display value is within 0.1 of the truth, or
-            `told` everywhere from a model that does not say (`paper`); None where nothing is known.
-        told: share of the object that told anything, in [0, 1]: neither black nor burnt out.
+            `well_exposed_fraction` everywhere from a model that does not say (`paper`); None where nothing is known.
+        well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
         warnings: one line each.
         stages: what the networks saw and said, in the crop's frame: photo [128, 128, 4],
             irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
@@ -60,7 +60,7 @@ class Light:
 
     radiance: np.ndarray
     confidence: np.ndarray | None = field(default=None, repr=False)
-    told: float = 1.0
+    well_exposed_fraction: float = 1.0
     warnings: tuple[str, ...] = ()
     stages: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
@@ -165,7 +165,7 @@ class Light:
             "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
             "size": [self.radiance.shape[1], self.radiance.shape[0]],
             "confidence": self._mean_confidence(),
-            "told": round(float(self.told), 4),
+            "told": round(float(self.well_exposed_fraction), 4),
             "sh9": _numbers(self.sh9()),
             "main_light": {
                 "direction": _numbers(main.direction),
@@ -234,19 +234,19 @@ class Light:
 
 
 def _restored(said: dict[str, Any], path: Path) -> dict[str, Any]:
-    """What a sidecar says of a Light's attributes (the page's says less); what it was told beside them is its info."""
+    """What a sidecar says of a Light's attributes (the page's says less); the rest is its info."""
     try:
-        told, warnings = float(said.get("told", 1.0)), tuple(str(line) for line in said.get("warnings", ()))
+        exposed, warnings = float(said.get("well_exposed_fraction", said.get("told", 1.0))), tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
     except (TypeError, ValueError):
-        told, warnings, camera_from_crop = np.nan, (), np.zeros(0)
-    if not (0 <= told <= 1 and is_rotation(camera_from_crop)):
+        exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
+    if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(
-            f"{path}: expected the .json beside it as it was written, got told or camera_from_crop changed; "
+            f"{path}: expected the .json beside it as it was written, got well_exposed_fraction or camera_from_crop changed; "
             "save the light again, or move the .json away"
         )
     info = {name: value for name, value in said.items() if name not in OF_THE_MAP}
-    return {"told": told, "warnings": warnings, "camera_from_crop": camera_from_crop, "info": info}
+    return {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop, "info": info}
 
 
 def _numbers(array: np.ndarray) -> list:

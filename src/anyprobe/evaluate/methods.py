@@ -74,9 +74,9 @@ def model_methods(models: Models, name: str, told: bool = False) -> dict[str, Me
 
     methods: dict[str, Method] = {name: method}
     if models.stages == LIFT_STAGES:
-        methods[f"{name}, lamps {SPREAD}"] = partial(method, models=models.with_lamps(SPREAD))
-    given = TOLD if told else {}
-    return methods | {f"{name}, told {what}": partial(method, told=priors) for what, priors in given.items()}
+        methods[f"{name}, emitters {SPREAD}"] = partial(method, models=models.with_lamps(SPREAD))
+    rows = TOLD if told else {}
+    return methods | {f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()}
 
 
 def baselines() -> dict[str, Method]:

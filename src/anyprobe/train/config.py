@@ -77,8 +77,8 @@ def lift() -> RunConfig:
         pairs=PairConfig(
             seed=101,
             cut_out=0.2,
-            told=0.3,
-            around=0.7,
+            given_normals=0.3,
+            surroundings=0.7,
             gathered=0.4,
             joined=0.3,
             reshaped=0.4,

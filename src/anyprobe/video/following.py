@@ -33,7 +33,7 @@ MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 class MaskFollower:
     """Frames in order become photos whose object is marked.
 
-    told: what the caller said about the first frame; may be empty. last: x, y of a point well
+    hints: what the caller said about the first frame; may be empty. last: x, y of a point well
     inside the last mask, that mask's pixels, and its box; None before the first.
     """
 
@@ -53,7 +53,7 @@ class MaskFollower:
             if not masks.is_dir():
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
             self._files = visible_files(masks, MASK_SUFFIXES)
-        self.told = where
+        self.hints = where
         shown = isinstance(surroundings, str) and surroundings == PHOTO
         self._every = {"fov_deg": fov_deg, "surroundings": PHOTO if shown else None}
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
@@ -82,7 +82,7 @@ class MaskFollower:
                     f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
                 )
             return load_photo(frame.rgb, mask=self._files[frame.index], **self._every)
-        where = self.told if self.last is None else self._around_last(frame.rgb.shape)
+        where = self.hints if self.last is None else self._around_last(frame.rgb.shape)
         photo = load_photo(frame.rgb, **self._every, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:

@@ -163,7 +163,7 @@ class ClipRun:
             self._photo = self.follower.photo(frame)
             light = self._estimate(self._photo, frame.index)
         except AnyprobeError as error:
-            if frame.index == 0 and self.follower.told:
+            if frame.index == 0 and self.follower.hints:
                 raise
             self._photo = None
             kept = self._turned(frame.index) or self._same()

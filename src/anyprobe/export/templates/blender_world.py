@@ -73,10 +73,10 @@ def make_sun(light):
     sun.energy = strength
     sun.color = [value / strength for value in rgb]
     sun.angle = light["main_light"]["angle_deg"] * 3.14159265 / 180
-    lamp = bpy.data.objects.new(NAME, sun)
+    sun_object = bpy.data.objects.new(NAME, sun)
     towards = Vector(light["main_light"]["direction_in_target"])
-    lamp.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
-    bpy.context.scene.collection.objects.link(lamp)
+    sun_object.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
+    bpy.context.scene.collection.objects.link(sun_object)
 
 
 here = folder_of_the_light()

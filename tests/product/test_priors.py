@@ -54,9 +54,9 @@ def test_only_a_model_that_lifts_is_given_normals():
         name: list(model_methods(Models(name), name, told))
         for name, told in (("lift", True), ("paper", False))
     }
-    assert rows["lift"] == ["lift", "lift, lamps spread", *(f"lift, told {what}" for what in TOLD)]
+    assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in TOLD)]
     assert rows["paper"] == ["paper"]
-    pair, methods = ball_pair(3), model_methods(Models(), "lift", told=True)
-    alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", told normals", ", lamps spread"))
+    pair, methods = ball_pair(3), model_methods(Models(), "lift", priors=True)
+    alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected"))
     assert (alone.radiance != given.radiance).any()
     assert spread.radiance.max() < alone.radiance.max()
