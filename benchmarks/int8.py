@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from anyprobe.dataset.asset_store import Stock, own_map
+from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.plan import balanced_recipes
@@ -27,7 +27,7 @@ from anyprobe.estimate.runtime import ENGINES, Models, file_hashes
 from anyprobe.render.shapes import figure
 from anyprobe.train.config import lift
 from anyprobe.train.export_onnx import export
-from anyprobe.train.init_weights import load_start
+from anyprobe.train.init_weights import load_init_weights
 from anyprobe.train.lift import Lift
 
 ROOT = Path(__file__).parents[1]
@@ -67,14 +67,14 @@ def own_pairs() -> list[Pair]:
         ShapeAsset(id=f"{index:08x}", name=f"figure {index}", licence="own", mesh=mesh)
         for index, mesh in enumerate(meshes)
     ]
-    stock = Stock(maps, shapes)
-    return [render_pair(recipe, stock) for recipe in balanced_recipes(stock, PHOTOS, SEED)]
+    store = AssetStore(maps, shapes)
+    return [render_pair(recipe, store) for recipe in balanced_recipes(store, PHOTOS, SEED)]
 
 
 def write_float_graph(folder: Path) -> None:
     """folder/light.onnx of training/lift.pt."""
     nets = Lift.networks(lift().lift)
-    load_start(nets, ROOT / "training" / "lift.pt")
+    load_init_weights(nets, ROOT / "training" / "lift.pt")
     config = json.dumps(asdict(lift()))
     checkpoint = folder / "checkpoint.pt"
     torch.save({"nets": nets.state_dict(), "step": 0, "pairs": 0, "config": config}, checkpoint)

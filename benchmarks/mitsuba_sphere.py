@@ -1,7 +1,7 @@
 """The rival: Mitsuba 3 (llvm_ad_rgb) with its stock roughconductor, roughplastic and envmap.
 
 Its picture integrates over the pixel (box filter); its error is taken over the pixels that the
-ball covers wholly. Multiple importance sampling is its default and stays on.
+sphere covers wholly. Multiple importance sampling is its default and stays on.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from ball import ALBEDO, IOR, View
 from measure import Converging, best_time, relative_rmse
+from sphere import ALBEDO, IOR, View
 
 from anyprobe.errors import AnyprobeError
 
@@ -37,7 +37,7 @@ class MitsubaResult:
 
     extrapolated: the seconds are of LARGEST_TIMED_SPP, times spp / LARGEST_TIMED_SPP, and the error
     follows the power law of the two probes.
-    stock_seconds: foretold by the probes for Mitsuba's default sampler, independent.
+    store_seconds: foretold by the probes for Mitsuba's default sampler, independent.
     """
 
     integrator: str
@@ -46,7 +46,7 @@ class MitsubaResult:
     seconds: float
     error: float
     extrapolated: bool
-    stock_seconds: float
+    store_seconds: float
 
 
 def open_mitsuba(threads: int) -> ModuleType:
@@ -72,8 +72,8 @@ def open_mitsuba(threads: int) -> ModuleType:
     return mitsuba
 
 
-class MitsubaBall:
-    """The ball in Mitsuba, under one map, seen by one camera; `kind` and alpha as in ball.material."""
+class MitsubaSphere:
+    """The sphere in Mitsuba, under one map, seen by one camera; `kind` and alpha as in sphere.material."""
 
     def __init__(
         self, mitsuba: ModuleType, radiance: np.ndarray, view: View, kind: str, alpha: float
@@ -121,7 +121,7 @@ class MitsubaBall:
                     "sampler": {"type": sampler},
                 },
                 "map": {"type": "envmap", "bitmap": self._bitmap},
-                "ball": {"type": "sphere", "bsdf": self._bsdf},
+                "sphere": {"type": "sphere", "bsdf": self._bsdf},
             }
         )
 
@@ -183,10 +183,10 @@ class MitsubaBall:
             foretold[how] = (a_sample / spps[1] * spp, spp, power)
         how = min(foretold, key=lambda key: foretold[key][0])
         _, spp, power = foretold[how]
-        stock = min(foretold[integrator, "independent"][0] for integrator in INTEGRATORS)
-        return self._at(how, spp, power, reference, noise, target, seconds, repeat, stock)
+        store = min(foretold[integrator, "independent"][0] for integrator in INTEGRATORS)
+        return self._at(how, spp, power, reference, noise, target, seconds, repeat, store)
 
-    def _at(self, how, spp, power, reference, noise, target, seconds, repeat, stock) -> MitsubaResult:
+    def _at(self, how, spp, power, reference, noise, target, seconds, repeat, store) -> MitsubaResult:
         """Go to spp, mend it by the error found there until that is within 5 % of target, take the time."""
         for attempt in range(3):
             timed = min(spp, LARGEST_TIMED_SPP)
@@ -206,5 +206,5 @@ class MitsubaBall:
             seconds=elapsed * spp / done,
             error=error,
             extrapolated=extrapolated,
-            stock_seconds=stock,
+            store_seconds=store,
         )

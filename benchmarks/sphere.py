@@ -1,4 +1,4 @@
-"""The scene of the equal-error part: a unit ball in perspective, its materials and its two lights."""
+"""The scene of the equal-error part: a unit sphere in perspective, its materials and its two lights."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from anyprobe.scatter.microfacet import f0_from_ior
 SIZE = 128
 """Of the picture, in pixels; --size changes it for a dry run."""
 FOV_DEG = 30.0
-"""Angle that the ball fills."""
+"""Angle that the sphere fills."""
 MARGIN = 1.1
-"""Side of the picture over the ball's width there, as anyprobe frames its crops."""
+"""Side of the picture over the sphere's width there, as anyprobe frames its crops."""
 ALPHAS = (0.05, 0.1, 0.3, 0.5, 1.0)
 KINDS = ("conductor", "plastic")
 IOR = 1.5
@@ -45,11 +45,11 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class View:
-    """The camera on the ball, in the map's frame.
+    """The camera on the sphere, in the map's frame.
 
     rotation [3, 3] = world from camera; position [3]; tan_half: tangent of half the field of view.
-    n, wo [P, 3]: of the pixel centres that the ball covers, row by row, world frame.
-    mask [S, S]: those pixels. inner [P]: those that the ball covers wholly.
+    n, wo [P, 3]: of the pixel centres that the sphere covers, row by row, world frame.
+    mask [S, S]: those pixels. inner [P]: those that the sphere covers wholly.
     """
 
     rotation: np.ndarray
@@ -115,7 +115,7 @@ def choose_view(radiance: np.ndarray, size: int) -> View:
     rotation = world_from_camera(yaw, np.radians(15.0))
     distance = 1.0 / np.sin(np.radians(FOV_DEG) / 2)
     tan_half = MARGIN * np.tan(np.radians(FOV_DEG) / 2)
-    n, wo, mask = ball_points(tan_half, distance, size)
+    n, wo, mask = sphere_points(tan_half, distance, size)
     edge = (np.arange(size + 1) / size * 2 - 1) * tan_half  # a pixel is inside if its corners are
     corner = np.hypot(*np.meshgrid(edge, edge)) < np.tan(np.radians(FOV_DEG) / 2)
     covered = corner[1:, 1:] & corner[1:, :-1] & corner[:-1, 1:] & corner[:-1, :-1]
@@ -130,10 +130,10 @@ def choose_view(radiance: np.ndarray, size: int) -> View:
     )
 
 
-def ball_points(
+def sphere_points(
     tan_half: float, distance: float, size: int, offset: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """n, wo [P, 3] in the camera's frame and mask [S, S] of the pixels whose centre + offset meets the ball.
+    """n, wo [P, 3] in the camera's frame and mask [S, S] of the pixels whose centre + offset meets the sphere.
 
     offset: (right, down) in pixels.
     """

@@ -34,7 +34,13 @@ app = typer.Typer(help=__doc__, no_args_is_help=True)
 def lift_trial() -> RunConfig:
     """What the others are compared with: a short run of `lift`, plain objects, nothing told of what is around."""
     plain = replace(
-        lift().pairs, surroundings=0.0, gathered=0.0, joined=0.0, reshaped=0.0, textured=0.0, two_materials=0.0
+        lift().pairs,
+        surroundings=0.0,
+        merged_surroundings=0.0,
+        joined=0.0,
+        shape_augment=0.0,
+        textured=0.0,
+        two_materials=0.0,
     )
     return replace(
         lift(),
@@ -59,7 +65,7 @@ def tasks_trial() -> RunConfig:
 
 
 def pixels_trial() -> RunConfig:
-    """Errors of single pixels alone: neither their means over larger ones, nor structure, nor what balls see."""
+    """Errors of single pixels alone: neither their means over larger ones, nor structure, nor what spheres see."""
     return _changed("pixels_trial", scales=0.0, structure=0.0, transport=0.0)
 
 
@@ -91,7 +97,7 @@ def shapes_trial() -> RunConfig:
         normals(),
         name="shapes_trial",
         steps=2_500,
-        pairs=replace(normals().pairs, seed=82, joined=0.3, reshaped=0.7),
+        pairs=replace(normals().pairs, seed=82, joined=0.3, shape_augment=0.7),
         surfaces=replace(normals().surfaces, parts=800),
     )
 
@@ -119,7 +125,14 @@ ABLATIONS = {
     )
 }
 FIRST, OTHER_MODEL = "lift_trial", "shapes_trial"
-FIGURES = ("ldr_rmse", "ldr_ssim", "ln_hdr_rmse", "angle_diffuse_deg", "main_light_deg", "flux_stops")
+FIGURES = (
+    "ldr_rmse",
+    "ldr_ssim",
+    "ln_hdr_rmse",
+    "angle_diffuse_deg",
+    "dominant_light_deg",
+    "total_power_stops",
+)
 
 
 @app.command("train")

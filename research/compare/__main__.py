@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.progress import track
 
-from anyprobe.dataset.asset_store import Stock
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.recipe import digest
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
@@ -19,7 +19,7 @@ from research.compare.figures import score_pair
 from research.compare.study import difference, means
 from research.results import commit, write_result
 
-AHEAD = ("ldr_rmse", "ball_rmse", "relight_rmse")
+AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")
 """Figures by which the first model is set against each other method, pair by pair."""
 
 
@@ -40,9 +40,9 @@ def compare(
     methods = baselines()
     for name in names:
         methods |= model_methods(Models(name), Path(name).name)
-    stock = Stock(load_maps(hdri), load_shapes(meshes))
+    store = AssetStore(load_maps(hdri), load_shapes(meshes))
     recipes = read_recipes(FROZEN)[:pairs]
-    progress = track(kept_pairs(recipes, stock, kept), "comparing", total=len(recipes))
+    progress = track(kept_pairs(recipes, store, kept), "comparing", total=len(recipes))
     scores = score_pairs(progress, methods, score_pair)
     first = Path(names[0]).name
     write_result(

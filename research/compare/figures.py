@@ -20,23 +20,23 @@ from anyprobe.evaluate.methods import Estimate
 from anyprobe.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
-    flux_ratio_stops,
+    power_ratio_stops,
     psnr,
     rmse,
     si_rmse,
     ssim,
 )
-from anyprobe.light.dominant_light import find_main_light
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, integral
 from anyprobe.light.harmonics import COSINE_LOBE, project
 from anyprobe.render.shapes import lathe
-from anyprobe.render.spheres import ball_normals
+from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import Surface, frame_object, see
 from research.compare.lights import find_lights, matched_lights_deg, peak_direction
 from research.compare.three_spheres import clean_scores, field_scores
 from research.compare.transport import array_of_spheres, light, reflectance_matrix
 
-BALL_SIZE = 64
+SPHERE_SIZE = 64
 VIRTUAL_SIZE = 96
 VIRTUAL = {"albedo": 0.5, "f0": 0.05, "alpha": 0.2}
 """The virtual object's grey plastic."""
@@ -77,23 +77,23 @@ def hdr_scores(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     return {"hdr_psnr": psnr(a, b), "hdr_rmse": rmse(a, b), "hdr_ssim": ssim(tone(estimate), tone(truth))}
 
 
-def mirror_ball(ldr: np.ndarray, size: int = BALL_SIZE) -> np.ndarray:
-    """The map [H, 2H, 3] as a mirror ball, black around it: [size, size, 3]."""
-    normals, mask = ball_normals(size)
+def mirror_sphere(ldr: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+    """The map [H, 2H, 3] as a mirror sphere, black around it: [size, size, 3]."""
+    normals, mask = sphere_normals(size)
     toward = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
     picture = np.zeros((size, size, 3), np.float32)
     picture[mask] = bilinear(ldr, direction_to_uv(reflect(toward, normals)))
     return picture
 
 
-def ball_scores(ldr: np.ndarray, true_ldr: np.ndarray) -> dict[str, float]:
-    """Fig. 13: the LDR maps as mirror balls; PSNR and RMSE inside the ball, SSIM of the picture."""
-    mask = ball_normals(BALL_SIZE)[1]
-    a, b = mirror_ball(ldr), mirror_ball(true_ldr)
+def sphere_scores(ldr: np.ndarray, true_ldr: np.ndarray) -> dict[str, float]:
+    """Fig. 13: the LDR maps as mirror spheres; PSNR and RMSE inside the sphere, SSIM of the picture."""
+    mask = sphere_normals(SPHERE_SIZE)[1]
+    a, b = mirror_sphere(ldr), mirror_sphere(true_ldr)
     return {
-        "ball_psnr": psnr(a[mask], b[mask]),
-        "ball_rmse": rmse(a[mask], b[mask]),
-        "ball_ssim": ssim(a, b),
+        "sphere_psnr": psnr(a[mask], b[mask]),
+        "sphere_rmse": rmse(a[mask], b[mask]),
+        "sphere_ssim": ssim(a, b),
     }
 
 
@@ -131,12 +131,12 @@ def sh_irradiance_error(p: np.ndarray, g: np.ndarray) -> float:
     return float(np.sqrt((difference**2).sum() / max((truth**2).sum(), 1e-12)))
 
 
-def flux_stops(p: np.ndarray, g: np.ndarray) -> dict[str, float]:
-    """|log2| of the ratio of total flux: of luminance and of each channel."""
-    row = {"flux_stops": abs(flux_ratio_stops(p, g))}
-    flux_p, flux_g = integral(p.astype(np.float64)), integral(g.astype(np.float64))
+def total_power_stops(p: np.ndarray, g: np.ndarray) -> dict[str, float]:
+    """|log2| of the ratio of total power: of luminance and of each channel."""
+    row = {"total_power_stops": abs(power_ratio_stops(p, g))}
+    power_p, power_g = integral(p.astype(np.float64)), integral(g.astype(np.float64))
     for k, channel in enumerate("rgb"):
-        row[f"flux_{channel}_stops"] = float(abs(np.log2(max(flux_p[k], 1e-9) / max(flux_g[k], 1e-9))))
+        row[f"power_{channel}_stops"] = float(abs(np.log2(max(power_p[k], 1e-9) / max(power_g[k], 1e-9))))
     return row
 
 
@@ -171,17 +171,17 @@ class Lights:
         """Of a map [H, 2H, 3]."""
         return cls(
             peak=peak_direction(radiance),
-            main=find_main_light(radiance).direction,
+            main=find_dominant_light(radiance).direction,
             matched=find_lights(radiance),
             published=find_lights(radiance, published=True),
         )
 
 
 def light_scores(p: Lights, g: Lights) -> dict[str, float]:
-    """Angles [degrees] between peaks, main lights, and matched lights by luminance and as published."""
+    """Angles [degrees] between peaks, dominant lights, and matched lights by luminance and as published."""
     row = {
         "peak_deg": direction_error_deg(p.peak, g.peak),
-        "main_light_deg": direction_error_deg(p.main, g.main),
+        "dominant_light_deg": direction_error_deg(p.main, g.main),
         "lights_deg": matched_lights_deg(p.matched, g.matched),
         "lights_published_deg": matched_lights_deg(p.published, g.published),
     }
@@ -196,7 +196,7 @@ def score_pair(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, dict[
     true_ldr = response(pair.radiance)
     rows: dict[str, dict[str, float]] = {}
     for name, one in estimates.items():
-        rows[name] = ldr_scores(one.ldr, true_ldr) | ball_scores(one.ldr, true_ldr)
+        rows[name] = ldr_scores(one.ldr, true_ldr) | sphere_scores(one.ldr, true_ldr)
         if one.irradiance is not None:
             truth, there = pair.irradiance / 255.0, pair.normals.any(axis=-1)
             rows[name] |= irradiance_scores(one.irradiance, truth)
@@ -218,7 +218,7 @@ def score_pair(pair: Pair, estimates: Mapping[str, Estimate]) -> dict[str, dict[
         if one.radiance is None:
             continue
         rows[name] |= light_scores(Lights.of(one.radiance), true_lights)
-        rows[name] |= hdr_scores(one.radiance, pair.radiance) | flux_stops(one.radiance, pair.radiance)
+        rows[name] |= hdr_scores(one.radiance, pair.radiance) | total_power_stops(one.radiance, pair.radiance)
         rows[name]["sh9_irradiance"] = sh_irradiance_error(one.radiance, pair.radiance)
     return rows
 

@@ -13,9 +13,9 @@ MEDIANS = (
     "array_si_rmse",
     "array_angle_deg",
     "array_psnr",
-    "main_light_deg",
+    "dominant_light_deg",
     "peak_deg",
-    "flux_stops",
+    "total_power_stops",
 )
 """Figures whose median is given beside the mean."""
 SOMETIMES = ("lights_deg", "lights_published_deg")

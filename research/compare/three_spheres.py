@@ -1,10 +1,10 @@
-"""The field's three balls, by its published script's own arithmetic, and a clean linear version.
+"""The field's three spheres, by its published script's own arithmetic, and a clean linear version.
 
 The published comparison (StyleLight, DiffusionLight) compresses the map before it renders, so
 that its "HDR" figures are of a gamma curve, divides by pixels and not by numbers, and
 takes percentiles over the empty background too. All that is kept in `field_scores`. What
-differs: our renderer without noise takes the place of Cycles at 5 samples, balls
-are seen straight on, and the mask is the ball.
+differs: our renderer without noise takes the place of Cycles at 5 samples, spheres
+are seen straight on, and the mask is the sphere.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from anyprobe.core.frames import reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.evaluate.metrics import color_angle_deg, rmse, si_rmse
 from anyprobe.light.environment import shrink
-from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, ball_normals
+from anyprobe.render.spheres import SILVER_ALPHA, SILVER_F0, sphere_normals
 from anyprobe.scatter.microfacet import schlick_weight
-from research.compare.transport import ball_matrix, light
+from research.compare.transport import light, sphere_matrix
 
 FIELD_ROWS = 128
 FIELD_SIZE = 32
-"""Side of the matt and the silver ball's picture in pixels: their lobes are wider than its pixels."""
+"""Side of the matt and the silver sphere's picture in pixels: their lobes are wider than its pixels."""
 MIRROR_SIZE = 282
-"""Of the mirror ball's, which shows every sun of the map: as the published picture's ball (BALL_SHARE of 960 x 540)."""
+"""Of the mirror sphere's, which shows every sun of the map: as the published one (SPHERE_SHARE of 960 x 540)."""
 FIELD_BASE = 0.8
 FIELD_DIFFUSE = {"albedo": FIELD_BASE, "f0": 0.04, "alpha": 0.364**2}
 """Principled BSDF: metallic 0, specular 0.5, roughness 0.364, which is sqrt(alpha)."""
 FIELD_SILVER = {"f0": FIELD_BASE, "alpha": 0.3271**2}
 """Metallic 1; like the mirror's, its Fresnel term rises from the base to 1 (Schlick)."""
-BALL_SHARE = 0.12
-"""Share of the published picture (960 x 540, 85 mm, 16.1 radii away) that the ball fills."""
-BALLS = ("diffuse", "silver", "mirror")
+SPHERE_SHARE = 0.12
+"""Share of the published picture (960 x 540, 85 mm, 16.1 radii away) that the sphere fills."""
+SPHERES = ("diffuse", "silver", "mirror")
 
 
 def field_tone(radiance: np.ndarray) -> np.ndarray:
@@ -52,22 +52,22 @@ def _resize(radiance: np.ndarray, rows: int) -> np.ndarray:
 
 
 def _mirror(maps: Sequence[np.ndarray], f0: float) -> list[np.ndarray]:
-    """Mirror balls [P, 3] of MIRROR_SIZE: the map times Schlick's Fresnel term."""
-    normals, _ = ball_normals(MIRROR_SIZE)
+    """Mirror spheres [P, 3] of MIRROR_SIZE: the map times Schlick's Fresnel term."""
+    normals, _ = sphere_normals(MIRROR_SIZE)
     uv = direction_to_uv(reflect(np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape), normals))
     fresnel = f0 + (1.0 - f0) * schlick_weight(normals[:, 2:])
     return [fresnel * bilinear(one, uv) for one in maps]
 
 
-def field_balls(maps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
-    """The three balls [P, 3] of every map [H, 2H, 3], tone-mapped before rendering."""
+def field_spheres(maps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
+    """The three spheres [P, 3] of every map [H, 2H, 3], tone-mapped before rendering."""
     toned = [field_tone(_resize(one, FIELD_ROWS)) for one in maps]
     pictures = {
-        "diffuse": light(ball_matrix(FIELD_ROWS, FIELD_SIZE, **FIELD_DIFFUSE), toned),
-        "silver": light(ball_matrix(FIELD_ROWS, FIELD_SIZE, **FIELD_SILVER), toned),
+        "diffuse": light(sphere_matrix(FIELD_ROWS, FIELD_SIZE, **FIELD_DIFFUSE), toned),
+        "silver": light(sphere_matrix(FIELD_ROWS, FIELD_SIZE, **FIELD_SILVER), toned),
         "mirror": _mirror(toned, FIELD_BASE),
     }
-    return [{name: pictures[name][k] for name in BALLS} for k in range(len(maps))]
+    return [{name: pictures[name][k] for name in SPHERES} for k in range(len(maps))]
 
 
 def pixel_rmse(p: np.ndarray, g: np.ndarray) -> float:
@@ -94,20 +94,20 @@ def pixel_angle_deg(p: np.ndarray, g: np.ndarray) -> float:
     return color_angle_deg(p, g, both) * float(both.mean()) if both.any() else 0.0
 
 
-def _spread(ball: np.ndarray) -> np.ndarray:
-    empty = np.zeros(round(ball.size * (1 / BALL_SHARE - 1)))
-    low, high = np.percentile(np.concatenate([ball.reshape(-1), empty]), [0.01, 99.9])
-    return (ball - low) / max(high - low, 1e-12)
+def _spread(sphere: np.ndarray) -> np.ndarray:
+    empty = np.zeros(round(sphere.size * (1 / SPHERE_SHARE - 1)))
+    low, high = np.percentile(np.concatenate([sphere.reshape(-1), empty]), [0.01, 99.9])
+    return (sphere - low) / max(high - low, 1e-12)
 
 
 def field_scores(truth: np.ndarray, estimates: Sequence[np.ndarray]) -> list[dict[str, float]]:
-    """For each estimate "field_<ball>_<rmse, si_rmse, angle_deg, n_rmse>"; maps [H, 2H, 3]."""
-    true, *guessed = field_balls([truth, *estimates])
+    """For each estimate "field_<sphere>_<rmse, si_rmse, angle_deg, n_rmse>"; maps [H, 2H, 3]."""
+    true, *guessed = field_spheres([truth, *estimates])
     result = []
-    for balls in guessed:
+    for spheres in guessed:
         row = {}
-        for name in BALLS:
-            p, g = balls[name], true[name]
+        for name in SPHERES:
+            p, g = spheres[name], true[name]
             row[f"field_{name}_rmse"] = pixel_rmse(p, g)
             row[f"field_{name}_si_rmse"] = pixel_si_rmse(p, g)
             row[f"field_{name}_angle_deg"] = pixel_angle_deg(p, g)
@@ -119,21 +119,21 @@ def field_scores(truth: np.ndarray, estimates: Sequence[np.ndarray]) -> list[dic
 def clean_scores(
     truth: np.ndarray, estimates: Sequence[np.ndarray], size: int = FIELD_SIZE
 ) -> list[dict[str, float]]:
-    """Linear balls of radiance, Lambert white, GGX silver and mirror; a mean over all numbers.
+    """Linear spheres of radiance, Lambert white, GGX silver and mirror; a mean over all numbers.
 
-    "clean_<ball>_rmse", "_si_rmse" in units of the true ball's mean, "_angle_deg".
+    "clean_<sphere>_rmse", "_si_rmse" in units of the true sphere's mean, "_angle_deg".
     """
     height = truth.shape[0]
     maps = [truth, *estimates]
     pictures = {
-        "diffuse": light(ball_matrix(height, size, albedo=1.0), maps),
-        "silver": light(ball_matrix(height, size, f0=SILVER_F0, alpha=SILVER_ALPHA), maps),
+        "diffuse": light(sphere_matrix(height, size, albedo=1.0), maps),
+        "silver": light(sphere_matrix(height, size, f0=SILVER_F0, alpha=SILVER_ALPHA), maps),
         "mirror": _mirror(maps, 1.0),
     }
     result: list[dict[str, float]] = []
     for k in range(1, len(maps)):
         row = {}
-        for name in BALLS:
+        for name in SPHERES:
             p, g = pictures[name][k], pictures[name][0]
             unit, everywhere = max(float(g.mean()), 1e-8), np.ones(len(g), bool)
             row[f"clean_{name}_rmse"] = rmse(p, g) / unit

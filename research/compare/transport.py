@@ -15,7 +15,7 @@ import numpy as np
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import shrink
-from anyprobe.render.spheres import ball_normals
+from anyprobe.render.spheres import sphere_normals
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 CHUNK = 64
@@ -72,11 +72,11 @@ def reflectance_matrix(
 
 
 @lru_cache(maxsize=8)
-def ball_matrix(
+def sphere_matrix(
     height: int, size: int, albedo: float = 0.0, f0: float = 0.0, alpha: float | None = None
 ) -> np.ndarray:
-    """reflectance_matrix of the ball of render.spheres, seen along -Z; one row a pixel inside it."""
-    normals, _ = ball_normals(size)
+    """reflectance_matrix of the sphere of render.spheres, seen along -Z; one row a pixel inside it."""
+    normals, _ = sphere_normals(size)
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
     return reflectance_matrix(normals, wo, height, albedo=albedo, f0=f0, alpha=alpha)
 

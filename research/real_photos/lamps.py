@@ -1,4 +1,4 @@
-"""Real photos of which only the lamp is known: the angle between it and the estimated main light."""
+"""Real photos of which only the lamp is known: the angle between it and the estimated dominant light."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.evaluate.methods import Method
 from anyprobe.evaluate.metrics import direction_error_deg
-from anyprobe.light.dominant_light import find_main_light
+from anyprobe.light.dominant_light import find_dominant_light
 from research.real_photos.maps import read_direction
 
 CONSTANT = "towards the camera"
@@ -47,12 +47,12 @@ def load_lamps(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[Lamp
 
 
 def lamp_angles(photos: Iterable[LampPhoto], methods: Mapping[str, Method]) -> dict[str, dict[str, float]]:
-    """Photo -> method -> angle [degrees] between its main light and the lamp; LDR methods are left out."""
+    """Photo -> method -> angle [degrees] between its dominant light and the lamp; LDR methods are left out."""
     angles: dict[str, dict[str, float]] = {}
     for photo in photos:
         estimates = {name: method(photo) for name, method in methods.items()}
         angles[photo.name] = {CONSTANT: round(direction_error_deg(TOWARDS_CAMERA, photo.lamp), 5)} | {
-            name: round(direction_error_deg(find_main_light(one.radiance).direction, photo.lamp), 5)
+            name: round(direction_error_deg(find_dominant_light(one.radiance).direction, photo.lamp), 5)
             for name, one in estimates.items()
             if one.radiance is not None
         }
@@ -70,8 +70,8 @@ def lamp_group(angles: Mapping[str, Mapping[str, float]]) -> dict:
         "rows": [
             {
                 "method": name,
-                "main_light_deg": round(float(np.mean(values)), 5),
-                "main_light_median_deg": round(float(np.median(values)), 5),
+                "dominant_light_deg": round(float(np.mean(values)), 5),
+                "dominant_light_median_deg": round(float(np.median(values)), 5),
             }
             for name, values in by_method.items()
         ],

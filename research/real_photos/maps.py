@@ -16,9 +16,9 @@ from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.evaluate.methods import Method
 from anyprobe.evaluate.metrics import direction_error_deg
 from anyprobe.files.radiance import read_radiance
-from anyprobe.light.dominant_light import find_main_light
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from research.compare.figures import ball_scores, ldr_scores
+from research.compare.figures import ldr_scores, sphere_scores
 
 COLUMNS = ("photo", "mask", "map", "lamp", "fov_deg", "gain", "kind")
 MAP_NEEDS = ("photo", "mask", "map", "fov_deg", "gain", "kind")
@@ -107,13 +107,13 @@ def score_real(
     scores: dict[str, dict[str, list[dict[str, float]]]] = {}
     for pair in pairs:
         true_ldr = response(pair.radiance)
-        true_light = find_main_light(pair.radiance).direction
+        true_light = find_dominant_light(pair.radiance).direction
         estimates = {name: method(pair) for name, method in methods.items()}
         for name, one in estimates.items():
-            row = ball_scores(one.ldr, true_ldr) | ldr_scores(one.ldr, true_ldr)
+            row = sphere_scores(one.ldr, true_ldr) | ldr_scores(one.ldr, true_ldr)
             if one.radiance is not None:
-                row["main_light_deg"] = direction_error_deg(
-                    find_main_light(one.radiance).direction, true_light
+                row["dominant_light_deg"] = direction_error_deg(
+                    find_dominant_light(one.radiance).direction, true_light
                 )
             scores.setdefault(pair.kind, {}).setdefault(name, []).append(row)
     counts = {kind: max(map(len, by_method.values())) for kind, by_method in scores.items()}

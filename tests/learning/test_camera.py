@@ -66,7 +66,7 @@ def test_a_sky_that_brightens_upwards_clips_above_the_known_height(share):
     assert exposure_for_clipping(luminance, share) == pytest.approx(np.exp(-2.0 * (1 - 2 * share)), rel=0.01)
 
 
-def test_a_lamp_in_the_dark_gets_a_finite_exposure():
+def test_a_emitter_in_the_dark_gets_a_finite_exposure():
     luminance = np.zeros((32, 64))
     luminance[10, 20] = 7.0
     gain = exposure_for_clipping(luminance, 0.1)
@@ -187,7 +187,7 @@ def test_a_rim_takes_from_what_is_behind_it(rng):
 
 
 def test_the_lens_blurs_light_and_not_display_values(rng):
-    """A lamp of 60 times white stays white three pixels around; of the picture's white little would be left."""
+    """An emitter of 60 times white stays white three pixels around; of the picture's white little would be left."""
     radiance = np.zeros((SIZE, SIZE, 3), np.float32)
     radiance[31, 31] = 60.0
     photo = take_photo(replace(CLEAN, blur_px=1.0), radiance, disc(), radiance, rng)

@@ -14,7 +14,7 @@ from anyprobe.nets.mask_net import MaskNet  # noqa: E402
 from anyprobe.train.checkpoint import load_weights  # noqa: E402
 from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.export_onnx import export  # noqa: E402
-from anyprobe.train.init_weights import save_start  # noqa: E402
+from anyprobe.train.init_weights import save_init_weights  # noqa: E402
 from anyprobe.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, train_mask  # noqa: E402
 
@@ -58,7 +58,7 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content, found):
     asked = (
         lambda: train(CONFIG, data=None, runs=tmp_path),
         lambda: export(path, tmp_path / "to"),
-        lambda: save_start(path, tmp_path / "to.pt"),
+        lambda: save_init_weights(path, tmp_path / "to.pt"),
     )
     for ask in asked:
         with pytest.raises(ModelError, match=f"expected a run's checkpoint, got {found}") as error:
@@ -107,7 +107,7 @@ def test_the_mask_networks_checkpoint_too(tmp_path):
             ask()
     with pytest.raises(ModelError, match="got a file without nets"):
         export(path, tmp_path / "to")
-    save_start(path, tmp_path / "start.pt")
+    save_init_weights(path, tmp_path / "start.pt")
     assert set(torch.load(tmp_path / "start.pt", weights_only=True)) == {"other"}
 
 
@@ -117,7 +117,7 @@ def test_what_is_kept_never_takes_the_runs_place(tmp_path):
     link = tmp_path / "link"
     link.symlink_to(path.parent, target_is_directory=True)
     with pytest.raises(InputError, match="got the run's own checkpoint"):
-        save_start(path, link / path.name)
+        save_init_weights(path, link / path.name)
     assert path.read_bytes() == before
 
 
@@ -126,7 +126,7 @@ def test_parts_that_were_renamed_are_found(tmp_path):
     path = write_run(tmp_path)
     stored = torch.load(path, weights_only=True)
     older = {
-        name.replace("light.emitters.power", "light.lamps.flux").replace(".up.", ".rise."): value
+        name.replace("light.emitters.power", "light.emitters.power").replace(".up.", ".rise."): value
         for name, value in stored["nets"].items()
     }
     assert older.keys() != stored["nets"].keys()

@@ -61,9 +61,9 @@ def test_guesses_are_unit_and_face_the_eye_before_anything_is_learned():
 
 
 def test_where_normals_are_told_is_told_too():
-    told = torch.zeros(1, 3, 64, 64)
-    told[:, 0, :10] = 2.0
-    normals, known = given_or_estimated(told, facing(1))
+    given = torch.zeros(1, 3, 64, 64)
+    given[:, 0, :10] = 2.0
+    normals, known = given_or_estimated(given, facing(1))
     assert known[:, :, :10].all()
     assert not known[:, :, 10:].any()
     assert (normals[:, 0, :10] == 1).all()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
@@ -173,7 +173,7 @@ def test_weight_decides_whom_a_fit_believes(rng):
 
 def test_a_model_that_boasts_is_told_by_how_much(rng):
     """Right where its claim of 0.9, 0.5 or 0.1 comes true in 0.6, 0.3 or 0.05 of the pixels."""
-    pairs = [ball_pair(seed) for seed in range(3)]
+    pairs = [sphere_pair(seed) for seed in range(3)]
     truths = [response(pair.radiance) for pair in pairs]
     answers = []
     for truth in truths:
@@ -195,7 +195,7 @@ def test_a_model_without_confidence_cannot_be_calibrated():
             return SimpleNamespace(confidence=None)
 
     with pytest.raises(ModelError, match="paper: expected a model that tells its confidence"):
-        calibrate(Silent(), [ball_pair(1)])
+        calibrate(Silent(), [sphere_pair(1)])
 
 
 def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
@@ -205,8 +205,8 @@ def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
     made = {True: assets("ab"), False: assets("abcd")}
     monkeypatch.setattr(
         asset_store,
-        "load_stock",
-        lambda data, split, commercial_only: asset_store.Stock(*2 * [made[commercial_only]]),
+        "load_asset_store",
+        lambda data, split, commercial_only: asset_store.AssetStore(*2 * [made[commercial_only]]),
     )
     left = asset_store.load_left_out(Path("data"))
     assert (list(left.maps), list(left.shapes)) == (["c"], ["c", "d"])  # d: its lights are made up

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate import runtime
@@ -16,7 +16,7 @@ from anyprobe.estimate.runtime import Models
 
 @pytest.fixture(scope="module")
 def crops():
-    return [ball_pair(seed).crop for seed in range(6)]
+    return [sphere_pair(seed).crop for seed in range(6)]
 
 
 def test_openvino_says_what_onnx_runtime_says_from_many_threads(crops):

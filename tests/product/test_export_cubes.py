@@ -17,7 +17,7 @@ from anyprobe.export.cubemap import box_mips, cube_faces, face_directions, face_
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.gltf import pack_rgbd, prefiltered
 from anyprobe.export.targets import export
-from anyprobe.light.dominant_light import split_main_light
+from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.environment import shrink
 from anyprobe.light.harmonics import sh_basis
 
@@ -263,11 +263,11 @@ def lit_map() -> np.ndarray:
     return radiance
 
 
-def test_gltf_holds_faces_coefficients_and_the_main_light(tmp_path):
+def test_gltf_holds_faces_coefficients_and_the_dominant_light(tmp_path):
     radiance = lit_map()
     document, blob = parse_glb(file_of("gltf", tmp_path, radiance, ".glb"))
     (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
-    main, ambient = split_main_light(radiance)
+    main, ambient = split_dominant_light(radiance)
     assert light["specularImageSize"] == 64
     assert [len(level) for level in light["specularImages"]] == [6, 6, 6]
     pictures = []

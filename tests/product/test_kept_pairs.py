@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.evaluate import test_sets as module
 from anyprobe.evaluate.test_sets import kept_pairs
 
-RECIPES = [ball_pair(seed).recipe for seed in (1, 2)]
+RECIPES = [sphere_pair(seed).recipe for seed in (1, 2)]
 
 
 @pytest.fixture
@@ -17,9 +17,9 @@ def rendered(monkeypatch) -> list[int]:
     """Seeds of what was rendered."""
     calls = []
 
-    def render_pair(recipe, stock):
+    def render_pair(recipe, store):
         calls.append(recipe.seed)
-        return ball_pair(recipe.seed)
+        return sphere_pair(recipe.seed)
 
     monkeypatch.setattr(module, "render_pair", render_pair)
     return calls

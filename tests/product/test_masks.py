@@ -148,7 +148,7 @@ def test_hint_channel():
 def test_letterbox_centres_the_photo_and_points_follow():
     rgb = np.zeros((300, 600, 3), np.float32)
     rgb[140:160, 290:310] = 1.0
-    box = Letterbox.around((0, 0), (600, 300))
+    box = Letterbox.surroundings((0, 0), (600, 300))
     square = box.square(rgb)
     assert square.shape == (SIZE, SIZE, 3)
     assert (square[:40] == 0.5).all()
@@ -222,12 +222,12 @@ def test_a_click_and_a_box_find_it_too(project_root):
     rows, columns = np.nonzero(true > 0.5)
     point = (float(columns.mean()), float(rows.mean()))
     box = (columns.min() - 5.0, rows.min() - 5.0, columns.max() + 6.0, rows.max() + 6.0)
-    for told, source, least in (
+    for given, source, least in (
         ({"click": point}, "click", 0.8),
         ({"box": box}, "box", 0.6),
         ({"click": point, "box": box}, "click", 0.95),
     ):
-        found = find_mask(read_image(rgb), **told)
+        found = find_mask(read_image(rgb), **given)
         assert found.source == source
         assert overlap(found.mask, true) > least
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.core.response import response
 from anyprobe.estimate.material_prior import fit_gain, fit_map
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import TOLD, model_methods, run_told, true_normals
+from anyprobe.evaluate.methods import PRIORS, model_methods, run_with_priors, true_normals
 
 
 @pytest.fixture(scope="module")
@@ -18,21 +18,21 @@ def models():
 
 
 def test_true_normals_are_means_of_four_made_unit():
-    pair = ball_pair(1)
-    told = true_normals(pair)
-    assert told.shape == (64, 64, 3)
-    length = np.linalg.norm(told, axis=-1)
+    pair = sphere_pair(1)
+    hints = true_normals(pair)
+    assert hints.shape == (64, 64, 3)
+    length = np.linalg.norm(hints, axis=-1)
     np.testing.assert_allclose(length[length > 0], 1.0, atol=1e-5)
     mean = pair.normals[30:32, 90:92].reshape(4, 3).mean(axis=0)
-    np.testing.assert_allclose(told[15, 45], mean / np.linalg.norm(mean), atol=1e-6)
-    assert (told[0, 0] == 0).all()
+    np.testing.assert_allclose(hints[15, 45], mean / np.linalg.norm(mean), atol=1e-6)
+    assert (hints[0, 0] == 0).all()
 
 
 def test_what_is_told_is_all_that_differs(models):
-    pair = ball_pair(2)
+    pair = sphere_pair(2)
     plain = models(pair.crop, pair.tan_half)
-    answers = {name: run_told(models, pair, told) for name, told in TOLD.items()}
-    np.testing.assert_array_equal(run_told(models, pair, set()).radiance, plain.radiance)
+    answers = {name: run_with_priors(models, pair, hints) for name, hints in PRIORS.items()}
+    np.testing.assert_array_equal(run_with_priors(models, pair, set()).radiance, plain.radiance)
     normals = models(pair.crop, pair.tan_half, true_normals(pair))
     np.testing.assert_array_equal(answers["normals"].radiance, normals.radiance)
     np.testing.assert_allclose(
@@ -51,12 +51,14 @@ def test_what_is_told_is_all_that_differs(models):
 
 def test_only_a_model_that_lifts_is_given_normals():
     rows = {
-        name: list(model_methods(Models(name), name, told))
-        for name, told in (("lift", True), ("paper", False))
+        name: list(model_methods(Models(name), name, hints))
+        for name, hints in (("lift", True), ("paper", False))
     }
-    assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in TOLD)]
+    assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in PRIORS)]
     assert rows["paper"] == ["paper"]
-    pair, methods = ball_pair(3), model_methods(Models(), "lift", priors=True)
-    alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected"))
+    pair, methods = sphere_pair(3), model_methods(Models(), "lift", priors=True)
+    alone, given, spread = (
+        methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected")
+    )
     assert (alone.radiance != given.radiance).any()
     assert spread.radiance.max() < alone.radiance.max()

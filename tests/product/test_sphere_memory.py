@@ -1,4 +1,4 @@
-"""Normals of a ball in a large photo: what they cost, and that they are those of the whole photo."""
+"""Normals of a sphere in a large photo: what they cost, and that they are those of the whole photo."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from anyprobe.estimate.normals_prior import normals_from_outline
 def outline_of(
     centre: tuple[float, float, float], radius: float, shape: tuple[int, int], long_fov_deg: float
 ):
-    """Mask [H, W] of a ball, and the normals [H, W, 3] where each ray meets it."""
+    """Mask [H, W] of a sphere, and the normals [H, W, 3] where each ray meets it."""
     height, width = shape
     focal = max(shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     y, x = np.mgrid[0:height, 0:width] + 0.5
@@ -30,7 +30,7 @@ def outline_of(
 @pytest.mark.parametrize(
     "centre", [(0.0, 0.0, -4.0), (2.5, -1.0, -4.0), (-2.8, 1.6, -4.0), (0.05, 0.0, -1.7)]
 )
-def test_a_ball_anywhere_in_a_wide_photo(centre, monkeypatch):
+def test_a_sphere_anywhere_in_a_wide_photo(centre, monkeypatch):
     mask, expected = outline_of(centre, 1.0, (240, 320), 100.0)
     found = normals_from_outline(mask, 100.0)
     both = (mask > 0) & found.any(axis=-1)
@@ -42,7 +42,7 @@ def test_a_ball_anywhere_in_a_wide_photo(centre, monkeypatch):
 
 
 def test_a_mask_that_is_nowhere_quite_zero():
-    """As a guided filter's is: beside the ball the normals are zero all the same."""
+    """As a guided filter's is: beside the sphere the normals are zero all the same."""
     mask, _ = outline_of((0.4, 0.2, -4.0), 1.0, (240, 320), 60.0)
     found = normals_from_outline(np.maximum(mask, 1e-4).astype(np.float32), 60.0)
     plain = normals_from_outline(mask, 60.0)
@@ -52,7 +52,7 @@ def test_a_mask_that_is_nowhere_quite_zero():
 
 
 @pytest.mark.parametrize("radius", [0.2, 1.05])
-def test_a_large_photos_ball_takes_little_beside_its_normals(radius):
+def test_a_large_photos_sphere_takes_little_beside_its_normals(radius):
     mask, _ = outline_of((0.1, 0.0, -2.5), radius, (1200, 1600), 60.0)
     tracemalloc.start()
     normals_from_outline(mask, 60.0)

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 pytest.importorskip("torch", reason="needs the train extra")
 
@@ -60,7 +60,7 @@ def runs(tmp_path):
 
 
 def test_a_network_becomes_a_method(runs):
-    pair, net = ball_pair(0), load_nets(runs / "lift_trial" / "checkpoint.pt")["light"]
+    pair, net = sphere_pair(0), load_nets(runs / "lift_trial" / "checkpoint.pt")["light"]
     photo = torch.from_numpy(pair.crop).permute(2, 0, 1)[None]
     with torch.no_grad():
         whole = torch.exp(net(photo, torch.tensor([[pair.tan_half]])).ln_radiance)
@@ -69,7 +69,7 @@ def test_a_network_becomes_a_method(runs):
 
 
 def test_what_is_trained_is_set_beside_the_first(runs, tmp_path, monkeypatch):
-    monkeypatch.setattr(ablations, "left_out_pairs", lambda data, kept: [ball_pair(0), ball_pair(1, 0.6)])
+    monkeypatch.setattr(ablations, "left_out_pairs", lambda data, kept: [sphere_pair(0), sphere_pair(1, 0.6)])
     score(tmp_path / "data", runs, tmp_path / "out.json")
     rows = json.loads((tmp_path / "out.json").read_text())["rows"]
     assert list(rows) == ["lift_trial", "clean_trial"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
@@ -10,20 +10,20 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.asset_store import draw_map
 from anyprobe.light.environment import shrink
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import NUM_LAMPS, shade_specular
-from anyprobe.render.spheres import ball_normals
+from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
+from anyprobe.render.spheres import sphere_normals
 from research.compare.figures import (
     Estimate,
-    ball_scores,
-    flux_stops,
     hdr_scores,
     ldr_scores,
     ln_unit,
-    mirror_ball,
+    mirror_sphere,
     relight_scores,
     score_pair,
     sh_irradiance_error,
+    sphere_scores,
     tone,
+    total_power_stops,
 )
 from research.compare.lights import find_lights, matched_lights_deg, nearest_mean_deg, peak_direction
 from research.compare.three_spheres import (
@@ -37,14 +37,14 @@ from research.compare.three_spheres import (
     pixel_rmse,
     pixel_si_rmse,
 )
-from research.compare.transport import array_of_spheres, ball_matrix, light
+from research.compare.transport import array_of_spheres, light, sphere_matrix
 
 
 def uniform(value=1.0):
     return np.full((64, 128, 3), value, np.float32)
 
 
-def lamp(*places, ground=0.01):
+def emitter(*places, ground=0.01):
     """A dark map with blocks of light, each (row, column, colour)."""
     radiance = uniform(ground)
     for row, column, color in places:
@@ -79,19 +79,19 @@ def test_halves_of_the_map_are_told_apart():
     assert scores["ldr_rmse"] == pytest.approx(0.1 / np.sqrt(2), rel=1e-5)
 
 
-def test_mirror_ball_shows_the_camera_in_its_middle_and_the_sky_above():
-    ball = mirror_ball((pixel_directions(64) + 1) / 2)
-    np.testing.assert_allclose(ball[31:33, 31:33].mean(axis=(0, 1)), [0.5, 0.5, 1.0], atol=0.01)
+def test_mirror_sphere_shows_the_camera_in_its_middle_and_the_sky_above():
+    sphere = mirror_sphere((pixel_directions(64) + 1) / 2)
+    np.testing.assert_allclose(sphere[31:33, 31:33].mean(axis=(0, 1)), [0.5, 0.5, 1.0], atol=0.01)
     row = round(32 - 32 * np.sin(np.pi / 4))  # n at 45 degrees mirrors +Y
-    np.testing.assert_allclose(ball[row, 31:33].mean(axis=0), [0.5, 1.0, 0.5], atol=0.04)
-    scores = ball_scores(uniform(0.5), uniform(0.6))
-    assert scores["ball_rmse"] == pytest.approx(0.1, rel=1e-5)
+    np.testing.assert_allclose(sphere[row, 31:33].mean(axis=0), [0.5, 1.0, 0.5], atol=0.04)
+    scores = sphere_scores(uniform(0.5), uniform(0.6))
+    assert scores["sphere_rmse"] == pytest.approx(0.1, rel=1e-5)
 
 
-def test_flux_is_told_channel_by_channel():
+def test_power_is_told_channel_by_channel():
     truth = drawn()
-    stops = flux_stops(truth * np.array([2, 0.25, 1], np.float32), truth)
-    assert [stops[f"flux_{c}_stops"] for c in "rgb"] == pytest.approx([1, 2, 0], abs=1e-5)
+    stops = total_power_stops(truth * np.array([2, 0.25, 1], np.float32), truth)
+    assert [stops[f"power_{c}_stops"] for c in "rgb"] == pytest.approx([1, 2, 0], abs=1e-5)
 
 
 def test_sh_irradiance_error_in_closed_form():
@@ -102,7 +102,7 @@ def test_sh_irradiance_error_in_closed_form():
 
 
 def test_peak_is_where_the_most_light_is_not_the_brightest_pixel():
-    radiance = lamp((20, 40, 5.0))
+    radiance = emitter((20, 40, 5.0))
     radiance[50, 100] = 9.0  # one pixel: less within 5 degrees
     expected = pixel_directions(64)[20, 40]
     assert np.degrees(np.arccos(peak_direction(radiance) @ expected)) < 2.0
@@ -110,7 +110,7 @@ def test_peak_is_where_the_most_light_is_not_the_brightest_pixel():
 
 def test_lights_are_found_brightest_first_and_by_blue_alone_as_published():
     red, blue = (10.0, 0.0, 0.0), (0.0, 0.0, 14.0)
-    radiance = lamp((30, 30, red), (30, 90, blue), ground=0.0)
+    radiance = emitter((30, 30, red), (30, 90, blue), ground=0.0)
     d = pixel_directions(64)
     found = find_lights(radiance)
     assert len(found) == 2
@@ -127,8 +127,8 @@ def test_an_even_map_has_no_light_and_close_ones_are_one():
     assert find_lights(sky) == []
     sky[:, 64:] = 0.0  # a quarter of it is one
     assert len(find_lights(sky)) == 1
-    assert len(find_lights(lamp((30, 30, 5.0), (30, 34, 5.0)))) == 1
-    assert matched_lights_deg([], find_lights(lamp((30, 30, 5.0)))) is None
+    assert len(find_lights(emitter((30, 30, 5.0), (30, 34, 5.0)))) == 1
+    assert matched_lights_deg([], find_lights(emitter((30, 30, 5.0)))) is None
 
 
 def test_nearest_mean_by_hand():
@@ -157,20 +157,20 @@ def test_field_scores_do_not_see_exposure_and_clean_ones_do():
     assert clean["clean_silver_si_rmse"] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_mirror_ball_shows_as_much_light_as_the_sphere_sends():
-    """Seen from far away, each pixel of the ball shows the same solid angle: its mean is the map's, sun or not."""
+def test_a_mirror_sphere_shows_as_much_light_as_the_sphere_sends():
+    """Seen from far away, each pixel of the sphere shows the same solid angle: its mean is the map's, sun or not."""
     sun = uniform(0.02)
     sun[20, 17] = 900.0  # one pixel of 2.8 degrees
     weights = np.broadcast_to(pixel_solid_angles(64), (64, 128)) / (4 * np.pi)
-    (ball,) = _mirror([sun], 1.0)
-    assert ball.mean() == pytest.approx((sun[..., 0] * weights).sum(), rel=0.03)
+    (sphere,) = _mirror([sun], 1.0)
+    assert sphere.mean() == pytest.approx((sun[..., 0] * weights).sum(), rel=0.03)
 
 
 def test_the_fields_mirror_grows_brighter_towards_its_edge():
-    (ball,) = _mirror([uniform()], 0.8)
-    slant = ball_normals(MIRROR_SIZE)[0][:, 2]
-    np.testing.assert_allclose(ball[slant > 0.99], 0.8, atol=1e-4)
-    assert ball[slant < 0.1].min() > 0.9
+    (sphere,) = _mirror([uniform()], 0.8)
+    slant = sphere_normals(MIRROR_SIZE)[0][:, 2]
+    np.testing.assert_allclose(sphere[slant > 0.99], 0.8, atol=1e-4)
+    assert sphere[slant < 0.1].min() > 0.9
 
 
 def test_black_pixels_count_no_angle_in_the_published_figure():
@@ -179,23 +179,23 @@ def test_black_pixels_count_no_angle_in_the_published_figure():
     assert pixel_angle_deg(np.zeros((2, 3)), g) == 0.0
 
 
-def test_white_ball_sends_back_what_it_gets():
-    matrix = ball_matrix(64, 16, albedo=1.0)
-    (ball,) = light(matrix, [uniform(0.7)])
-    np.testing.assert_allclose(ball, 0.7, rtol=2e-3)
+def test_white_sphere_sends_back_what_it_gets():
+    matrix = sphere_matrix(64, 16, albedo=1.0)
+    (sphere,) = light(matrix, [uniform(0.7)])
+    np.testing.assert_allclose(sphere, 0.7, rtol=2e-3)
 
 
 def test_silver_matrix_agrees_with_the_sampled_renderer():
     radiance = drawn()
     some = slice(None, None, 97)
-    normals = ball_normals(64)[0][some]
+    normals = sphere_normals(64)[0][some]
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
-    pyramid = build_pyramid(radiance, side=128, lamps=NUM_LAMPS)
+    pyramid = build_pyramid(radiance, side=128, emitters=NUM_EMITTERS)
     _, s1, ss = shade_specular(pyramid, normals, wo, 0.3, hammersley(2048))
-    (ball,) = light(ball_matrix(64, 64, f0=0.9, alpha=0.3), [radiance])
+    (sphere,) = light(sphere_matrix(64, 64, f0=0.9, alpha=0.3), [radiance])
     sampled = 0.9 * s1 + 0.1 * ss
     inside = normals[:, 2] > 0.3
-    assert np.abs(ball[some] - sampled)[inside].mean() < 0.02 * sampled[inside].mean()
+    assert np.abs(sphere[some] - sampled)[inside].mean() < 0.02 * sampled[inside].mean()
 
 
 def test_spheres_stand_in_the_light_and_cast_shadows():
@@ -221,7 +221,7 @@ def test_relighting_by_the_truth_has_no_error():
 
 
 def test_the_truth_scores_perfectly_and_ldr_methods_have_no_hdr_figures():
-    pair = ball_pair()
+    pair = sphere_pair()
     ldr = response(pair.radiance)
     rows = score_pair(
         pair,
@@ -239,7 +239,7 @@ def test_the_truth_scores_perfectly_and_ldr_methods_have_no_hdr_figures():
         else:
             assert value == pytest.approx(0.0, abs=0.1), name
     assert "hdr_rmse" not in rows["grey"]
-    assert "flux_stops" not in rows["grey"]
+    assert "total_power_stops" not in rows["grey"]
     linear = inverse_response(np.repeat(ldr.mean(axis=2, keepdims=True), 3, axis=2))
     (relit,) = relight_scores([pair.radiance, linear])
     assert rows["grey"]["relight_rmse"] == pytest.approx(relit["relight_rmse"])

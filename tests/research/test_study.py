@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.evaluate.scoring import Scores
 from research.compare.study import clustered_error, difference, means, one_way_variance
@@ -12,7 +12,7 @@ def invented(**ssim):
     """Scores of two specular and two diffuse pairs in which only ldr_ssim was measured."""
     result = Scores()
     for index, material in enumerate((0, 0, 1, 1)):
-        pair = ball_pair(index, alpha=0.2 if material == 0 else 0.8, material=material)
+        pair = sphere_pair(index, alpha=0.2 if material == 0 else 0.8, material=material)
         result.add(pair, {name: {"ldr_ssim": values[index]} for name, values in ssim.items()})
     return result
 

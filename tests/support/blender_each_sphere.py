@@ -1,8 +1,8 @@
-"""Run by the Python that has bpy: a matt, a silver and a mirror ball, each alone under an export.
+"""Run by the Python that has bpy: a matt, a silver and a mirror sphere, each alone under an export.
 
-python blender_each_ball.py script.py size answer.npy
+python blender_each_sphere.py script.py size answer.npy
 
-The script is opened in the text editor and run there, as docs/export.md says. Every ball fills the
+The script is opened in the text editor and run there, as docs/export.md says. Every sphere fills the
 picture of an orthographic camera that looks along +Y; answer.npy holds [3, size, size, 3], linear.
 """
 
@@ -32,7 +32,7 @@ scene.collection.objects.link(eye)
 scene.camera = eye
 bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64)
 bpy.ops.object.shade_smooth()
-ball = bpy.context.object
+sphere = bpy.context.object
 
 text = bpy.data.texts.load(str(script))
 where = str(Path(bpy.data.filepath) / text.name)  # what Run Script takes for the file
@@ -51,8 +51,8 @@ for shader, color, alpha in (("Diffuse", 1.0, None), ("Glossy", 0.9, 0.3), ("Glo
         bsdf.inputs["Roughness"].default_value = alpha**0.5
     output = nodes.new("ShaderNodeOutputMaterial")
     material.node_tree.links.new(bsdf.outputs[0], output.inputs[0])
-    ball.data.materials.clear()
-    ball.data.materials.append(material)
+    sphere.data.materials.clear()
+    sphere.data.materials.append(material)
     with tempfile.TemporaryDirectory() as folder:
         scene.render.filepath = str(Path(folder) / "seen.exr")
         bpy.ops.render.render(write_still=True)

@@ -1,6 +1,6 @@
-"""Run by the Python that has bpy: three balls under an export, as an .exr.
+"""Run by the Python that has bpy: three spheres under an export, as an .exr.
 
-python blender_balls.py script.py|stage.usda picture.exr
+python blender_spheres.py script.py|stage.usda picture.exr
 """
 
 import runpy
@@ -23,7 +23,7 @@ scene.render.filepath = sys.argv[2]
 for x, metallic, roughness, color in ((-2.3, 0, 1, 1.0), (0, 1, 0.4, 0.8), (2.3, 1, 0, 1.0)):
     bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, location=(x, 0, 0))
     bpy.ops.object.shade_smooth()
-    material = bpy.data.materials.new("ball")
+    material = bpy.data.materials.new("sphere")
     material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()

@@ -73,7 +73,7 @@ SCENES = [
 NUM_TESTS = len(SCENES) * SIZE * SIZE * 3
 
 BRIGHTEST = {"sky": (30, 120), "room": (20, 120), "studio": (8, 60)}
-"""Of a map of mean 1: high enough for a sun or a lamp, low enough for our samples to find it."""
+"""Of a map of mean 1: high enough for a sun or an emitter, low enough for our samples to find it."""
 
 
 @lru_cache

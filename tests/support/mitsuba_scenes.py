@@ -156,14 +156,14 @@ def mitsuba_scene(
             with `{"type": "direct", "hide_emitters": True}` and the like.
     """
     mi = open_mitsuba()
-    ball = {"type": "sphere", "bsdf": bsdf}
+    sphere = {"type": "sphere", "bsdf": bsdf}
     return mi.load_dict(
         {
             "type": "scene",
             "integrator": integrator or {"type": "unshadowed"},
             "sensor": sensor(camera, spp),
             "light": environment(radiance),
-            "object": ball if mesh is None else shape(mesh, bsdf),
+            "object": sphere if mesh is None else shape(mesh, bsdf),
         }
     )
 

@@ -1,4 +1,4 @@
-"""Babylon.js reads the exported .glb: EXT_lights_image_based's faces and coefficients, and the main light.
+"""Babylon.js reads the exported .glb: EXT_lights_image_based's faces and coefficients, and the dominant light.
 
 It is large and not in tests/browser's package.json: npm install --no-save babylonjs babylonjs-loaders there.
 """

@@ -21,8 +21,8 @@ from anyprobe.cli.options import (
     BoxOption,
     ClickOption,
     DepthOption,
+    EmittersOption,
     FarOption,
-    LampsOption,
     MaskOption,
     MaterialOption,
     NearOption,
@@ -37,12 +37,12 @@ from anyprobe.cli.options import (
     where_for,
 )
 from anyprobe.errors import AnyprobeError, InputError, OutputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: the main light and files, or the error's line."""
+    """One photo's outcome: the dominant light and files, or the error's line."""
 
     photo: Path
     direction: np.ndarray | None = None
@@ -68,7 +68,7 @@ def estimate(
     material: MaterialOption = None,
     albedo: AlbedoOption = None,
     surroundings: SurroundingsOption = None,
-    lamps: LampsOption = DRAWN,
+    emitters: EmittersOption = MODE,
     poses: Annotated[
         Path | None,
         typer.Option(
@@ -88,7 +88,7 @@ def estimate(
     }
     known = read_material(material, albedo)
     listed = list_photos(photos)
-    estimator = Estimator(model, lamps=lamps)
+    estimator = Estimator(model, emitters=emitters)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
@@ -120,9 +120,9 @@ def _one(
             raise OutputError(
                 f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
             )
-        told = where_for(path, where)
-        _check_files(path, out, listed, told)
-        photo = load_photo(path, fov_deg=fov, **told)
+        hints = where_for(path, where)
+        _check_files(path, out, listed, hints)
+        photo = load_photo(path, fov_deg=fov, **hints)
         light = estimator.from_photo(photo, start, material=known)
         written = write_results(photo, light, out, path.stem)
     except AnyprobeError as error:
@@ -149,14 +149,14 @@ def _together(
     from anyprobe.files.poses import read_poses
 
     start = time.perf_counter()
-    told_poses = read_poses(poses)
-    turned, fovs = told_poses.of(listed), dict(zip(listed, told_poses.fovs_deg(listed), strict=True))
+    given_poses = read_poses(poses)
+    turned, fovs = given_poses.of(listed), dict(zip(listed, given_poses.fovs_deg(listed), strict=True))
 
     def load(path: Path) -> Photo:
-        told = where_for(path, where)
-        _check_files(listed[0], out, [*listed, poses], told)
+        hints = where_for(path, where)
+        _check_files(listed[0], out, [*listed, poses], hints)
         try:
-            return load_photo(path, fov_deg=fovs[path] if fov is None else fov, **told)
+            return load_photo(path, fov_deg=fovs[path] if fov is None else fov, **hints)
         except AnyprobeError as error:
             raise InputError(_line(path, error)) from error
 
@@ -180,11 +180,11 @@ def _line(path: Path, error: AnyprobeError) -> str:
     return " ".join(text.splitlines())  # a name may hold a line break
 
 
-def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:
+def _check_files(path: Path, out: Path, listed: list[Path], hints: dict) -> None:
     """Refuse a result that would replace one of the inputs."""
     from anyprobe.estimate.outputs import SUFFIXES
 
-    files = (*listed, told["mask"], told["depth"], told["normals"], told["surroundings"])
+    files = (*listed, hints["mask"], hints["depth"], hints["normals"], hints["surroundings"])
     inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
     for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
         if target.resolve() in inputs:
@@ -194,7 +194,12 @@ def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos; warnings below it."""
-    columns = (Column("photo", overflow="fold"), "main light", "seconds", Column("result", overflow="fold"))
+    columns = (
+        Column("photo", overflow="fold"),
+        "dominant light",
+        "seconds",
+        Column("result", overflow="fold"),
+    )
     table = Table(*columns, box=None, pad_edge=False)
     for one in done:
         if one.error:

@@ -21,7 +21,7 @@ from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LI
 if TYPE_CHECKING:
     import numpy as np
 
-    from anyprobe.dataset.asset_store import Stock
+    from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.pair import Pair
     from anyprobe.dataset.recipe import Recipe
     from anyprobe.evaluate.methods import Estimate, Method
@@ -37,9 +37,9 @@ COLUMNS = (
     "si_rmse_diffuse",
     "si_rmse_silver",
     "si_rmse_mirror",
-    "main_light_deg",
-    "main_light_median_deg",
-    "flux_median_stops",
+    "dominant_light_deg",
+    "dominant_light_median_deg",
+    "total_power_median_stops",
 )
 PAIRS = 200
 SEED = 2020
@@ -81,7 +81,7 @@ def evaluate(
     textured: Annotated[
         bool, typer.Option("--textured", help="Objects of mild texture or of two materials.")
     ] = False,
-    told: Annotated[
+    priors: Annotated[
         bool, typer.Option("--priors", help="Also with true normals, material and surroundings given.")
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
@@ -106,12 +106,12 @@ def evaluate(
 
     trace = _tracer() if path_traced else None
     runtime, title = Models(model, engine=engine), Path(model).name
-    if told and runtime.stages != LIFT_STAGES:
+    if priors and runtime.stages != LIFT_STAGES:
         raise InputError(f"--priors: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
-    methods = model_methods(runtime, title, told) | baselines()
+    methods = model_methods(runtime, title, priors) | baselines()
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    recipes, stock = _test_set(hdri, meshes, pairs, None if frozen else seed, conditions, talk)
-    photos = (render_pair(recipe, stock, trace, textured=textured) for recipe in recipes)
+    recipes, store = _test_set(hdri, meshes, pairs, None if frozen else seed, conditions, talk)
+    photos = (render_pair(recipe, store, trace, textured=textured) for recipe in recipes)
     watch = Watch(methods, title, len(recipes))
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=talk) as progress:
@@ -134,8 +134,8 @@ def evaluate(
         },
         "model": model_id(model),
         "recipes": digest(recipes),
-        "maps": [asset.name for asset in stock.maps.values()],
-        "shapes": [asset.name for asset in stock.shapes.values()],
+        "maps": [asset.name for asset in store.maps.values()],
+        "shapes": [asset.name for asset in store.shapes.values()],
         "better": METRICS,
         **watch.result(),
         "scores": scores.table(),
@@ -149,9 +149,9 @@ def evaluate(
 
 def _test_set(
     hdri: Path, meshes: Path, pairs: int, seed: int | None, conditions: Conditions, talk: Console
-) -> tuple[list[Recipe], Stock]:
+) -> tuple[list[Recipe], AssetStore]:
     """Recipes of so many pairs, drawn by seed or the frozen ones, and the assets they name."""
-    from anyprobe.dataset.asset_store import Stock
+    from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.plan import balanced_recipes
     from anyprobe.dataset.samples import CONDITIONS
@@ -165,9 +165,9 @@ def _test_set(
         raise InputError(
             f"--pairs {pairs}: expected at most the {len(listed)} pairs that --frozen has, got more; ask for fewer"
         )
-    stock = Stock(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
-    recipes = listed[:pairs] if seed is None else balanced_recipes(stock, pairs, seed)
-    return [replace(one, conditions=CONDITIONS.index(conditions.value)) for one in recipes], stock
+    store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
+    recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
+    return [replace(one, conditions=CONDITIONS.index(conditions.value)) for one in recipes], store
 
 
 class Watch:
@@ -176,7 +176,11 @@ class Watch:
     def __init__(self, methods: Mapping[str, Method], title: str, pairs: int) -> None:
         from anyprobe.evaluate.calibration import Calibration
 
-        judged = (name for name in methods if name == title or name.startswith(f"{title}, ") and name.endswith(" given"))
+        judged = (
+            name
+            for name in methods
+            if name == title or name.startswith(f"{title}, ") and name.endswith(" given")
+        )
         self.title, self.calibrations = title, {name: Calibration() for name in judged}
         self.irradiance: list[dict[str, float]] = []
         self.every = max(1, pairs // 16) | 1  # odd: even steps would show a few shapes only
@@ -213,7 +217,7 @@ class Watch:
 
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
-    """Photo and true irradiance, then map, silver and mirror ball of the truth and of each method."""
+    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method."""
     import numpy as np
 
     from anyprobe.core.response import response
@@ -222,7 +226,7 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
     cells = [pair.photo[::2, ::2, :3] / 255.0, pair.irradiance[::2, ::2] / 255.0]
     for radiance in (pair.radiance, *(one.lights for one in estimates.values())):
         cells.append(response(radiance))
-        cells += [response(ball(radiance, CELL)) for ball in (silver, mirror)]
+        cells += [response(sphere(radiance, CELL)) for sphere in (silver, mirror)]
     return np.concatenate(cells, axis=1)
 
 
@@ -261,9 +265,9 @@ def _print(table: dict, irradiance: dict[str, float]) -> None:
     show.print("irradiance image: " + ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items()))
 
 
-def _print_confidence(title: str, confidence: dict, told: dict[str, dict]) -> None:
+def _print_confidence(title: str, confidence: dict, priors: dict[str, dict]) -> None:
     """A row for all pixels, for each group and, of all pixels, for each prior."""
-    rows = {title: confidence, **confidence["groups"], **told}
+    rows = {title: confidence, **confidence["groups"], **priors}
     sheet = Table(
         "confidence",
         *("claimed", "right", "ECE", "Brier", "log loss", "AUC"),

@@ -26,9 +26,9 @@ def need_torch(what: str) -> None:
 NormalsOption = Annotated[
     str | None,
     typer.Option(
-        metavar="FILE|ball",
+        metavar="FILE|sphere",
         help="The object's normals, where known: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, "
-        "+Y up, +Z to the camera; or a folder of them named like the photos; or ball, if the object is one.",
+        "+Y up, +Z to the camera; or a folder of them named like the photos; or sphere, if the object is one.",
     ),
 ]
 MaterialOption = Annotated[
@@ -53,12 +53,12 @@ SurroundingsOption = Annotated[
         "or a panorama in the camera's frame, transparent where nothing is known.",
     ),
 ]
-LampsOption = Annotated[
+EmittersOption = Annotated[
     str,
     typer.Option(
-        metavar="drawn|spread",
-        help="drawn: lamps where they most likely are, for shadows and highlights; spread: their light over all places "
-        "as likely as it is, which lights dull objects better.",
+        metavar="mode|expected",
+        help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: the "
+        "mean over all positions, soft, and truer on matte objects.",
     ),
 ]
 
@@ -71,23 +71,23 @@ def read_surroundings_option(given: str | None) -> Path | str | None:
 
 
 def read_normals_option(given: str | None) -> Path | str | None:
-    """A path, or the word for a ball as it is."""
-    from anyprobe.estimate.normals_prior import BALL
+    """A path, or the word for a sphere as it is."""
+    from anyprobe.estimate.normals_prior import SPHERE
 
-    return given if given is None or given == BALL else Path(given)
+    return given if given is None or given == SPHERE else Path(given)
 
 
 def read_material(name: str | None, albedo: str | None) -> Material | None:
     """The material that the options tell; None where they tell nothing."""
-    from anyprobe.scatter.materials import told_material
+    from anyprobe.scatter.materials import given_material
 
     if albedo is None:
-        return told_material(name)
+        return given_material(name)
     try:
         numbers = [float(part) for part in albedo.split(",")]
     except ValueError:
         raise InputError(f"--albedo: expected numbers, got {albedo!r}; for instance --albedo 0.18") from None
-    return told_material(name, numbers)
+    return given_material(name, numbers)
 
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
@@ -130,12 +130,12 @@ def read_where(
     mask and depth may still be folders: where_for makes them one photo's.
     """
     given = {"--mask": mask, "--depth": depth, "--box": box, "--click": click}
-    told = [name for name, value in given.items() if value]
-    if len(told) > 1 and told != ["--box", "--click"]:
-        raise InputError(f"{' and '.join(told)}: expected one of them, got both")
+    hints = [name for name, value in given.items() if value]
+    if len(hints) > 1 and hints != ["--box", "--click"]:
+        raise InputError(f"{' and '.join(hints)}: expected one of them, got both")
     if click_off and (mask is not None or depth is not None):
         raise InputError(
-            f"--not: expected --click, --box or neither with it, got {told[0]}; leave one of them out"
+            f"--not: expected --click, --box or neither with it, got {hints[0]}; leave one of them out"
         )
     if depth is None and (near is not None or far is not None):
         option = "--far" if near is None else "--near"

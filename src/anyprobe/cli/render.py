@@ -140,9 +140,9 @@ def render(
 
 
 def _make() -> Callable:
-    from anyprobe.dataset.samples import StockRenderer
+    from anyprobe.dataset.samples import StoreRenderer
 
-    return StockRenderer
+    return StoreRenderer
 
 
 def _engine(engine: Engine, address: str | None, workers: int, say: Callable, job) -> Callable:

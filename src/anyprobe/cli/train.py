@@ -131,7 +131,7 @@ def weights(
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
     from anyprobe.train.config import RUNS as NAMED
-    from anyprobe.train.init_weights import keep_apart, mean_checkpoint, save_start
+    from anyprobe.train.init_weights import keep_apart, mean_checkpoint, save_init_weights
 
     if mean_map is not None and run not in NAMED:
         raise InputError(
@@ -165,7 +165,7 @@ def weights(
             computed = "in floats, before its 8 bits, " if int8 else ""
             typer.echo(f"{to / (stage + '.onnx')}: {computed}within {difference:.2g} of torch")
         if start is not None:
-            save_start(checkpoint, start)
+            save_init_weights(checkpoint, start)
             typer.echo(start)
     if mean_map is not None:
         write_mean_map(pairs, mean_map)

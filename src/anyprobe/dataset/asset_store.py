@@ -26,7 +26,7 @@ from anyprobe.dataset.room import room
 from anyprobe.dataset.sky import sky, studio
 from anyprobe.errors import InputError
 from anyprobe.light.octahedral import Pyramid, build_pyramid
-from anyprobe.render.integrate import NUM_LAMPS
+from anyprobe.render.integrate import NUM_EMITTERS
 from anyprobe.render.shapes import draw_shape
 
 
@@ -40,7 +40,7 @@ PROCEDURAL_VERSION = 2
 """Raised whenever the generators give other maps or shapes for the same seed."""
 
 
-class Stock:
+class AssetStore:
     """Maps and shapes by their eight-digit ids."""
 
     def __init__(self, maps: Iterable[MapAsset], shapes: Iterable[ShapeAsset] = ()) -> None:
@@ -49,7 +49,7 @@ class Stock:
         self.pyramid = lru_cache(maxsize=64)(self._pyramid)
 
     def _pyramid(self, map_id: str) -> Pyramid:
-        return build_pyramid(self.map(map_id).radiance, lamps=NUM_LAMPS)
+        return build_pyramid(self.map(map_id).radiance, emitters=NUM_EMITTERS)
 
     def map(self, map_id: str) -> MapAsset:
         """The map of that id, or InputError."""
@@ -96,7 +96,7 @@ def own_shape(seed: int, index: int) -> ShapeAsset:
     )
 
 
-def load_stock(
+def load_asset_store(
     data: Path | None,
     split: str,
     *,
@@ -107,7 +107,7 @@ def load_stock(
     with_shapes: bool = True,
     seed: int = 5,
     report: Callable[[str], None] | None = None,
-) -> Stock:
+) -> AssetStore:
     """Assets of data/{hdri,meshes}/<split>, with `extra` those of hdri/train_extra too, and so many of our own.
 
     Where shapes are not asked for, data has to have none. Without data everything is our own; test assets are then
@@ -126,10 +126,10 @@ def load_stock(
     own_seed = seed if split == "train" else seed + 1_000_000
     maps += [own_map(own_seed, index) for index in range(procedural_maps)]
     shapes += [own_shape(own_seed, index) for index in range(procedural_shapes)]
-    return Stock(maps, shapes)
+    return AssetStore(maps, shapes)
 
 
-def load_left_out(data: Path) -> Stock:
+def load_left_out(data: Path) -> AssetStore:
     """The training assets whose licence keeps shipped weights from learning of them: to choose by, not to learn from.
 
     Maps whose lights are made up are not among them: who chooses by them chooses what is made up alike.
@@ -137,7 +137,7 @@ def load_left_out(data: Path) -> Stock:
     Raises:
         InputError: there are none.
     """
-    everything, learned = (load_stock(data, "train", commercial_only=only) for only in (False, True))
+    everything, learned = (load_asset_store(data, "train", commercial_only=only) for only in (False, True))
     maps = [asset for key, asset in everything.maps.items() if key not in learned.maps and not asset.lifted]
     shapes = [asset for key, asset in everything.shapes.items() if key not in learned.shapes]
     if not maps or not shapes:
@@ -145,7 +145,7 @@ def load_left_out(data: Path) -> Stock:
             f"{data}: expected maps and shapes that shipped weights do not learn from, "
             f"got {len(maps)} maps and {len(shapes)} shapes; leave the calibration out"
         )
-    return Stock(maps, shapes)
+    return AssetStore(maps, shapes)
 
 
 FOLDERS = {
@@ -153,7 +153,7 @@ FOLDERS = {
     "hdri/train_extra": ("Maps", MAP_SUFFIXES),
     "meshes/train": ("Shapes", MESH_SUFFIXES),
 }
-"""Those of load_stock, what they hold, and in which files."""
+"""Those of load_asset_store, what they hold, and in which files."""
 
 NOT_STATED = "not stated"
 
@@ -186,15 +186,15 @@ class Credit:
 
 
 def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
-    """The page, in Markdown, of all that load_stock takes of a data folder for weights that ship.
+    """The page, in Markdown, of all that load_asset_store takes of a data folder for weights that ship.
 
     Args:
-        report: as of load_stock.
+        report: as of load_asset_store.
     Raises:
-        InputError: as load_stock.
+        InputError: as load_asset_store.
     """
-    stock = load_stock(data, "train", commercial_only=True, report=report)
-    taken = {*stock.maps, *stock.shapes}
+    store = load_asset_store(data, "train", commercial_only=True, report=report)
+    taken = {*store.maps, *store.shapes}
     tables = {name: list(_credits(data / name, suffixes, taken)) for name, (_, suffixes) in FOLDERS.items()}
     parts = [PAGE.format(count=sum(map(len, tables.values())))]
     for name, credits in tables.items():

@@ -69,7 +69,7 @@ def run_local(
                 if message is None:
                     crew.remove(one)
                     _bury(one, waiting, deaths, watch, say)
-                elif message[0] == "told":
+                elif message[0] == "progress":
                     watch(one.task, message[1])
                 elif message[0] == "done":
                     results[one.task], one.task = message[1], None
@@ -168,7 +168,7 @@ def _serve(work: Work, pipe: Connection) -> None:
         while True:
             task = pipe.recv()
             try:
-                answer = ("done", work(task, lambda count: pipe.send(("told", count))))
+                answer = ("done", work(task, lambda count: pipe.send(("progress", count))))
             except AnyprobeError as error:
                 answer = ("failed", _portable(error))
             except (BrokenPipeError, ConnectionError):

@@ -35,7 +35,7 @@ def draw_frame(rng: np.random.Generator, tan_half: float) -> np.ndarray:
     return np.stack([center - half, center + half], axis=-1).ravel()
 
 
-def photo_around(
+def photo_surroundings(
     light: torch.Tensor,
     mask: torch.Tensor,
     tan_half: torch.Tensor,
@@ -57,7 +57,7 @@ def photo_around(
 
 
 def gather(
-    around: torch.Tensor,
+    surroundings: torch.Tensor,
     light: torch.Tensor,
     mask: torch.Tensor,
     tan_half: torch.Tensor,
@@ -65,13 +65,13 @@ def gather(
     rng: np.random.Generator,
     tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """What photos show, of photo_around, and where they show nothing what other photos of the same object do.
+    """What photos show, of photo_surroundings, and where they show nothing what other photos of the same object do.
 
     Their cameras went round it; each shows the map a little off in its own way.
 
     Args:
         chosen: [B], which photos come with 1 to MOST_OTHERS others.
-        light, mask, tan_half, tone: of photo_around; the mask stands for the object as the others see it.
+        light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
     """
     counts = rng.integers(1, MOST_OTHERS + 1, len(chosen)) * chosen
     for number in range(counts.max(initial=0)):
@@ -80,8 +80,8 @@ def gather(
         frames *= (counts > number)[:, None]
         cover = _shown(light.shape[2], mask, tan_half, frames, turns)
         display = (tone(unsteady(light, rng)).clip(0.0, 1.0) * 255).round() / 255
-        around = around + (1 - around[:, 3:]) * torch.cat([display * cover, cover], dim=1)
-    return around
+        surroundings = surroundings + (1 - surroundings[:, 3:]) * torch.cat([display * cover, cover], dim=1)
+    return surroundings
 
 
 def _turn_round(rng: np.random.Generator) -> np.ndarray:
@@ -93,7 +93,7 @@ def _turn_round(rng: np.random.Generator) -> np.ndarray:
 def _shown(
     height: int, mask: torch.Tensor, tan_half: torch.Tensor, frames: np.ndarray, map_from_photo: np.ndarray
 ) -> torch.Tensor:
-    """Which part of a map's pixels photos show beside the object, [B, 1, H, 2H] in [0, 1]; see photo_around.
+    """Which part of a map's pixels photos show beside the object, [B, 1, H, 2H] in [0, 1]; see photo_surroundings.
 
     map_from_photo: [B, 3, 3], how each camera was turned.
     """

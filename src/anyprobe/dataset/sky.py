@@ -161,8 +161,8 @@ def sky_radiance(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray
         a, b, c, fall, e = (slope * turbidity + intercept for slope, intercept in PEREZ[name])
 
         def perez(cos_theta, angle):
-            around = 1 + c * np.exp(fall * angle) + e * np.cos(angle) ** 2
-            return (1 + a * np.exp(b / cos_theta)) * around
+            surroundings = 1 + c * np.exp(fall * angle) + e * np.cos(angle) ** 2
+            return (1 + a * np.exp(b / cos_theta)) * surroundings
 
         return zenith[name] * perez(cosine, gamma) / perez(1.0, theta_s)
 
@@ -217,7 +217,7 @@ def clear_sky(d: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
 
 
 def sun_disc(height: int, sun: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
-    """The sun's radiance [H, 2H, 3]: widened to 1.5 rows where it is narrower, of the same flux."""
+    """The sun's radiance [H, 2H, 3]: widened to 1.5 rows where it is narrower, of the same power."""
     radius = max(SUN_RADIUS, 1.5 * np.pi / height)
     disc = soft_cap(pixel_directions(height).astype(np.float64), sun, radius, 0.5)
     return disc * irradiance / (disc[..., 0] * pixel_solid_angles(height)).sum()

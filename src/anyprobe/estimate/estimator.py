@@ -11,16 +11,17 @@ from typing import Unpack
 
 import numpy as np
 
+from anyprobe.core.color import luminance
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
-from anyprobe.estimate.result import Light, told_share
+from anyprobe.estimate.result import Light
 from anyprobe.estimate.runtime import (
     DEFAULT_ENGINE,
     DEFAULT_MODEL,
-    DRAWN,
     LIFT_STAGES,
+    MODE,
     PHOTO_SIZE,
     Models,
     model_id,
@@ -29,13 +30,13 @@ from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.find import Where
-from anyprobe.scatter.materials import MATERIALS, Material, told_material
+from anyprobe.scatter.materials import MATERIALS, Material, given_material
 
 Albedo = float | Sequence[float]
 """Linear: one number for grey, or red, green and blue."""
 
-ENOUGH_TOLD = 0.5
-"""Where less of the object than this is neither black nor burnt out, confidence falls in proportion."""
+ENOUGH_EXPOSED = 0.5
+"""Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
 
 
 class Estimator:
@@ -51,21 +52,21 @@ class Estimator:
         *,
         threads: int | None = None,
         engine: str = DEFAULT_ENGINE,
-        lamps: str = DRAWN,
+        emitters: str = MODE,
     ) -> None:
         """Open a bundled model, or a folder of graphs, by an engine of estimate.runtime.ENGINES.
 
         threads: of the engine; None leaves the choice to it.
-        lamps: "drawn", for shadows, highlights and a map to look at, or "spread" as likely as they are, which lights
-            dull objects better and is not sharp; see estimate.runtime.LAMPS.
+        emitters: "drawn", for shadows, highlights and a map to look at, or "spread" as likely as they are, which lights
+            dull objects better and is not sharp; see estimate.runtime.EMITTERS.
         """
-        self.models = Models(model, threads, engine, lamps)
-        self.model_id, self.lamps = model_id(model), lamps
+        self.models = Models(model, threads, engine, emitters)
+        self.model_id, self.emitters = model_id(model), emitters
 
-    def with_lamps(self, lamps: str) -> Estimator:
-        """The same networks, opened once, asked for other lamps."""
+    def with_emitters(self, emitters: str) -> Estimator:
+        """The same networks, opened once, asked for other emitters."""
         other = copy(self)
-        other.models, other.lamps = self.models.with_lamps(lamps), lamps
+        other.models, other.emitters = self.models.with_emitters(emitters), emitters
         return other
 
     def __call__(
@@ -85,7 +86,7 @@ class Estimator:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
             normals: the object's, where they are known: a normal map of the photo's size in the camera's frame,
-                see normals_prior.read_normals; or "ball", if it is one. Light comes from truer directions then.
+                see normals_prior.read_normals; or "sphere", if it is one. Light comes from truer directions then.
             material: the object's, where it is known: an anyprobe.Material, or a name of scatter.materials ("chrome").
                 Brightness and colour of the light are made to fit it, see estimate.material_prior.
             albedo: linear, one number or three (0.18 for a grey card): of a dull object, or of the material named.
@@ -129,7 +130,7 @@ class Estimator:
         *,
         material: Material | str | None = None,
         albedo: Albedo | None = None,
-        gathered: np.ndarray | None = None,
+        merged_surroundings: np.ndarray | None = None,
     ) -> Light:
         """The same for an object that is cut out already; of the photo only what it is, not its pixels.
 
@@ -141,20 +142,20 @@ class Estimator:
         start = loaded if start is None else start
         material = as_material(material, albedo)
         self._check_use(crop, material)
-        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.around)
+        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
         known = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
-        exposed = told_share(crop.image)
+        exposed = _well_exposed(crop.image)
         if (
             outputs.confidence is not None
         ):  # of what the object tells; what is seen around it does not hang on that
-            outputs = replace(outputs, confidence=outputs.confidence * min(1.0, exposed / ENOUGH_TOLD))
-        around = crop.around if gathered is None else gathered
-        if around is not None:
-            outputs = use_surroundings(outputs, around, tint=material is None)
-            known["surroundings"] = _share(around)
+            outputs = replace(outputs, confidence=outputs.confidence * min(1.0, exposed / ENOUGH_EXPOSED))
+        surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
+        if surroundings_map is not None:
+            outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
+            known["surroundings"] = _share(surroundings_map)
         estimated = time.perf_counter()
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         if outputs.confidence is None:
@@ -176,12 +177,12 @@ class Estimator:
             info={
                 "photo": photo.name,
                 "model": self.model_id,
-                "lamps": self.lamps,
+                "emitters": self.emitters,
                 **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
                 "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
-                "known": known,
+                "priors": known,
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
                     "load": round(loaded - start, 4),
@@ -193,11 +194,11 @@ class Estimator:
 
     def _check_use(self, crop: Crop, material: Material | None) -> None:
         """Only the model that lifts pixels can use what is known."""
-        known = (("normals", crop.normals), ("surroundings", crop.around), ("material", material))
-        told = [name for name, value in known if value is not None]
-        if told and self.models.stages != LIFT_STAGES:
+        known = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
+        given = [name for name, value in known if value is not None]
+        if given and self.models.stages != LIFT_STAGES:
             raise InputError(
-                f"{' and '.join(told)}: expected a model that tells normals, got {self.models.name}; "
+                f"{' and '.join(given)}: expected a model that tells normals, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
 
@@ -220,7 +221,7 @@ def as_material(material: Material | str | None, albedo: Albedo | None = None) -
             f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
         ) from error
     if not isinstance(material, Material):
-        return told_material(material, values)
+        return given_material(material, values)
     if albedo is not None:
         raise InputError(
             "albedo: expected a material's name beside it or none, got a Material, which has its own; "
@@ -245,9 +246,18 @@ def _checked(material: Material) -> Material:
     return Material(albedo=colors[0], f0=colors[1], alpha=alpha)
 
 
-def _share(around: np.ndarray) -> float:
+def _well_exposed(image: np.ndarray) -> float:
+    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor clipped."""
+    inside = image[..., 3] > 0.5
+    if not inside.any():
+        return 0.0
+    display = luminance(image[inside][:, :3] / image[inside][:, 3:])
+    return float(((display > 0.02) & (display < 0.98)).mean())
+
+
+def _share(surroundings_map: np.ndarray) -> float:
     """How much of the sphere is known."""
-    return round(float(integral(around[..., 3:])[0] / (4 * np.pi)), 4)
+    return round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
 
 
 def _rounded(confidence: float | None) -> float | None:
@@ -268,16 +278,16 @@ def estimate(
     albedo: Albedo | None = None,
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
-    lamps: str = DRAWN,
+    emitters: str = MODE,
     **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call).
 
     Args:
-        model, lamps: of Estimator.
+        model, emitters: of Estimator.
         source and all others: of Estimator.__call__, which also says what is raised.
     """
-    return _shared(model).with_lamps(lamps)(
+    return _shared(model).with_emitters(emitters)(
         source,
         fov_deg=fov_deg,
         normals=normals,

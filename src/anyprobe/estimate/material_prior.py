@@ -1,7 +1,7 @@
-"""Known (adjective): a material that somebody tells, which settles what a photo alone cannot.
+"""A given material settles what a photo alone cannot: the colour and level of the light.
 
-A photo of a dull red ball in white light is that of a dull white ball in red light, and a bright ball in weak light
-that of a dark one in strong light. The networks decide by what is likely; a known material decides it.
+A matte red sphere in white light looks like a white one in red light, and a bright sphere in weak light like a
+dark one in strong light. The network decides by what is likely; a given material decides it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MEASURED = 0.65
 """How likely a display value that is measured whole is within 0.1 of the truth, on training maps and shapes: a camera's
 curve is not known, and its normals are told by a pixel in two."""
 ODDS = 10.0
-"""How much likelier light above white is in a place that is burnt out than in one that is not seen."""
+"""How much likelier light above white is in a place that is clipped than in one that is not seen."""
 
 
 def is_mirror(material: Material) -> bool:
@@ -51,7 +51,7 @@ def measure(
     """Replace what the object mirrors of a map by what its photo shows of it.
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
-    has seen enough of a place tells it, the given map what none has seen. A burnt-out pixel tells where light above
+    has seen enough of a place tells it, the given map what none has seen. A clipped pixel tells where light above
     white may come from but not how much there is: that is the given map's.
 
     Args:
@@ -70,35 +70,35 @@ def measure(
     n, wo, display = n[seen], wo[seen], image[seen][:, :3]
     fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(dot(n, wo))
     light = inverse_response(np.minimum(display, CLIPPED)) / fresnel
-    burnt = display.max(axis=-1, keepdims=True) >= CLIPPED
+    clipped = display.max(axis=-1, keepdims=True) >= CLIPPED
     uv, at = direction_to_uv(reflect(wo, n)), direction_to_uv(pixel_directions(height))
     result, unseen = np.minimum(radiance, 1.0).astype(np.float64), np.ones((height, 2 * height, 1))
     for level in reversed(range(LEVELS)):
         sums, count = _gather(light, uv, height >> level)
         share = count / (count + ENOUGH)
-        told = np.concatenate([share * sums / np.maximum(count, 1e-6), share], axis=-1)
-        told = told if level == 0 else bilinear(told, at)
-        result = result * (1.0 - told[..., 3:]) + told[..., :3]
-        unseen = unseen * (1.0 - told[..., 3:])
-    place, count = _gather(burnt.repeat(3, axis=1), uv, height)
+        given = np.concatenate([share * sums / np.maximum(count, 1e-6), share], axis=-1)
+        given = given if level == 0 else bilinear(given, at)
+        result = result * (1.0 - given[..., 3:]) + given[..., :3]
+        unseen = unseen * (1.0 - given[..., 3:])
+    place, count = _gather(clipped.repeat(3, axis=1), uv, height)
     place = place[..., :1] / (count + ENOUGH)
     result = result + _above_white(np.maximum(radiance - 1.0, 0.0), place, unseen)
     return result.astype(np.float32), 1.0 - unseen[..., 0]
 
 
-def _above_white(above: np.ndarray, burnt: np.ndarray, unseen: np.ndarray) -> np.ndarray:
-    """Light `above` white [H, 2H, 3] moved to where it can be: shares [H, 2H, 1] of places burnt out, and not seen.
+def _above_white(above: np.ndarray, clipped: np.ndarray, unseen: np.ndarray) -> np.ndarray:
+    """Light `above` white [H, 2H, 3] moved to where it can be: shares [H, 2H, 1] of places clipped, and not seen.
 
-    One half of its flux is shared among all burnt-out places: a lamp and a white wall burn out alike. The other goes to
-    those where `above` has its own. Where nothing is burnt out, what nobody has seen of it stays.
+    One half of its power is shared among all clipped places: an emitter and a white wall clip alike. The other goes
+    to those where `above` has its own. Where nothing is clipped, the unseen part of it stays.
     """
-    if not burnt.any():
+    if not clipped.any():
         return above * unseen
     areas = pixel_solid_angles(len(above))[..., None]
-    one, flux = above.mean(axis=-1, keepdims=True), (above * areas).sum(axis=(0, 1))
-    alike = flux.mean() / (burnt * areas).sum()
-    share = ODDS * burnt * (one + alike) + unseen * one
-    return share * flux / max((share * areas).sum(), 1e-12)
+    one, power = above.mean(axis=-1, keepdims=True), (above * areas).sum(axis=(0, 1))
+    alike = power.mean() / (clipped * areas).sum()
+    share = ODDS * clipped * (one + alike) + unseen * one
+    return share * power / max((share * areas).sum(), 1e-12)
 
 
 def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -134,7 +134,7 @@ STEPS = 4
 WHOLE, FAR, NEAR = 0.3, 0.5, 1.0
 """Variances of x: of its mean, and of its parts that reach as far as the two angles below."""
 FAR_DEG, NEAR_DEG = 30.0, 10.0
-NOISE_TOLD, NOISE_GUESSED = 0.07, 0.5
+NOISE_GIVEN, NOISE_GUESSED = 0.07, 0.5
 """How far a display value may be off, where normals are known and where they are guessed: a point says little then."""
 NARROWEST = 0.15
 """Least alpha of A: a lobe as wide as a pixel of its map. What the object shows of L is shaded with its own."""
@@ -202,7 +202,7 @@ def _points(
     if len(inside) < FEWEST:
         return None
     at = tuple(inside[np.unique(np.linspace(0, len(inside) - 1, NUM_POINTS).astype(int))].T)
-    noise = np.where(known[at], np.float32(NOISE_TOLD), np.float32(NOISE_GUESSED))
+    noise = np.where(known[at], np.float32(NOISE_GIVEN), np.float32(NOISE_GUESSED))
     return np.asarray(normals[at], np.float32), np.asarray(wo[at], np.float32), small[at][:, :3], noise
 
 
@@ -227,8 +227,8 @@ def _compare(total: np.ndarray, display: np.ndarray) -> tuple[np.ndarray, np.nda
     power = np.maximum(total, 1e-6) ** n
     shown = (1 + sigma) * power / (power + sigma)
     slope = shown * n * sigma / (power + sigma) / np.maximum(total, 1e-6)
-    burnt = (display > CLIPPED) & (shown > CLIPPED)
-    return np.where(burnt, 0.0, slope), np.where(burnt, 0.0, display - shown)
+    clipped = (display > CLIPPED) & (shown > CLIPPED)
+    return np.where(clipped, 0.0, slope), np.where(clipped, 0.0, display - shown)
 
 
 @lru_cache(maxsize=1)
@@ -261,7 +261,7 @@ MAX_POINTS = 400
 
 
 def use_material(
-    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, known_normals: np.ndarray | None
+    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, given_normals: np.ndarray | None
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
@@ -270,22 +270,22 @@ def use_material(
 
     Args:
         outputs, image, tan_half: of a crop, see estimate.runtime.Models.
-        known_normals: [64, 64, 3] as they were told, zero where they were not; None where nothing was.
+        given_normals: [64, 64, 3] as they were told, zero where they were not; None where nothing was.
     Returns:
         the answer, and what was done, for the sidecar.
     """
     done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {
         "alpha": float(material.alpha)
     }
-    if known_normals is not None and is_mirror(material):
-        radiance, seen = measure(outputs.radiance, image, known_normals, tan_half, material)
+    if given_normals is not None and is_mirror(material):
+        radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material)
         confidence = outputs.confidence
         if confidence is not None:
             confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
         return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
-    told = np.zeros_like(outputs.normals) if known_normals is None else known_normals
-    known = np.linalg.norm(told, axis=-1) > 0.5
+    given = np.zeros_like(outputs.normals) if given_normals is None else given_normals
+    known = np.linalg.norm(given, axis=-1) > 0.5
     radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, known)
     return outputs.with_map(radiance, outputs.confidence), {"material": done, "gain": _list(gain)}
 

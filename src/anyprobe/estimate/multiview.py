@@ -20,17 +20,17 @@ from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
 
 BRIGHT = 0.8
-"""Radiance above which light may be lamps; white is 1."""
+"""Radiance above which light may be emitters; white is 1."""
 LEAST_FLUX = 0.01
-"""Of what is brighter, where flux is given back to it: from less nobody knows where the lamps are."""
+"""Of what is brighter, where power is given back to it: from less nobody knows where the emitters are."""
 
 
 def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """The weighted geometric mean of maps, as much light in all as they have.
 
-    A geometric mean forgets a lamp that only one of the maps has, which is right where guesses err, but lamps too that
-    they put side by side. What is missing of the maps' flux (their geometric mean) is given to what is brighter than
-    BRIGHT, in proportion to how much it is.
+    A geometric mean drops an emitter that only one of the maps has, which is right where estimates err, but also
+    emitters that they place side by side. The power missing from the maps' own (geometric mean) is added to what is
+    brighter than BRIGHT, in proportion.
 
     Args:
         maps: [N, H, 2H, 3] linear radiance, all in one frame and one scale.
@@ -40,13 +40,13 @@ def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """
     share = (weights / weights.sum(axis=0))[..., None]
     mean = np.maximum(np.exp((share * np.log(maps + OFFSET)).sum(axis=0)) - OFFSET, 0.0)
-    flux = np.exp(np.mean([np.log(max(_flux(one), 1e-9)) for one in maps]))
+    power = np.exp(np.mean([np.log(max(_power(one), 1e-9)) for one in maps]))
     bright = np.maximum(mean - BRIGHT, 0.0)
-    missing = max(flux - _flux(mean), 0.0)
-    return (mean + bright * (missing / max(_flux(bright), LEAST_FLUX))).astype(np.float32)
+    missing = max(power - _power(mean), 0.0)
+    return (mean + bright * (missing / max(_power(bright), LEAST_FLUX))).astype(np.float32)
 
 
-def _flux(radiance: np.ndarray) -> float:
+def _power(radiance: np.ndarray) -> float:
     """Luminance over the whole sphere."""
     return float(luminance(np.asarray(integral(radiance))))
 
@@ -55,7 +55,7 @@ SURE = 2.0
 """The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
 LEAST = 1e-4
 """Weight of a pixel of which a map says nothing."""
-UNTOLD = (
+NOT_GIVEN = (
     "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
 )
 
@@ -92,7 +92,9 @@ def estimate_together(
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
     known = _gathered([crop for _, crop in taken], to_first, gains)
     lights = [
-        estimator.from_crop(photo, crop, time.perf_counter() - seconds, material=material, gathered=seen)
+        estimator.from_crop(
+            photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen
+        )
         for (photo, crop), seconds, seen in zip(taken, spent, known, strict=True)
     ]
     return fuse_lights(lights, world_from_camera)
@@ -102,12 +104,12 @@ def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float])
     """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
-        if crop.around is not None:
-            panorama = lay_over(window(crop.around, turn, gain), panorama)
+        if crop.surroundings is not None:
+            panorama = lay_over(window(crop.surroundings, turn, gain), panorama)
     if panorama is None:
         return [None] * len(crops)
     return [
-        seen_from(panorama, turn, crop.around, gain)
+        seen_from(panorama, turn, crop.surroundings, gain)
         for crop, turn, gain in zip(crops, to_first, gains, strict=True)
     ]
 
@@ -126,7 +128,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         InputError: no light, not as many poses as lights, or a pose that is no rotation.
     """
     turns, first = _turns(len(lights), world_from_camera), lights[0]
-    gains, told = _gains([light.info.get("exposure") for light in lights])
+    gains, given = _gains([light.info.get("exposure") for light in lights])
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
     sure = np.stack(
@@ -135,7 +137,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     weights = sure**SURE + LEAST
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]
-    notes += [] if len(lights) == 1 or told else [UNTOLD]
+    notes += [] if len(lights) == 1 or given else [NOT_GIVEN]
     return replace(
         first,
         radiance=fuse(maps, weights),
@@ -158,11 +160,13 @@ def _turns(count: int, world_from_camera: Sequence[np.ndarray]) -> list[np.ndarr
 
 def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
     """What brings each photo to the first one's exposure, and whether all say theirs."""
-    told = all(exposures)
-    return [exposures[0] / one for one in exposures] if told else [1.0] * len(exposures), told
+    given = all(exposures)
+    return [exposures[0] / one for one in exposures] if given else [1.0] * len(exposures), given
 
 
 def _seconds(lights: Sequence[Light]) -> dict[str, dict[str, float]]:
     """What all of them took, step by step."""
-    told = [light.info["seconds"] for light in lights if "seconds" in light.info]
-    return {"seconds": {step: round(sum(one[step] for one in told), 4) for step in told[0]}} if told else {}
+    given = [light.info["seconds"] for light in lights if "seconds" in light.info]
+    return (
+        {"seconds": {step: round(sum(one[step] for one in given), 4) for step in given[0]}} if given else {}
+    )

@@ -23,15 +23,15 @@ SHORTEST = 0.5
 NEAR_UNIT = 0.15
 UNIT_SHARE = 0.6
 """A picture of normals has vectors so near to unit length in this share at least of where they are known. Of 14 photos
-one had more, .77, whose vectors look away; normal maps of balls 40 pixels wide as JPEG of quality 30 had .78."""
+one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wide as JPEG of quality 30 had .78."""
 PLAIN = 0.1
 """Display value up to which black, and down from 1 white, is no normal's colour: their vectors are far too long."""
-BALL = "ball"
-"""In place of a normal map: the object is a ball, its outline tells its normals."""
+SPHERE = "sphere"
+"""In place of a normal map: the object is a sphere, its outline tells its normals."""
 ROUND = 0.9
-"""Overlap with a ball's outline, intersection over union, from which on a mask is taken for one."""
+"""Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
 STRIP_PX = 1 << 17
-"""A ball's normals are computed in strips of so many pixels: rays of a whole photo take 118 bytes a pixel."""
+"""A sphere's normals are computed in strips of so many pixels: rays of a whole photo take 118 bytes a pixel."""
 STEEPEST = np.radians(89.9)
 """No ray of a photo (field of view below 170 degrees) is so far aside."""
 FACING = 0.6
@@ -39,19 +39,19 @@ FACING = 0.6
 
 
 def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
-    """Normals of an object that is a ball, from its outline alone.
+    """Normals of an object that is a sphere, from its outline alone.
 
-    A pinhole sees a ball of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
-    solid angle 2 pi (1 - cos phi) tells phi, its mean ray c. With c at distance 1 the ball has the radius
+    A pinhole sees a sphere of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
+    solid angle 2 pi (1 - cos phi) tells phi, its mean ray c. With c at distance 1 the sphere has the radius
     sin phi, the ray meets it at s = d.c - sqrt(sin^2 phi - (1 - (d.c)^2)), and n = (s d - c) / sin phi.
 
     Args:
-        mask: [H, W] in [0, 1], 1 on the ball.
+        mask: [H, W] in [0, 1], 1 on the sphere.
         long_fov_deg: field of view of the photo's longer side.
     Returns:
-        [H, W, 3] float32 in the camera's frame, unit, zero beside the ball.
+        [H, W, 3] float32 in the camera's frame, unit, zero beside the sphere.
     Raises:
-        InputError: the outline is no ball's.
+        InputError: the outline is no sphere's.
     """
     focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     solid_angle, axis = 0.0, np.zeros(3)
@@ -65,7 +65,7 @@ def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
     radius = np.sqrt(max(1.0 - cos_phi**2, 1e-12))
     normals = np.zeros((*mask.shape, 3), np.float32)
     shared = covered = 0
-    for part in _strips(_around(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
+    for part in _strips(_surroundings(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
         d, _ = _rays(part, mask.shape, focal)
         along = d @ axis
         inside, on = along > cos_phi, mask[part] > 0.5
@@ -77,8 +77,8 @@ def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
     overlap = shared / covered
     if overlap < ROUND:
         raise InputError(
-            f"normals: expected a ball, the mask's outline is none (it shares {overlap:.0%} with the nearest ball's); "
-            "mask the ball alone and whole, or give its normals"
+            f"normals: expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
+            "mask the sphere alone and whole, or give its normals"
         )
     return normals
 
@@ -109,7 +109,7 @@ def _box(inside: np.ndarray) -> Part:
     return rows, columns
 
 
-def _around(one: Part, other: Part) -> Part:
+def _surroundings(one: Part, other: Part) -> Part:
     """The part that holds both."""
     rows, columns = (
         slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
@@ -163,7 +163,7 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
     if from_picture and (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() < UNIT_SHARE:
         raise InputError(
             f"{name}: expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
-            "photo's are; pass a normal map, or ball"
+            "photo's are; pass a normal map, or sphere"
         )
     if (values[known[..., 0], 2] > 0).mean() < FACING:
         raise InputError(

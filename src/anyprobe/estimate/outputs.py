@@ -13,20 +13,20 @@ from anyprobe.estimate.result import Light
 from anyprobe.files.atomic import atomic_files
 from anyprobe.files.images import write_png
 from anyprobe.masks.overlay import draw_overlay
-from anyprobe.render.spheres import ball_images
+from anyprobe.render.spheres import sphere_images
 
 EXPOSURES_EV = (-2.0, 0.0, 2.0)
 ROW = 256
-BALL = 128
+SPHERE = 128
 GAP = 8
 
 
 def draw_preview(photo: Photo, light: Light) -> np.ndarray:
-    """Display picture [H, W, 3] in [0, 1]: two rows, photo | its mask shown | balls over three maps."""
+    """Display picture [H, W, 3] in [0, 1]: two rows, photo | its mask shown | spheres over three maps."""
     picture = _fit(photo.rgb, ROW)
     shown = draw_overlay(picture, _fit(photo.mask, ROW))
-    balls = ball_images(light.radiance, BALL).values()
-    first = [picture, shown] + [_fit(response(ball), ROW) for ball in balls]
+    spheres = sphere_images(light.radiance, SPHERE).values()
+    first = [picture, shown] + [_fit(response(sphere), ROW) for sphere in spheres]
     maps = [_fit(response(light.radiance * 2.0**ev), ROW) for ev in EXPOSURES_EV]
     rows = [_join(first), _join(maps)]
     width = max(row.shape[1] for row in rows)

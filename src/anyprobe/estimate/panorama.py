@@ -15,32 +15,32 @@ from anyprobe.core.color import luminance
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.runtime import PHOTO_SIZE
-from anyprobe.estimate.surroundings import BURNT, LEAST_COVER, around_of, over, radiance_of
+from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
 from anyprobe.light.environment import rotate
 
 SHARED = 30
 """Pixels that two windows must share before one is compared with the other."""
 COMPARED = 0.02, 0.8
-"""Radiance between which both tell how much brighter one is: neither noise nor burnt out."""
+"""Radiance between which both tell how much brighter one is: neither noise nor clipped."""
 DIFFER = 0.12
 """Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
 
 
 def cut_out(photo: Photo, *, first: bool) -> Crop:
     """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
-    own = first or photo.around is True
-    return crop_object(photo if own else replace(photo, around=None), PHOTO_SIZE)
+    own = first or photo.surroundings_map is True
+    return crop_object(photo if own else replace(photo, surroundings_map=None), PHOTO_SIZE)
 
 
-def window(around: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
+def window(surroundings_map: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
     """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
-    gain: that brings the photo to the panorama's exposure; made darker, what is burnt out tells nothing any more.
+    gain: that brings the photo to the panorama's exposure; made darker, what is clipped tells nothing any more.
     """
-    radiance, burnt, cover = radiance_of(around)
-    layers = [cover, around[..., 4:]]
+    radiance, clipped, cover = radiance_of(surroundings_map)
+    layers = [cover, surroundings_map[..., 4:]]
     if gain < 1:
-        layers = [layer * ~burnt.any(axis=-1, keepdims=True) for layer in layers]
+        layers = [layer * ~clipped.any(axis=-1, keepdims=True) for layer in layers]
     shown = np.concatenate([radiance * gain * layers[0], *layers], axis=-1)
     return np.maximum(rotate(shown.astype(np.float32), world_from_crop), 0.0)
 
@@ -50,8 +50,8 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
 
     older: None where there is none yet.
 
-    Where both show the same place and it looks otherwise in the newer, the older is forgotten: a lamp went out, or the
-    poses are wrong.
+    Where both show the same place and differ, the older is dropped: a light was switched off, or the poses are
+    wrong.
     """
     if older is None:
         return newer
@@ -59,9 +59,11 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
     if both.sum() >= SHARED:
         now, then = (one[both, :3] / one[both, 3:4] for one in (newer, older))
         light = luminance(now), luminance(then)
-        told = np.all([(one > COMPARED[0]) & (one < COMPARED[1]) for one in light], axis=0)
+        given = np.all([(one > COMPARED[0]) & (one < COMPARED[1]) for one in light], axis=0)
         gain = (
-            np.float32(np.median(light[0][told] / light[1][told])) if told.sum() >= SHARED else np.float32(1)
+            np.float32(np.median(light[0][given] / light[1][given]))
+            if given.sum() >= SHARED
+            else np.float32(1)
         )
         if np.abs(response(now) - response(then * gain)).mean() > DIFFER:
             return newer
@@ -75,13 +77,13 @@ def seen_from(
     """What is known of a photo's map, see estimate.surroundings, in its crop's frame.
 
     own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
-        where it makes the panorama darker, what may be burnt out there tells nothing.
+        where it makes the panorama darker, what may be clipped there tells nothing.
     """
     turned = rotate(panorama, world_from_crop.T)
     cover, measured = np.clip(turned[..., 3:4], 0.0, 1.0), np.clip(turned[..., 4:], 0.0, 1.0)
     radiance = np.maximum(turned[..., :3], 0.0) / np.maximum(cover, LEAST_COVER)
-    known = around_of(radiance / gain, cover, measured if measured.shape[-1] else None)
+    known = surroundings_of(radiance / gain, cover, measured if measured.shape[-1] else None)
     if gain > 1:
-        burnt = (response(radiance) >= BURNT).any(axis=-1, keepdims=True)
-        known = known * (~burnt | (measured.sum(axis=-1, keepdims=True) >= 0.5 * cover))
+        clipped = (response(radiance) >= CLIPPED).any(axis=-1, keepdims=True)
+        known = known * (~clipped | (measured.sum(axis=-1, keepdims=True) >= 0.5 * cover))
     return known if own is None else over(own, known)

@@ -9,9 +9,21 @@ import numpy as np
 
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidPhoto
-from anyprobe.estimate.normals_prior import BALL, SHORTEST, NormalsSource, normals_from_outline, read_normals
+from anyprobe.estimate.normals_prior import (
+    SHORTEST,
+    SPHERE,
+    NormalsSource,
+    normals_from_outline,
+    read_normals,
+)
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings, see_around, turned
+from anyprobe.estimate.surroundings import (
+    PHOTO,
+    SurroundingsSource,
+    read_surroundings,
+    turned,
+    visible_surroundings,
+)
 from anyprobe.files.images import ImageSource, read_image
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
@@ -54,13 +66,13 @@ class Photo:
     mask_source: str = "mask"
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
-    around: np.ndarray | bool | None = None
+    surroundings_map: np.ndarray | bool | None = None
     exposure: float | None = None
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        return replace(self, rgb=rgb, mask=mask, normals=None, around=None)
+        return replace(self, rgb=rgb, mask=mask, normals=None, surroundings_map=None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,7 +96,7 @@ class Crop:
     center_px: tuple[float, float]
     tan_half: float
     normals: np.ndarray | None = None
-    around: np.ndarray | None = None
+    surroundings_map: np.ndarray | None = None
 
 
 def load_photo(
@@ -101,7 +113,7 @@ def load_photo(
     Args:
         source: path, bytes, Pillow image or array, see read_image.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
-        normals: known ones, see estimate.normals_prior.read_normals; or "ball", where the object is one.
+        normals: known ones, see estimate.normals_prior.read_normals; or "sphere", where the object is one.
         surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
             the photo itself shows beside the object.
         name: what messages call the photo; None: its file's name, or what it is.
@@ -128,7 +140,7 @@ def load_photo(
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(normals, found.mask, long_fov_deg),
-        around=_known_surroundings(surroundings),
+        surroundings_map=_known_surroundings(surroundings),
         exposure=pixels.exposure,
     )
 
@@ -136,7 +148,7 @@ def load_photo(
 def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
     if source is None:
         return None
-    if isinstance(source, str) and source == BALL:
+    if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     return read_normals(source, mask.shape)
 
@@ -172,16 +184,18 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
     image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
-    around = None
-    if photo.around is True:
-        around = see_around(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
-        if around is None:
+    surroundings_map = None
+    if photo.surroundings_map is True:
+        surroundings_map = visible_surroundings(
+            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half)
+        )
+        if surroundings_map is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"
             )
-    elif photo.around is not None:
-        around = turned(photo.around, camera_from_crop)
+    elif photo.surroundings_map is not None:
+        surroundings_map = turned(photo.surroundings_map, camera_from_crop)
     return Crop(
         image=image,
         camera_from_crop=camera_from_crop,
@@ -189,7 +203,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         center_px=center,
         tan_half=float(tan_half),
         normals=normals,
-        around=around,
+        surroundings_map=surroundings_map,
     )
 
 

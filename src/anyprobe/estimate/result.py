@@ -1,32 +1,43 @@
-"""Light (noun): what an estimate returns. Frozen; every operation gives a new one."""
+"""Light: what an estimate returns. Frozen; every operation gives a new one."""
 
 from __future__ import annotations
 
+import io
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
+from PIL import Image
 
-from anyprobe.core.color import luminance
+from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
-from anyprobe.export.exported_light import check_front, map_from_camera, origin_of, origin_turned, said_beside
-from anyprobe.export.targets import export
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import write_png
-from anyprobe.files.objects import open_object
-from anyprobe.files.radiance import map_attributes, read_radiance, write_exr, write_hdr
-from anyprobe.light.dominant_light import MainLight, find_main_light
+from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
+from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
-from anyprobe.render.mesh import Mesh
-from anyprobe.render.picture import draw_mesh
-from anyprobe.render.surface import frame_object
-from anyprobe.scatter.materials import Material, material_named
 
+if TYPE_CHECKING:
+    from anyprobe.render.mesh import Mesh
+    from anyprobe.scatter.materials import Material
+
+VERSION = 2
+"""Of the sidecar. 1 had other names: see RENAMED."""
+RENAMED = {
+    "told": "well_exposed_fraction",
+    "main_light": "dominant_light",
+    "lamps": "emitters",
+    "known": "priors",
+}
+"""Keys of a sidecar of version 1, which says no version, and of today's."""
+EMITTERS = {"drawn": "mode", "spread": "expected"}
+"""The same for the values of `emitters`."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = (
     "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
@@ -34,38 +45,72 @@ TURNED = (
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 OF_THE_MAP = (
-    "frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 main_light camera_from_crop warnings "
-    "radiance stages"
+    "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 "
+    "dominant_light camera_from_crop warnings radiance stages"
 ).split()
-"""What a sidecar, or the server's answer kept as one, says besides a light's info."""
+"""What a sidecar, or the server's answer kept as one, holds besides a light's info."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+class MaskInfo(TypedDict, total=False):
+    """Where the mask came from, and its expected IoU (None where it was given)."""
+
+    source: str
+    confidence: float | None
+
+
+class CropInfo(TypedDict):
+    """The square around the object that the network saw, in pixels of the photo."""
+
+    center_px: list[float]
+    side_px: float
+
+
+class Info(TypedDict, total=False):
+    """How an estimate came about.
+
+    photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
+    long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
+    priors: what was given of the object; seconds: by step.
+    """
+
+    photo: str
+    model: str
+    emitters: str
+    exposure: float
+    long_fov_deg: float
+    fov_source: str
+    mask: MaskInfo
+    priors: dict[str, Any]
+    crop: CropInfo
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Light:
-    """The light around an object, in the frame of the photo's camera. Radiance and confidence cannot be written to.
+    """The light around an object, in the frame of the photo's camera. Radiance and confidence are read-only.
 
     Attributes:
         radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
             photo's exposure units: an object rendered with it fits the photo as it is.
-        confidence: [H, 2H] in [0, 1]: how likely a pixel's display value is within 0.1 of the truth, or
-            `well_exposed_fraction` everywhere from a model that does not say (`paper`); None where nothing is known.
+        confidence: [H, 2H] in [0, 1]: probability that a pixel's display value is within 0.1 of the truth, or
+            `well_exposed_fraction` everywhere from a model that does not estimate it (`paper`); None where unknown.
         well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
         warnings: one line each.
-        stages: what the networks saw and said, in the crop's frame: photo [128, 128, 4],
+        stages: the networks' inputs and outputs, in the crop's frame: photo [128, 128, 4],
             irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
-        info: name of the photo, model, field of view, what was known of the object, seconds a step.
+        info: how the estimate came about.
     """
 
     radiance: np.ndarray
-    confidence: np.ndarray | None = field(default=None, repr=False)
+    confidence: np.ndarray | None = None
     well_exposed_fraction: float = 1.0
     warnings: tuple[str, ...] = ()
-    stages: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
-    camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
-    map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3), repr=False)
-    info: dict[str, Any] = field(default_factory=dict)
+    stages: dict[str, np.ndarray] = field(default_factory=dict)
+    camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
+    map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
+    info: Info = field(default_factory=Info)
 
     def __post_init__(self) -> None:
         for name, value in (
@@ -77,23 +122,42 @@ class Light:
                 own.setflags(write=False)
                 object.__setattr__(self, name, own)
 
+    def __repr__(self) -> str:
+        height, width, _ = self.radiance.shape
+        x, y, z = self.dominant_light().direction
+        confidence = self._mean_confidence()
+        parts = [
+            f"Light {height} x {width}",
+            *([str(self.info["photo"])] if "photo" in self.info else []),
+            f"dominant light towards ({x:.2f}, {y:.2f}, {z:.2f})",
+            *([] if confidence is None else [f"confidence {confidence:.2f}"]),
+            *([f"{len(self.warnings)} warnings"] if self.warnings else []),
+        ]
+        return f"<{', '.join(parts)}>"
+
+    def _repr_png_(self) -> bytes:
+        """The display picture, for notebooks."""
+        stream = io.BytesIO()
+        Image.fromarray(to_bytes(response(self.radiance))).save(stream, format="PNG")
+        return stream.getvalue()
+
     @classmethod
     def load(cls, path: str | Path) -> Light:
-        """A light that save wrote as .exr or .hdr: its map, how it was turned, and what the .json beside it says.
+        """A light that save wrote as .exr or .hdr: its map, how it was turned, and its info from the .json beside it.
 
-        Of any other map of radiance with the front in its centre, the map alone. The confidence of each pixel and the
-        stages are in none of the files: the light has none.
+        Of any other environment map with the front in its centre, the map alone. Per-pixel confidence and stages are
+        in none of the files.
 
         Raises:
-            InvalidEnvironment: no such file, or not a map.
-            InputError: exported for another program, which would be turned; or a .json of save's that is damaged.
+            InvalidEnvironment: no such file, or not an environment map.
+            InputError: exported for another program, in whose frame it is; or a damaged .json beside it.
         """
+        from anyprobe.export.exported_light import read_with_origin
+
         path = Path(path)
-        radiance = read_radiance(path)
-        check_front(path)
-        said, turn = said_beside(path), map_from_camera(path)
+        radiance, said, turn = read_with_origin(path)
         if said.get("scale") == SCALE and said.get("size") == [radiance.shape[1], radiance.shape[0]]:
-            return cls(radiance=radiance, map_from_camera=turn, **_restored(said, path))
+            return cls(radiance=radiance, map_from_camera=turn, **_restored(current_names(said), path))
         model = map_attributes(path).get("model")
         return cls(radiance=radiance, map_from_camera=turn, info={"model": model} if model else {})
 
@@ -101,9 +165,9 @@ class Light:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
         return project(self.radiance)
 
-    def main_light(self) -> MainLight:
+    def dominant_light(self) -> DominantLight:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
-        return find_main_light(self.radiance)
+        return find_dominant_light(self.radiance)
 
     def rotate(self, rotation: np.ndarray) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
@@ -127,37 +191,35 @@ class Light:
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
     def render(
-        self,
-        mesh: Mesh | str | Path,
-        material: Material | str = "chrome",
-        *,
-        size: int = 256,
-        fov_deg: float = 30.0,
-        world_from_camera: np.ndarray | None = None,
+        self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
     ) -> np.ndarray:
-        """A mesh under this light: [S, S, 4] linear radiance in the light's units, and coverage.
+        """A mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
 
-        render.picture.draw_mesh has the details; core.response makes display values of it.
-
-        Args:
-            mesh: of render.shapes or render.mesh, a name of files.objects ("ball", "vase"), or a mesh file; +Y up,
-                inside the unit sphere.
-            material: of scatter.materials, or a name of scatter.materials.
-            size: pixels along a side. fov_deg: that the unit sphere fills.
-            world_from_camera: [3, 3], the world being the light's frame; unless given the camera
-                looks along -Z as the photo's did.
+        mesh: a Mesh, a shape's name ("sphere", "vase") or a mesh file. material: a Material or a name ("gold").
+        camera: size, fov_deg, world_from_camera.
         """
-        mesh = mesh if isinstance(mesh, Mesh) else open_object(str(mesh))
-        material = material if isinstance(material, Material) else material_named(material)
-        camera = frame_object(
-            mesh, np.eye(3) if world_from_camera is None else world_from_camera, fov_deg, size=size
-        )
-        return draw_mesh(mesh, camera, self.radiance, material)
+        from anyprobe.files.objects import draw_under
+
+        return draw_under(self.radiance, mesh, material, **camera)
+
+    def export(
+        self, target: str, folder: str | Path = "export", stem: str = "light", **settings: Any
+    ) -> list[Path]:
+        """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
+
+        All files, named <stem>_<target>, or none. settings: world_from_camera, exposure_ev.
+        """
+        from anyprobe.export.exported_light import origin_of, origin_turned
+        from anyprobe.export.targets import export
+
+        origin = origin_of(self.sidecar()) | origin_turned(self.map_from_camera)
+        return export(self.radiance, target, folder, stem, origin=origin, **settings)
 
     def sidecar(self) -> dict[str, Any]:
         """Everything but the pixels, ready for JSON; lists of plain numbers."""
-        main = self.main_light()
+        main = self.dominant_light()
         return {
+            "version": VERSION,
             **self.info,
             **self._frame(),
             "scale": SCALE,
@@ -165,9 +227,9 @@ class Light:
             "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
             "size": [self.radiance.shape[1], self.radiance.shape[0]],
             "confidence": self._mean_confidence(),
-            "told": round(float(self.well_exposed_fraction), 4),
+            "well_exposed_fraction": round(float(self.well_exposed_fraction), 4),
             "sh9": _numbers(self.sh9()),
-            "main_light": {
+            "dominant_light": {
                 "direction": _numbers(main.direction),
                 "irradiance": _numbers(main.irradiance),
                 "color": _numbers(main.color),
@@ -179,7 +241,7 @@ class Light:
         }
 
     def _frame(self) -> dict[str, Any]:
-        """What the map's axes are, and how they are turned if they are not the camera's."""
+        """The map's axes, and the rotation to them if they are not the camera's."""
         if np.allclose(self.map_from_camera, np.eye(3)):
             return {"frame": FRAME}
         return {"frame": TURNED, "map_from_camera": _numbers(self.map_from_camera)}
@@ -209,54 +271,38 @@ class Light:
             raise OutputError(f"{path}: expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}")
         return path
 
-    def export(
-        self,
-        target: str,
-        folder: str | Path = "export",
-        stem: str = "light",
-        *,
-        world_from_camera: np.ndarray | None = None,
-        exposure_ev: float = 0.0,
-    ) -> list[Path]:
-        """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
 
-        All files, named <stem>_<target>, or none; anyprobe.export.targets.export has the rest.
-        """
-        return export(
-            self.radiance,
-            target,
-            folder,
-            stem,
-            world_from_camera=world_from_camera,
-            exposure_ev=exposure_ev,
-            origin=origin_of(self.sidecar()) | origin_turned(self.map_from_camera),
-        )
+def current_names(said: Mapping[str, Any]) -> dict[str, Any]:
+    """A sidecar under the names of VERSION."""
+    if "version" in said:
+        return dict(said)
+    renamed = {RENAMED.get(name, name): value for name, value in said.items()}
+    if renamed.get("emitters") in EMITTERS:
+        renamed["emitters"] = EMITTERS[renamed["emitters"]]
+    return renamed
 
 
-def _restored(said: dict[str, Any], path: Path) -> dict[str, Any]:
-    """What a sidecar says of a Light's attributes (the page's says less); the rest is its info."""
+def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """A sidecar as a Light's attributes (the page writes fewer); the rest is its info."""
     try:
-        exposed, warnings = float(said.get("well_exposed_fraction", said.get("told", 1.0))), tuple(str(line) for line in said.get("warnings", ()))
+        exposed = float(said.get("well_exposed_fraction", 1.0))
+        warnings = tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
     except (TypeError, ValueError):
         exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(
-            f"{path}: expected the .json beside it as it was written, got well_exposed_fraction or camera_from_crop changed; "
-            "save the light again, or move the .json away"
+            f"{path}: expected the .json beside it as it was written, got another well_exposed_fraction or "
+            "camera_from_crop; save the light again, or move the .json away"
         )
     info = {name: value for name, value in said.items() if name not in OF_THE_MAP}
-    return {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop, "info": info}
+    return {
+        "well_exposed_fraction": exposed,
+        "warnings": warnings,
+        "camera_from_crop": camera_from_crop,
+        "info": info,
+    }
 
 
 def _numbers(array: np.ndarray) -> list:
     return np.round(np.asarray(array, dtype=np.float64), 6).tolist()
-
-
-def told_share(image: np.ndarray) -> float:
-    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor burnt out."""
-    inside = image[..., 3] > 0.5
-    if not inside.any():
-        return 0.0
-    display = luminance(image[inside][:, :3] / image[inside][:, 3:])
-    return float(((display > 0.02) & (display < 0.98)).mean())

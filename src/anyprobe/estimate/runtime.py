@@ -85,24 +85,28 @@ def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precisio
 
 
 CONTRACT = {
-    "contract": "1",
+    "contract": "2",
     "frame": "right-handed +X right +Y up camera -Z; u = 0.5 + atan2(x, -z) / 2 pi",
     "logarithm": "natural",
     "curve": f"exponent {MEAN_CURVE.exponent} sigma {MEAN_CURVE.sigma}",
     "map_height": str(MAP_HEIGHT),
 }
 """Metadata that every graph carries; another value means other conventions, and is refused."""
+CONTRACTS = ("1", CONTRACT["contract"])
+"""Contracts that are read; they differ in names of inputs alone."""
 
 STAGES = ("irradiance", "illumination", "hdr")
 """The paper's chain, one graph each."""
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
-LIFT_INPUTS = ("photo", "tan_half", "known_normals", "around")
+LIFT_INPUTS = ("photo", "tan_half", "given_normals", "surroundings")
 LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals", "ln_expected")
-LAMPS = ("drawn", "spread")
-"""What a map may be asked for: lamps where a guess is nearest to all that is likely, or their light spread over all
+CONTRACT_1_INPUTS = ("photo", "tan_half", "known_normals", "around")
+"""Names of the same inputs in graphs of contract 1, which are read too."""
+EMITTERS = ("mode", "expected")
+"""What a map may be asked for: emitters where a guess is nearest to all that is likely, or their light spread over all
 places as likely as it is; see docs/conventions.md."""
-DRAWN, SPREAD = LAMPS
+MODE, EXPECTED = EMITTERS
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
 PHOTO_SIZE = 128
 NORMALS_SIZE = 64
@@ -169,42 +173,43 @@ class Models:
         model: str = DEFAULT_MODEL,
         threads: int | None = None,
         engine: str = DEFAULT_ENGINE,
-        lamps: str = DRAWN,
+        emitters: str = MODE,
     ) -> None:
         """Open a bundled model by name, or a folder of graphs.
 
         threads: cores for one network; None leaves it to the engine, one of estimate.runtime.ENGINES.
-        lamps: one of LAMPS; the paper's chain knows only those that it draws.
+        emitters: one of EMITTERS; the paper's chain knows only those that it draws.
         """
         folder = weights_folder(model)
         self.name, self.stages = model, stages_of(folder)
-        self.lamps = self._check_lamps(lamps)
+        self.emitters = self._check_emitters(emitters)
         self._run = {}
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
             self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
 
-    def with_lamps(self, lamps: str) -> Models:
-        """The same sessions, asked for other lamps; InputError if this model does not know them."""
+    def with_emitters(self, emitters: str) -> Models:
+        """The same sessions, asked for other emitters; InputError if this model does not know them."""
         other = copy(self)
-        other.lamps = self._check_lamps(lamps)
+        other.emitters = self._check_emitters(emitters)
         return other
 
-    def _check_lamps(self, lamps: str) -> str:
-        if lamps not in LAMPS:
-            raise InputError(f"lamps {lamps!r}: expected one of {', '.join(LAMPS)}")
-        if lamps != DRAWN and self.stages != LIFT_STAGES:
+    def _check_emitters(self, emitters: str) -> str:
+        if emitters not in EMITTERS:
+            raise InputError(f"emitters {emitters!r}: expected one of {', '.join(EMITTERS)}")
+        if emitters != MODE and self.stages != LIFT_STAGES:
             raise InputError(
-                f"lamps {lamps}: expected a model that says how likely they are, got {self.name}; use {DEFAULT_MODEL}"
+                f"emitters {emitters}: expected a model that estimates their distribution, got {self.name}; "
+                f"use {DEFAULT_MODEL}"
             )
-        return lamps
+        return emitters
 
     def __call__(
         self,
         image: np.ndarray,
         tan_half: float,
         normals: np.ndarray | None = None,
-        around: np.ndarray | None = None,
+        surroundings: np.ndarray | None = None,
     ) -> Outputs:
         """Run on a crop.
 
@@ -217,7 +222,7 @@ class Models:
                 The paper's chain has no use for either.
         """
         if self.stages == LIFT_STAGES:
-            return self._lift(lift_inputs(image, tan_half, normals, around))
+            return self._lift(lift_inputs(image, tan_half, normals, surroundings))
         return self._chain(_batch(image))
 
     def _chain(self, photo: np.ndarray) -> Outputs:
@@ -234,7 +239,7 @@ class Models:
 
     def _lift(self, given: dict[str, np.ndarray]) -> Outputs:
         irradiance, drawn, confidence, normals, spread = self._run["light"](*given.values())
-        ln_radiance = _image(spread if self.lamps == SPREAD else drawn)
+        ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
             radiance=radiance,
@@ -247,13 +252,18 @@ class Models:
 
 
 def lift_inputs(
-    image: np.ndarray, tan_half: float, normals: np.ndarray | None = None, around: np.ndarray | None = None
+    image: np.ndarray,
+    tan_half: float,
+    normals: np.ndarray | None = None,
+    surroundings: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
     """What the lifting model's graph is given for one crop, see Models, in the order of LIFT_INPUTS."""
     normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
-    around = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if around is None else around
-    around = np.minimum(around[..., :4], around[..., 3:4])  # display values, whatever is known above white
-    values = (_batch(image), np.array([[tan_half]], dtype=np.float32), _batch(normals), _batch(around))
+    surroundings = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if surroundings is None else surroundings
+    surroundings = np.minimum(
+        surroundings[..., :4], surroundings[..., 3:4]
+    )  # display values, whatever is known above white
+    values = (_batch(image), np.array([[tan_half]], dtype=np.float32), _batch(normals), _batch(surroundings))
     return dict(zip(LIFT_INPUTS, values, strict=True))
 
 
@@ -269,12 +279,13 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
     session = open_graph(path, threads)
     found = session.get_modelmeta().custom_metadata_map
     for key, value in {**CONTRACT, "stage": stage}.items():
-        if found.get(key) != value:
+        if found.get(key) not in (CONTRACTS if key == "contract" else (value,)):
             raise ModelError(
                 f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             )
     if stage in LIFT_STAGES:
-        _check_names(path, "inputs", LIFT_INPUTS, session.get_inputs())
+        inputs = CONTRACT_1_INPUTS if found["contract"] == CONTRACTS[0] else LIFT_INPUTS
+        _check_names(path, "inputs", inputs, session.get_inputs())
         _check_names(path, "outputs", LIFT_OUTPUTS, session.get_outputs())
     return session
 

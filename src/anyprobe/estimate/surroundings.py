@@ -28,7 +28,7 @@ GROW_PX = 4
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
 FINE = 2.0
 """Pixels of the shrunk photo on one of the map's."""
-BURNT = 0.97
+CLIPPED = 0.97
 """Display value from which on a place is at least as bright as it looks."""
 SEEN = 0.9
 """How sure a place is that the photo shows."""
@@ -71,7 +71,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
     if linear is None:
         return small
     cover = small[..., 3:]
-    known = around_of(small[..., :3] / np.maximum(cover, LEAST_COVER), cover, cover)
+    known = surroundings_of(small[..., :3] / np.maximum(cover, LEAST_COVER), cover, cover)
     return known if above_white else np.minimum(known[..., :4], cover)
 
 
@@ -82,7 +82,9 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
     return np.dstack([pixels.rgb * cover[..., None], cover])
 
 
-def around_of(radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
+def surroundings_of(
+    radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None
+) -> np.ndarray:
     """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: of the cover, what tells more than white."""
     display = response(radiance)
     if measured is None:
@@ -91,14 +93,14 @@ def around_of(radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | No
     return np.concatenate([display * cover, cover, measured], axis=-1).astype(np.float32)
 
 
-def radiance_of(around: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Radiance [H, 2H, 3] that surroundings show, where it is burnt out and may be more, and their cover [H, 2H, 1]."""
-    cover = around[..., 3:4]
-    display = around[..., :3] / np.maximum(cover, LEAST_COVER)
-    burnt = display >= BURNT
-    if around.shape[-1] == LINEAR:
-        burnt = burnt & (around[..., 4:] < 0.5 * cover)
-    return np.where(display > 1, display, inverse_response(display)), burnt, cover
+def radiance_of(surroundings: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Radiance [H, 2H, 3] that surroundings show, where it is clipped and may be more, and their cover [H, 2H, 1]."""
+    cover = surroundings[..., 3:4]
+    display = surroundings[..., :3] / np.maximum(cover, LEAST_COVER)
+    clipped = display >= CLIPPED
+    if surroundings.shape[-1] == LINEAR:
+        clipped = clipped & (surroundings[..., 4:] < 0.5 * cover)
+    return np.where(display > 1, display, inverse_response(display)), clipped, cover
 
 
 def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
@@ -108,15 +110,15 @@ def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
     return upper + (1 - upper[..., 3:4]) * lower
 
 
-def turned(around: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
+def turned(surroundings: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
     """Surroundings [64, 128, 4 or 5] of the camera's frame in the crop's."""
-    most = np.inf if around.shape[-1] == LINEAR else 1.0
-    found = np.clip(rotate(around, camera_from_crop.T), 0.0, most).astype(np.float32)
+    most = np.inf if surroundings.shape[-1] == LINEAR else 1.0
+    found = np.clip(rotate(surroundings, camera_from_crop.T), 0.0, most).astype(np.float32)
     found[..., 3:] = np.minimum(found[..., 3:], 1.0)
     return found
 
 
-def see_around(
+def visible_surroundings(
     rgb: np.ndarray, long_fov_deg: float, camera_from_crop: np.ndarray, image: np.ndarray, tan_half: float
 ) -> np.ndarray | None:
     """The map in the crop's frame as far as the photo shows it beside the object.
@@ -143,15 +145,15 @@ def see_around(
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 
-def use_surroundings(outputs: Outputs, around: np.ndarray, *, tint: bool = True) -> Outputs:
+def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
-    Display values mean radiance by the mean camera's curve; a burnt-out place may be brighter than it looks.
+    Display values mean radiance by the mean camera's curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
     """
-    shown, burnt, cover = radiance_of(around)
+    shown, clipped, cover = radiance_of(surroundings)
     guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
-    seen = _brightened(shown, burnt, guessed)
+    seen = _brightened(shown, clipped, guessed)
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     confidence = outputs.confidence
     if confidence is not None:
@@ -159,16 +161,16 @@ def use_surroundings(outputs: Outputs, around: np.ndarray, *, tint: bool = True)
     return outputs.with_map(radiance, confidence)
 
 
-def _brightened(shown: np.ndarray, burnt: np.ndarray, guessed: np.ndarray) -> np.ndarray:
-    """What is seen, where it is burnt out made as bright as the guess if that is brighter, its hue kept.
+def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> np.ndarray:
+    """What is seen, where it is clipped made as bright as the guess if that is brighter, its hue kept.
 
-    One gain a pixel, so that no channel alone takes a lamp on; and none that would burn out a channel which is not.
+    One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
     """
-    white = inverse_response(np.float32([BURNT]))
-    room = np.where(burnt, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
-    asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never burnt out
+    white = inverse_response(np.float32([CLIPPED]))
+    room = np.where(clipped, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
+    asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never clipped
     gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))
-    return np.where(burnt.any(axis=-1, keepdims=True), shown * gain, shown)
+    return np.where(clipped.any(axis=-1, keepdims=True), shown * gain, shown)
 
 
 def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarray:

@@ -174,8 +174,8 @@ def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) ->
 
     conditions: 0 for clean photos, 1 as the world gives them.
     """
-    stock = load_left_out(data)
-    return kept_pairs(balanced_recipes(stock, PAIRS, SEED, conditions), stock, kept)
+    store = load_left_out(data)
+    return kept_pairs(balanced_recipes(store, PAIRS, SEED, conditions), store, kept)
 
 
 def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:

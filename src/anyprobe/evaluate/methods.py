@@ -15,12 +15,12 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.dataset.pair import Pair, shot_of
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.normals_prior import SHORTEST
-from anyprobe.estimate.runtime import LIFT_STAGES, NORMALS_SIZE, SPREAD, Models, Outputs
-from anyprobe.estimate.surroundings import see_around, use_surroundings
+from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, NORMALS_SIZE, Models, Outputs
+from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import MAP_HEIGHT
 
-TOLD = {
+PRIORS = {
     "normals": {"normals"},
     "material": {"material"},
     "normals and material": {"normals", "material"},
@@ -55,16 +55,16 @@ class Estimate:
 Method = Callable[[Pair], Estimate]
 
 
-def model_methods(models: Models, name: str, told: bool = False) -> dict[str, Method]:
+def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, Method]:
     """A model from the photo alone, with expected emitters where it has them and, if asked, with priors: by row.
 
     told: also a row for each of TOLD.
     """
 
     def method(
-        pair: Pair, models: Models = models, told: frozenset[str] | set[str] = frozenset()
+        pair: Pair, models: Models = models, priors: frozenset[str] | set[str] = frozenset()
     ) -> Estimate:
-        outputs = run_told(models, pair, told)
+        outputs = run_with_priors(models, pair, priors)
         return Estimate(
             ldr=outputs.ldr.clip(0.0, 1.0),
             radiance=outputs.radiance,
@@ -74,20 +74,22 @@ def model_methods(models: Models, name: str, told: bool = False) -> dict[str, Me
 
     methods: dict[str, Method] = {name: method}
     if models.stages == LIFT_STAGES:
-        methods[f"{name}, emitters {SPREAD}"] = partial(method, models=models.with_lamps(SPREAD))
-    rows = TOLD if told else {}
-    return methods | {f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()}
+        methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
+    rows = PRIORS if priors else {}
+    return methods | {
+        f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()
+    }
 
 
 def baselines() -> dict[str, Method]:
-    """The mean training map, and the object taken for a chrome ball."""
+    """The mean training map, and the object taken for a chrome sphere."""
 
     def of(radiance: np.ndarray) -> Estimate:
         return Estimate(ldr=response(radiance), radiance=radiance)
 
     return {
         "mean map": lambda pair: of(mean_map()),
-        "chrome ball": lambda pair: of(chrome_ball(pair.crop)),
+        "chrome sphere": lambda pair: of(chrome_sphere(pair.crop)),
     }
 
 
@@ -100,10 +102,10 @@ def mean_map() -> np.ndarray:
     return read_radiance(str(resources.files("anyprobe") / "weights" / "mean_map.exr"))
 
 
-def chrome_ball(photo: np.ndarray) -> np.ndarray:
-    """Take the object for a chrome ball and unwrap it: photo [S, S, 4] -> radiance [64, 128, 3].
+def chrome_sphere(photo: np.ndarray) -> np.ndarray:
+    """Take the object for a chrome sphere and unwrap it: photo [S, S, 4] -> radiance [64, 128, 3].
 
-    The ball is as large as the longer side of the mask's bounding box. Where it has
+    The sphere is as large as the longer side of the mask's bounding box. Where it has
     no pixel of the object the object's mean stands in.
     """
     mask = photo[..., 3] > 0.5
@@ -119,14 +121,18 @@ def chrome_ball(photo: np.ndarray) -> np.ndarray:
     return np.where(mask[y, x][..., None], radiance[y, x], mean).astype(np.float32)
 
 
-def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
+def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
     """A model's answer where the pair's true normals, its true material or its surroundings are told."""
-    normals = true_normals(pair) if "normals" in told else None
-    around = surroundings(pair) if "surroundings" in told else None
-    outputs = models(pair.crop, pair.tan_half, normals, around)
-    if "material" in told:
+    normals = true_normals(pair) if "normals" in priors else None
+    surroundings_map = surroundings(pair) if "surroundings" in priors else None
+    outputs = models(pair.crop, pair.tan_half, normals, surroundings_map)
+    if "material" in priors:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
-    return outputs if around is None else use_surroundings(outputs, around, tint="material" not in told)
+    return (
+        outputs
+        if surroundings_map is None
+        else use_surroundings(outputs, surroundings_map, tint="material" not in priors)
+    )
 
 
 def true_normals(pair: Pair) -> np.ndarray:
@@ -142,7 +148,7 @@ def true_normals(pair: Pair) -> np.ndarray:
 
 
 def surroundings(pair: Pair) -> np.ndarray | None:
-    """What a phone's photo shows of a pair's map around its object, see estimate.surroundings.see_around."""
+    """What a phone's photo shows of a pair's map around its object, see estimate.surroundings.visible_surroundings."""
     width, height = PHONE_PX
     slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
     x = (np.arange(width) + 0.5) / width * 2 - 1
@@ -150,4 +156,6 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
     shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
     display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
-    return see_around(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
+    return visible_surroundings(
+        display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half
+    )

@@ -15,31 +15,31 @@ from anyprobe.evaluate.methods import Estimate, Method
 from anyprobe.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
-    flux_ratio_stops,
+    power_ratio_stops,
     psnr,
     rmse,
     si_rmse,
     ssim,
 )
-from anyprobe.light.dominant_light import find_main_light
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral
-from anyprobe.render.spheres import ball_images, ball_normals
+from anyprobe.render.spheres import sphere_images, sphere_normals
 
 ALPHA_EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 1.01)
 """Borders of the roughness bins; 0.5 is the paper's border of specular and diffuse."""
 ONE_LIGHT = 0.3
 """One light dominates where it sends this share of all light or more."""
 SHINY = 0.3
-"""Below this alpha an object shows lamps as highlights."""
+"""Below this alpha an object shows emitters as highlights."""
 
 Group = Callable[[Pair, bool], bool]
 """Whether a pair belongs, told whether one light dominates its true map."""
 
 
-def main_light_share(radiance: np.ndarray) -> float:
-    """Share of a map's flux that its main light has, by luminance: E on a plane facing it / all light."""
+def dominant_light_share(radiance: np.ndarray) -> float:
+    """Share of a map's power that its dominant light has, by luminance: E on a plane facing it / all light."""
     whole = float(luminance(integral(radiance.astype(np.float64))))
-    return float(luminance(find_main_light(radiance).irradiance)) / max(whole, 1e-9)
+    return float(luminance(find_dominant_light(radiance).irradiance)) / max(whole, 1e-9)
 
 
 def _in_bin(low: float, high: float) -> Group:
@@ -64,7 +64,7 @@ GROUPS: dict[str, Group] = {
 
 def groups_of(pair: Pair) -> set[str]:
     """Names of the groups that a pair belongs to."""
-    single = main_light_share(pair.radiance) >= ONE_LIGHT
+    single = dominant_light_share(pair.radiance) >= ONE_LIGHT
     return {name for name, belongs in GROUPS.items() if belongs(pair, single)}
 
 
@@ -82,10 +82,10 @@ METRICS = {
     "si_rmse_diffuse": "lower",
     "si_rmse_silver": "lower",
     "si_rmse_mirror": "lower",
-    "main_light_deg": "lower",
-    "main_light_median_deg": "lower",
-    "flux_stops": "lower",
-    "flux_median_stops": "lower",
+    "dominant_light_deg": "lower",
+    "dominant_light_median_deg": "lower",
+    "total_power_stops": "lower",
+    "total_power_median_stops": "lower",
     "ldr_rmse_seen": "lower",
     "ldr_rmse_unseen": "lower",
 }
@@ -94,13 +94,13 @@ METRICS = {
 seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
 """
 
-MEDIANS = {"main_light_median_deg": "main_light_deg", "flux_median_stops": "flux_stops"}
+MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_median_stops": "total_power_stops"}
 
 
 def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     """All metrics of one estimated map against the true one, both [H, 2H, 3] in exposure units.
 
-    LDR figures are of response(L), every pixel counted alike, as in the paper. Balls are
+    LDR figures are of response(L), every pixel counted alike, as in the paper. Spheres are
     rendered linear, without tone mapping.
     """
     ldr, true_ldr = response(estimate), response(truth)
@@ -110,19 +110,21 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
         "ldr_rmse": rmse(ldr, true_ldr),
         "ldr_ssim": ssim(ldr, true_ldr),
         "ln_hdr_rmse": rmse(np.log(np.maximum(estimate, LN_FLOOR)), np.log(np.maximum(truth, LN_FLOOR))),
-        "main_light_deg": direction_error_deg(
-            find_main_light(estimate).direction, find_main_light(truth).direction
+        "dominant_light_deg": direction_error_deg(
+            find_dominant_light(estimate).direction, find_dominant_light(truth).direction
         ),
-        "flux_stops": abs(flux_ratio_stops(estimate, truth)),
+        "total_power_stops": abs(power_ratio_stops(estimate, truth)),
         "ldr_rmse_seen": rmse(ldr[seen], true_ldr[seen]),
         "ldr_rmse_unseen": rmse(ldr[~seen], true_ldr[~seen]),
     }
-    balls, true_balls = ball_images(estimate), ball_images(truth)
-    for name, ball in true_balls.items():
-        mask = ball_normals()[1]
-        scores[f"angle_{name}_deg"] = color_angle_deg(balls[name], ball, mask)
-        # in units of the true ball's mean, or a bright scene would outweigh the rest
-        scores[f"si_rmse_{name}"] = si_rmse(balls[name], ball, mask) / max(float(ball[mask].mean()), 1e-8)
+    spheres, true_spheres = sphere_images(estimate), sphere_images(truth)
+    for name, sphere in true_spheres.items():
+        mask = sphere_normals()[1]
+        scores[f"angle_{name}_deg"] = color_angle_deg(spheres[name], sphere, mask)
+        # in units of the true sphere's mean, or a bright scene would outweigh the rest
+        scores[f"si_rmse_{name}"] = si_rmse(spheres[name], sphere, mask) / max(
+            float(sphere[mask].mean()), 1e-8
+        )
     return {name: float(value) for name, value in scores.items()}
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.asset_store import Stock
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.mask_errors import narrow, pierce, widen
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import Recipe, digest
@@ -77,7 +77,7 @@ NAMES = ("tan_half", "map_name", "shape_name", "indoor")
 
 def kept_pairs(
     recipes: list[Recipe],
-    stock: Stock,
+    store: AssetStore,
     kept: Path | None = None,
 ) -> Iterator[Pair]:
     """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there."""
@@ -86,7 +86,7 @@ def kept_pairs(
         if path is not None and path.is_file():
             yield read_pair(path)
             continue
-        pair = render_pair(recipe, stock)
+        pair = render_pair(recipe, store)
         if path is not None:
             write_pair(path, pair)
         yield pair

@@ -76,7 +76,7 @@ def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 def correlated_temperature(rgb: np.ndarray) -> float:
     """Temperature [K] of the black body whose colour is nearest in CIE 1960 u, v, from 1000 to 15000.
 
-    Black bodies by Krystek 1985. Coloured light has one too, however far from it: a green lamp some 6000 K.
+    Black bodies by Krystek 1985. Coloured light has one too, however far from it: a green emitter some 6000 K.
 
     Args:
         rgb: [3] linear Rec. 709; black gives ARKit's white.
@@ -105,8 +105,8 @@ NOTES = """{name}: light for Unreal Engine. By formula: not run in the editor by
      Intensity {intensity:.5g} lux
      Light Color (linear) R {r:.4f} G {g:.4f} B {b:.4f}
      Source Angle {angle:.2f}
-4. HDRI Backdrop or a sky sphere: {name}.hdr, the whole map with the main light in it.
-Without a Directional Light use {name}.hdr in step 2 instead: the main light is in it, and with both
+4. HDRI Backdrop or a sky sphere: {name}.hdr, the whole map with the dominant light in it.
+Without a Directional Light use {name}.hdr in step 2 instead: the dominant light is in it, and with both
 it would count twice.
 
 The camera's front is +X, its right +Y, up +Z. The scale is relative: multiply the Sky Light's Intensity

@@ -1,8 +1,8 @@
 """ExportedLight (noun): what every target is written from, and the sidecar that goes with each.
 
-Two sets of everything: `full` is the whole light; `ambient` is the light without its main lobe,
+Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe,
 for renderers that are given a directional light as well. With both full and a directional light
-the main light would count twice.
+the dominant light would count twice.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.export.target_frames import FRONT, Frame, webxr
-from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, write_exr, write_hdr
-from anyprobe.light.dominant_light import MainLight, split_main_light
+from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
+from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
 
@@ -33,14 +33,14 @@ SH_DEFINITION = (
 )
 
 ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings")
-"""What an export keeps of the estimate's sidecar: not its SH and main light, which turn with the map."""
+"""What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedLight:
     """A light in the frame it is exported in: right-handed, +X right, +Y up, -Z in front.
 
-    radiance: [H, 2H, 3], ambient: the same without the main light.
+    radiance: [H, 2H, 3], ambient: the same without the dominant light.
     sh_full, sh_ambient: [9, 3], of radiance.
     name: what the names of all files begin with.
     origin: what the estimate's own sidecar said, carried along.
@@ -48,7 +48,7 @@ class ExportedLight:
 
     radiance: np.ndarray
     ambient: np.ndarray
-    main: MainLight
+    main: DominantLight
     sh_full: np.ndarray
     sh_ambient: np.ndarray
     name: str
@@ -58,7 +58,7 @@ class ExportedLight:
 
     @property
     def main_angle_deg(self) -> float:
-        """Diameter of the disc that has the main light's solid angle."""
+        """Diameter of the disc that has the dominant light's solid angle."""
         cosine = 1.0 - min(self.main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
         return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
 
@@ -71,7 +71,7 @@ def prepare(
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
 ) -> ExportedLight:
-    """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the main light.
+    """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the dominant light.
 
     A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera tells both.
 
@@ -93,7 +93,7 @@ def prepare(
     if not np.array_equal(turn, np.eye(3)):
         radiance = np.maximum(rotate(radiance, turn), 0.0)
     radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
-    main, ambient = split_main_light(radiance)
+    main, ambient = split_dominant_light(radiance)
     return ExportedLight(
         radiance=radiance,
         ambient=ambient,
@@ -130,7 +130,7 @@ def numbers(values: Any) -> Any:
 
 
 def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
-    """The main light as WebXR's XRLightEstimate names it: towards it, w = 0; intensity with w = 1."""
+    """The dominant light as WebXR's XRLightEstimate names it: towards it, w = 0; intensity with w = 1."""
     x, y, z = numbers(light.main.direction)
     r, g, b = numbers(light.main.irradiance)
     return {
@@ -150,7 +150,7 @@ def sidecar(light: ExportedLight, target: str, frame: Frame, more: Mapping[str, 
         "exposure_ev": light.exposure_ev,
         "clipped_energy": 0.0,
         **primary_light(light),
-        "main_light": {
+        "dominant_light": {
             "unit": "irradiance of a plane that faces it; white Lambert there sends irradiance / pi",
             "direction_in_target": numbers(frame.from_ours(light.main.direction)),
             "angle_deg": round(light.main_angle_deg, 3),
@@ -200,6 +200,17 @@ MAP_FROM_CAMERA = "map_from_camera"
 """Key of the rotation [3, 3] from the camera's frame to a map's that was turned since the estimate."""
 
 
+def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray]:
+    """A map with the front in its centre, the .json beside it, and the map_from_camera of either.
+
+    Raises:
+        InvalidEnvironment: no such file, or not an environment map. InputError: of check_front.
+    """
+    radiance = read_radiance(path)
+    check_front(path)
+    return radiance, said_beside(path), map_from_camera(path)
+
+
 def origin_beside(path: Path) -> dict[str, Any]:
     """What the .json beside a map says of its photo and model, and how the map was turned; nothing if unknown."""
     return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
@@ -238,16 +249,16 @@ def map_from_camera(path: Path) -> np.ndarray:
         InputError: what is said is no rotation.
     """
     header = map_attributes(path)
-    told = (header if "frame" in header else said_beside(path)).get(MAP_FROM_CAMERA)
-    if told is None:
+    given = (header if "frame" in header else said_beside(path)).get(MAP_FROM_CAMERA)
+    if given is None:
         return np.eye(3)
     try:
-        turn = np.array(json.loads(told) if isinstance(told, str) else told, dtype=np.float64)
+        turn = np.array(json.loads(given) if isinstance(given, str) else given, dtype=np.float64)
     except (TypeError, ValueError, RecursionError):
         turn = np.zeros(0)
     if not is_rotation(turn):
         raise InputError(
-            f"{path}: expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(told).split())[:120]}; "
+            f"{path}: expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(given).split())[:120]}; "
             "save the light again"
         )
     return turn

@@ -1,4 +1,4 @@
-"""Mitsuba 3: the map as an .exr and a scene.xml with three balls under it."""
+"""Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def pole_to_pole(radiance: np.ndarray) -> np.ndarray:
 
 
 def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the main light in the map."""
+    """<name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the dominant light in the map."""
     pixels = pole_to_pole(OPENEXR.roll(light.radiance)).astype(np.float32)
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,

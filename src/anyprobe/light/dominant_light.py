@@ -1,10 +1,10 @@
-"""The main light: the one lobe that a directional light stands for (sun, lamp, window).
+"""The dominant light: the one lobe that a directional light stands for (sun, emitter, window).
 
 Lobe = the connected pixels around the brightest one whose luminance, averaged over
 a cap 10 degrees across, is at least half the peak. Half the peak falls a little
 inside the edge of a source 10 to 30 degrees across, so the sums run over the lobe
-and the pixels that touch it; without those a lamp 14 degrees across loses a quarter
-of its flux. The light is what they have more than their surroundings, L - L_ring
+and the pixels that touch it; without those an emitter 14 degrees across loses a quarter
+of its power. The light is what they have more than their surroundings, L - L_ring
 with L_ring the mean radiance just outside.
 """
 
@@ -27,7 +27,7 @@ RING_PX = 3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class MainLight:
+class DominantLight:
     """A directional light in the map's frame.
 
     direction: [3] unit vector towards the light.
@@ -87,14 +87,14 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for _ in range(RING_PX):
         ring = dilate(ring)
     ring = ring & ~source
-    around = ring if ring.any() else source  # the lobe is the whole sphere: no light stands out
+    surroundings = ring if ring.any() else source  # the lobe is the whole sphere: no light stands out
     if len(small) == height:
-        return lobe, source, around
+        return lobe, source, surroundings
     rows, columns = (((np.arange(n * height) + 0.5) * len(small) / height).astype(int) for n in (1, 2))
-    return tuple(mask[np.ix_(rows, columns)] for mask in (lobe, source, around))
+    return tuple(mask[np.ix_(rows, columns)] for mask in (lobe, source, surroundings))
 
 
-def find_main_light(radiance: np.ndarray) -> MainLight:
+def find_dominant_light(radiance: np.ndarray) -> DominantLight:
     """The brightest lobe of a map [H, 2H, 3] as a directional light.
 
         E = sum over the lobe of (L - L_ring) cos(delta) dw, delta from the light's direction
@@ -103,13 +103,13 @@ def find_main_light(radiance: np.ndarray) -> MainLight:
     A map with no lobe (black, or the same everywhere) gives irradiance 0; its
     direction is +Y, the fallback that WebXR asks for.
     """
-    return split_main_light(radiance)[0]
+    return split_dominant_light(radiance)[0]
 
 
-def split_main_light(radiance: np.ndarray) -> tuple[MainLight, np.ndarray]:
-    """The main light and the map [H, 2H, 3] without it, for renderers that are given both.
+def split_dominant_light(radiance: np.ndarray) -> tuple[DominantLight, np.ndarray]:
+    """The dominant light and the map [H, 2H, 3] without it, for renderers that are given both.
 
-    What the main light counts is taken out, no more: its pixels become L_ring, so that on a
+    What the dominant light counts is taken out, no more: its pixels become L_ring, so that on a
     plane that faces the light E of the map = E of the rest + irradiance, channel by channel.
     """
     height = radiance.shape[0]
@@ -120,15 +120,15 @@ def split_main_light(radiance: np.ndarray) -> tuple[MainLight, np.ndarray]:
     total = float(power.sum())
     confidence = float(np.linalg.norm(np.einsum("hw,hwc->c", power, d))) / total if total > 0 else 0.0
 
-    lobe, source, around = _find_lobe(bright)
-    surrounding = np.average(radiance[around], axis=0, weights=solid_angles[around])
+    lobe, source, surroundings = _find_lobe(bright)
+    surrounding = np.average(radiance[surroundings], axis=0, weights=solid_angles[surroundings])
 
     excess = radiance[source] - surrounding  # [K, 3]
     energy = np.maximum(luminance(excess), 0.0) * solid_angles[source]
     mean = energy @ d[source]
     length = float(np.linalg.norm(mean))
     if length <= 1e-6 * total:  # rounding alone, or light from all around: no direction
-        none = MainLight(
+        none = DominantLight(
             direction=np.array([0.0, 1.0, 0.0], np.float32),
             irradiance=np.zeros(3, np.float32),
             color=np.ones(3, np.float32),
@@ -140,7 +140,7 @@ def split_main_light(radiance: np.ndarray) -> tuple[MainLight, np.ndarray]:
     cosine = np.maximum(d[source] @ direction, 0.0)
     perpendicular = np.maximum((cosine * solid_angles[source]) @ excess, 0.0)
     peak = perpendicular.max()  # 0 when a channel or two fall below the ring and the rest are level
-    light = MainLight(
+    light = DominantLight(
         direction=direction.astype(np.float32),
         irradiance=perpendicular.astype(np.float32),
         color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),

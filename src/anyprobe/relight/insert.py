@@ -36,7 +36,7 @@ class Window:
     camera: Camera
 
 
-def window_around(placement: Placement, view: View) -> Window | None:
+def window_surroundings(placement: Placement, view: View) -> Window | None:
     """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
     pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
     low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
@@ -143,7 +143,7 @@ class Stage:
                 "--size: expected an object in front of the camera, got one that reaches behind it; make it smaller "
                 "or stand it farther away with --at"
             )
-        window = window_around(self.placement, self.view)
+        window = window_surroundings(self.placement, self.view)
         if window is None:
             x, y = self.view.pixels(self.placement.foot[None])[0]
             raise InputError(

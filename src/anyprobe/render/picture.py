@@ -16,14 +16,14 @@ from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import (
     PATCHES,
     compile_kernel,
-    lamps_specular,
+    emitters_specular,
     shade,
     shade_diffuse,
     shade_specular,
     shading_pyramid,
 )
 from anyprobe.render.mesh import Mesh
-from anyprobe.render.reflectance import read_map, reflectance_normals, stand_ins
+from anyprobe.render.reflectance import lookup_coords, read_map, reflectance_normals
 from anyprobe.render.surface import Camera, see
 from anyprobe.scatter.albedo import albedo_table
 from anyprobe.scatter.materials import Material
@@ -33,7 +33,7 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
     """S1, Ss and, if there is a map of it, Dd at points.
 
     Args:
-        terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); lamps in the last alone.
+        terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); emitters in the last alone.
         world_from_view: [3, 3], +Z of the view towards the eye.   n, wo: [P, 3], world.   alpha: [P, 1].
         table: albedo_table() as an array of the same kind.
     Returns:
@@ -41,12 +41,12 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
     """
     xp = array_namespace(n, terms)
     in_view = (n @ world_from_view, wo @ world_from_view)
-    _, specular_xy, diffuse_xy, *gains = stand_ins(*in_view, alpha, table)
+    _, specular_xy, diffuse_xy, *gains = lookup_coords(*in_view, alpha, table)
     found = read_map(terms, specular_xy, range(6))
     specular = xp.stack([channel * gains[0] for channel in found[:3]], axis=-1)
     grazing = xp.stack([channel * gains[1] for channel in found[3:]], axis=-1)
-    if pyramid.lamps is not None:
-        _, one, weak = lamps_specular(pyramid, n, wo, alpha)
+    if pyramid.emitters is not None:
+        _, one, weak = emitters_specular(pyramid, n, wo, alpha)
         specular, grazing = specular + one, grazing + weak
     if terms.shape[2] == 6:
         return specular, grazing
@@ -105,7 +105,7 @@ def radiance_by_maps(
     seen = array(reflectance_normals(size).reshape(-1, 3)) @ turn.T
     toward_eye = seen * 0.0 + middle
     width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
-    _, *terms = kernels.specular(pyramid.without_lamps(), seen, toward_eye, width, u)
+    _, *terms = kernels.specular(pyramid.without_emitters(), seen, toward_eye, width, u)
     if u_diffuse is not None:
         terms.append(kernels.diffuse(wide or pyramid, seen, toward_eye, u_diffuse))
     terms = xp.reshape(xp.concat(terms, axis=-1), (size, size, -1))

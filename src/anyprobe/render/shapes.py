@@ -50,7 +50,7 @@ def sphere(rows: int = 64) -> Mesh:
 
 
 def superquadric(rng: np.random.Generator, rows: int = 56) -> Mesh:
-    """Between box, cylinder, ball and octahedron (Barr 1981), stretched and turned about +Y."""
+    """Between box, cylinder, sphere and octahedron (Barr 1981), stretched and turned about +Y."""
     d = _sphere_grid(rows, 2 * rows)
     east, north = rng.uniform(0.25, 1.6, size=2)
     t = np.arccos(np.clip(d[..., 1], -1, 1)) - np.pi / 2
@@ -67,7 +67,7 @@ def superquadric(rng: np.random.Generator, rows: int = 56) -> Mesh:
 
 
 def blob(rng: np.random.Generator, rows: int = 64) -> Mesh:
-    """A ball pushed in and out by a few smooth waves."""
+    """A sphere pushed in and out by a few smooth waves."""
     d = _sphere_grid(rows, 2 * rows)
     radius = np.ones(d.shape[:2])
     for _ in range(rng.integers(3, 9)):
@@ -215,9 +215,9 @@ def part(rng: np.random.Generator) -> Mesh:
         center = host_center + offset * host_half
         hosts.append((half, center))
         positions, faces = _placed(rng, half, center)
-        around = rng.integers(2, 7) if rng.random() < 0.3 else 1
-        for k in range(around):
-            turn = rotation_y(2 * np.pi * k / around)
+        surroundings = rng.integers(2, 7) if rng.random() < 0.3 else 1
+        for k in range(surroundings):
+            turn = rotation_y(2 * np.pi * k / surroundings)
             pieces.append((positions @ turn.T, faces))
     return make_mesh(*put_together(pieces), crease_deg=CREASE_DEG)
 
@@ -243,13 +243,13 @@ def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         angles.append(more)
     phi = np.sort(np.concatenate(angles) % (2 * np.pi))
     phi = phi[np.diff(phi, append=phi[0] + 2 * np.pi) > 1e-3]
-    around = np.stack([np.sin(phi), np.zeros_like(phi), np.cos(phi)], axis=-1)
+    surroundings = np.stack([np.sin(phi), np.zeros_like(phi), np.cos(phi)], axis=-1)
     rows = _profile(rng)
-    outer = around * outline(phi)[:, None]
+    outer = surroundings * outline(phi)[:, None]
     grid = rows[:, 1, None, None] * outer + rows[:, 0, None, None] * [0.0, 1.0, 0.0]
     if hole is None:
         return _closed(grid)
-    inner = around * (hole(phi) * rng.uniform(0.3, 0.85))[:, None]
+    inner = surroundings * (hole(phi) * rng.uniform(0.3, 0.85))[:, None]
     wall = (np.linalg.norm(outer, axis=1) / np.linalg.norm(inner, axis=1)).min()
     inner *= min(1.0, 0.9 * rows[[0, -1], 1].min() * wall)
     ends = inner + rows[[-1, 0], 0][:, None, None] * [0.0, 1.0, 0.0]

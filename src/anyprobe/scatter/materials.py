@@ -68,7 +68,7 @@ DULL = "matte"
 """The material that has the albedo where only an albedo is told."""
 
 
-def told_material(name: str | None = None, albedo: float | Sequence[float] | None = None) -> Material | None:
+def given_material(name: str | None = None, albedo: float | Sequence[float] | None = None) -> Material | None:
     """A material by its name, by its albedo, or by both; None where nothing is told.
 
     Args:

@@ -14,7 +14,7 @@ from torch import nn
 from anyprobe.errors import InputError, ModelError
 
 RENAMED = (
-    ("light.lamps.flux.", "light.emitters.power."),
+    ("light.emitters.power.", "light.emitters.power."),
     ("light.object.around.", "light.object.surroundings."),
     (".rise.", ".up."),
 )
@@ -23,7 +23,7 @@ FREE = ("name", "steps")
 """Settings that may change: the folder's name, and how long the run is."""
 EXPLAINED = {
     "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
-    "team": "as many processes as",
+    "processes": "as many processes as",
     "assets": "--data with",
     "start": "--start with",
 }

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.utils.data import DataLoader, Dataset
 
-from anyprobe.dataset.asset_store import Stock, load_stock, own_map
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store, own_map
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import Batch, PairSource
 from anyprobe.dataset.process_pools import one_thread
@@ -80,21 +80,21 @@ def make_pairs(
     return _pairs(config, load_assets(config.light, data), cache, device, compiled)
 
 
-def _pairs(config: RunConfig, stock: Stock, cache: Path, device: str, compiled: bool) -> PairSource:
-    maps = _maps(config.light, stock)
-    return PairSource(Illuminator(maps, device, compiled), _surfaces(config, stock, cache), config.pairs)
+def _pairs(config: RunConfig, store: AssetStore, cache: Path, device: str, compiled: bool) -> PairSource:
+    maps = _maps(config.light, store)
+    return PairSource(Illuminator(maps, device, compiled), _surfaces(config, store, cache), config.pairs)
 
 
-def _maps(light: LightConfig, stock: Stock) -> list[np.ndarray]:
+def _maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
     """Real maps, our own, and what is made of all these."""
-    radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
+    radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     rng = np.random.default_rng(light.seed)
     radiance += [draw_variant(rng, radiance) for _ in range(light.variants)]
     return radiance
 
 
-def load_assets(light: LightConfig, data: Path | None) -> Stock:
+def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
     """The maps and shapes of a data folder that a run may learn from, none without one.
 
     Files that cannot be used are listed on stderr.
@@ -104,7 +104,7 @@ def load_assets(light: LightConfig, data: Path | None) -> Stock:
     def warn(line: str) -> None:
         print(f"warning: {line}", file=sys.stderr)
 
-    return load_stock(
+    return load_asset_store(
         data,
         "train",
         commercial_only=light.commercial_only,
@@ -113,14 +113,14 @@ def load_assets(light: LightConfig, data: Path | None) -> Stock:
     )
 
 
-def name_assets(stock: Stock) -> str:
+def name_assets(store: AssetStore) -> str:
     """Which maps and shapes these are, in their order: how many, and 8 hex digits of SHA-256 over their ids."""
-    ids = [*stock.maps, "", *stock.shapes]
+    ids = [*store.maps, "", *store.shapes]
     digits = hashlib.sha256(" ".join(ids).encode()).hexdigest()[:8]
-    return f"{len(stock.maps)} maps and {len(stock.shapes)} shapes ({digits})"
+    return f"{len(store.maps)} maps and {len(store.shapes)} shapes ({digits})"
 
 
-def _surfaces(config: RunConfig, stock: Stock, cache: Path, workers: int = 0) -> SurfaceSet:
+def _surfaces(config: RunConfig, store: AssetStore, cache: Path, workers: int = 0) -> SurfaceSet:
     columns = (TextColumn("drawing shapes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     progress = Progress(*columns, console=Console(stderr=True))
     task = progress.add_task("")
@@ -130,14 +130,14 @@ def _surfaces(config: RunConfig, stock: Stock, cache: Path, workers: int = 0) ->
         progress.update(task, completed=done, total=total)
 
     try:
-        return build_surfaces(list(stock.shapes.values()), config.surfaces, cache, workers, watch)
+        return build_surfaces(list(store.shapes.values()), config.surfaces, cache, workers, watch)
     finally:
         progress.stop()
 
 
 def open_batches(
     config: RunConfig,
-    stock: Stock,
+    store: AssetStore,
     data: Path | None,
     cache: Path,
     device: str,
@@ -150,7 +150,7 @@ def open_batches(
     stock: of load_assets; the others read their own from data.
     """
     if workers == 0:
-        return map(_pairs(config, stock, cache, device, compiled).batch, steps)
-    _surfaces(config, stock, cache, workers)  # once, before all of them ask for it
+        return map(_pairs(config, store, cache, device, compiled).batch, steps)
+    _surfaces(config, store, cache, workers)  # once, before all of them ask for it
     made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
     return (batch.to(device) for batch in made)

@@ -15,7 +15,7 @@ BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
 """What carries the tensors of each kind of device between processes."""
 
 
-class Team:
+class ProcessGroup:
     """Processes that see different pairs and keep the same weights.
 
     Every process makes step number * size + rank of the pairs; gradients are averaged, so that

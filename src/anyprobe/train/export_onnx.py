@@ -221,8 +221,8 @@ def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
     """What the lifting model's graph is given for pairs: nothing told, normals, surroundings, both, in turn."""
     for k, pair in enumerate(pairs):
         normals = true_normals(pair) if k % 2 else None
-        around = surroundings(pair) if k % 4 > 1 else None
-        yield lift_inputs(pair.crop, pair.tan_half, normals, around)
+        surroundings_map = surroundings(pair) if k % 4 > 1 else None
+        yield lift_inputs(pair.crop, pair.tan_half, normals, surroundings_map)
 
 
 def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:

@@ -17,7 +17,7 @@ SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
 
 
-def save_start(checkpoint: Path, path: Path) -> None:
+def save_init_weights(checkpoint: Path, path: Path) -> None:
     """Keep a checkpoint's weights at path, large tensors as float16.
 
     Raises:
@@ -45,9 +45,9 @@ def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     }
 
 
-def load_start(nets: nn.Module, path: Path) -> None:
-    """Give networks the weights that save_start or keep_run kept; ModelError if they are none of theirs."""
-    kept = current_names(_read_start(path)[0], nets.state_dict())
+def load_init_weights(nets: nn.Module, path: Path) -> None:
+    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
+    kept = current_names(_read_init_weights(path)[0], nets.state_dict())
     try:
         nets.load_state_dict(
             {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
@@ -56,7 +56,7 @@ def load_start(nets: nn.Module, path: Path) -> None:
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
 
-def start_id(path: Path) -> str:
+def init_weights_id(path: Path) -> str:
     """Which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there is
     no such file."""
     if not path.is_file():
@@ -75,7 +75,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
         ModelError: no checkpoint, or other holds another network's weights.
     """
     stored = read_checkpoint(checkpoint)
-    (kept, pairs), nets = _read_start(other), stored["nets"]
+    (kept, pairs), nets = _read_init_weights(other), stored["nets"]
     kept = current_names(kept, nets)
     if {name: value.shape for name, value in kept.items()} != {
         name: value.shape for name, value in nets.items()
@@ -85,12 +85,12 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
         name: (value + kept[name].float()) / 2 if value.is_floating_point() else value
         for name, value in nets.items()
     }
-    mean_with = {"start": start_id(other), "pairs": pairs}
+    mean_with = {"start": init_weights_id(other), "pairs": pairs}
     torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
     return path
 
 
-def _read_start(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
+def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
     """The weights that a file keeps, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)

@@ -48,7 +48,7 @@ def run_folder(runs: Path, name: str) -> Path:
     return folder
 
 
-class Journal:
+class RunLogger:
     """Used as a context; `see` and `note` every step, `draw` at every checkpoint."""
 
     def __init__(self, folder: Path, name: str, learner: Learner, first: int, last: int, total: int) -> None:
@@ -66,7 +66,7 @@ class Journal:
         self._history: list[torch.Tensor] = []
         self._pairs: Batch | None = None
 
-    def __enter__(self) -> Journal:
+    def __enter__(self) -> RunLogger:
         from torch.utils.tensorboard import SummaryWriter
 
         path = self._folder / "log.csv"

@@ -21,10 +21,10 @@ from anyprobe.train.chain import Chain
 from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
 from anyprobe.train.config import RunConfig
 from anyprobe.train.dataloader import load_assets, name_assets, open_batches
-from anyprobe.train.distributed import Team
-from anyprobe.train.init_weights import load_start, start_id
+from anyprobe.train.distributed import ProcessGroup
+from anyprobe.train.init_weights import init_weights_id, load_init_weights
 from anyprobe.train.lift import Lift, Normals
-from anyprobe.train.logger import Journal, run_folder
+from anyprobe.train.logger import RunLogger, run_folder
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -122,21 +122,21 @@ def train(
         ModelError: a damaged checkpoint, or weights of another network.
     """
     warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
-    team = Team(device)
-    device = team.device
+    processes = ProcessGroup(device)
+    device = processes.device
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
-        config = replace(config, pairs=replace(config.pairs, lanes=workers * team.size))
+        config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
     learner = make_learner(config, device)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
         nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = seen = 0
-    origin: dict[str, Any] = {"team": team.size}
+    origin: dict[str, Any] = {"processes": processes.size}
     if start is not None:
-        origin["start"] = start_id(start)
+        origin["start"] = init_weights_id(start)
     if path.is_file():
         stored = read_checkpoint(path, device)
         check_goes_on(path, stored, config)
@@ -145,24 +145,26 @@ def train(
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
     elif start is not None:
-        load_start(nets, start)
+        load_init_weights(nets, start)
     else:
         origin["start"] = None
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
-    steps = range(first * team.size + team.rank, last * team.size + team.rank, team.size)
+    steps = range(
+        first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size
+    )
     if pairs is not None:
         batches = map(pairs.batch, steps)
     else:
-        stock = load_assets(config.light, data)
-        origin = agreed(path, origin, {"assets": name_assets(stock)})
-        batches = open_batches(config, stock, data, runs / "cache", device, compiled, steps, workers)
-        del stock  # hundreds of maps, of which the batches keep what they need
-    journal = Journal(folder, config.name, learner, first, last, config.steps)
-    saved, each = time.monotonic(), config.pairs.batch * team.size
-    with journal if team.is_first else nullcontext():
+        store = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(store)})
+        batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
+        del store  # hundreds of maps, of which the batches keep what they need
+    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    saved, each = time.monotonic(), config.pairs.batch * processes.size
+    with logger if processes.is_first else nullcontext():
         for step, batch in enumerate(batches, start=first):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
@@ -170,19 +172,21 @@ def train(
             losses = learner.losses(batch, step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
-            due = team.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)
+            due = processes.average_gradients(
+                nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS
+            )
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
             seen += each
-            if team.is_first:
-                journal.see(batch)
-                journal.note(step + 1, seen, each, losses, rate)
+            if processes.is_first:
+                logger.see(batch)
+                logger.note(step + 1, seen, each, losses, rate)
             if due or step + 1 == last:
-                team.average_statistics(nets)
-                if team.is_first:
+                processes.average_statistics(nets)
+                if processes.is_first:
                     save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
-                    journal.draw(step + 1)
+                    logger.draw(step + 1)
                 saved = time.monotonic()
-    team.leave()
+    processes.leave()
     return path

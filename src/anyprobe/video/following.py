@@ -72,7 +72,7 @@ class MaskFollower:
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
         photo = self._marked(frame)
-        return photo if self._panorama is None else replace(photo, around=self._panorama)
+        return photo if self._panorama is None else replace(photo, surroundings_map=self._panorama)
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"
@@ -82,7 +82,7 @@ class MaskFollower:
                     f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
                 )
             return load_photo(frame.rgb, mask=self._files[frame.index], **self._every)
-        where = self.hints if self.last is None else self._around_last(frame.rgb.shape)
+        where = self.hints if self.last is None else self._surroundings_last(frame.rgb.shape)
         photo = load_photo(frame.rgb, **self._every, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
@@ -93,7 +93,7 @@ class MaskFollower:
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
 
-    def _around_last(self, shape: tuple[int, ...]) -> dict:
+    def _surroundings_last(self, shape: tuple[int, ...]) -> dict:
         x0, y0, x1, y1 = self.last[3:]
         whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
         return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}

@@ -191,17 +191,19 @@ class ClipRun:
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or photo.around is None:
+        if self.poses is None or photo.surroundings_map is None:
             return self.estimator.from_photo(photo)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if photo.around is not True and done.panorama is None:
-            crop = replace(crop, around=turned(photo.around, self.poses[0].T @ world_from_crop))
-        if crop.around is not None:
-            done.panorama = lay_over(window(crop.around, world_from_crop), done.panorama)
-        known = seen_from(done.panorama, world_from_crop, crop.around)
-        return self.estimator.from_crop(photo, crop, gathered=known)
+        if photo.surroundings_map is not True and done.panorama is None:
+            crop = replace(
+                crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop)
+            )
+        if crop.surroundings_map is not None:
+            done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
+        known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
+        return self.estimator.from_crop(photo, crop, merged_surroundings=known)
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""
