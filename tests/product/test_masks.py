@@ -148,7 +148,7 @@ def test_hint_channel():
 def test_letterbox_centres_the_photo_and_points_follow():
     rgb = np.zeros((300, 600, 3), np.float32)
     rgb[140:160, 290:310] = 1.0
-    box = Letterbox.surroundings((0, 0), (600, 300))
+    box = Letterbox.around((0, 0), (600, 300))
     square = box.square(rgb)
     assert square.shape == (SIZE, SIZE, 3)
     assert (square[:40] == 0.5).all()

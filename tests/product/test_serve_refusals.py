@@ -65,7 +65,7 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("address", "name", "priors"),
+    ("address", "name", "known"),
     [
         ("estimate", "not", "box, click, click_off, fov,"),
         ("estimate", "clik", "include, format"),
@@ -198,7 +198,7 @@ def test_another_method_is_told_which_one_the_address_takes(estimator, with_page
 
 
 @pytest.mark.parametrize(
-    ("host", "priors"), [("localhost:8000", True), ("[::1]:8000", True), ("rebound.example", False)]
+    ("host", "known"), [("localhost:8000", True), ("[::1]:8000", True), ("rebound.example", False)]
 )
 def test_a_foreign_name_is_told_how_to_be_let_in(estimator, host, known):
     names = ["127.0.0.1", "127.0.0.1", "localhost", "[::1]"]

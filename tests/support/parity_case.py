@@ -61,7 +61,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     }
     if estimator.models.stages == LIFT_STAGES:
         given = replace(loaded, surroundings=True)
-        answers["around"] = crop_object(given).surroundings.transpose(2, 0, 1)
+        answers["around"] = crop_object(given).surroundings_map.transpose(2, 0, 1)
         answers["radiance_told"] = estimator.from_photo(given).radiance
         answers["radiance_spread"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
     rgb = photo[..., :3].astype(np.float32) / 255

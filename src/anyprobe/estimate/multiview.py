@@ -104,12 +104,12 @@ def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float])
     """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
-        if crop.surroundings is not None:
-            panorama = lay_over(window(crop.surroundings, turn, gain), panorama)
+        if crop.surroundings_map is not None:
+            panorama = lay_over(window(crop.surroundings_map, turn, gain), panorama)
     if panorama is None:
         return [None] * len(crops)
     return [
-        seen_from(panorama, turn, crop.surroundings, gain)
+        seen_from(panorama, turn, crop.surroundings_map, gain)
         for crop, turn, gain in zip(crops, to_first, gains, strict=True)
     ]
 

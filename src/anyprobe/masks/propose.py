@@ -61,7 +61,7 @@ class Letterbox:
     height: int
 
     @classmethod
-    def surroundings(cls, origin: tuple[int, int], size: tuple[int, int]) -> Letterbox:
+    def around(cls, origin: tuple[int, int], size: tuple[int, int]) -> Letterbox:
         """Longer side SIZE, centred."""
         scale = SIZE / max(size)
         width, height = (min(SIZE, max(1, round(length * scale))) for length in size)
@@ -131,7 +131,7 @@ class MaskNetwork:
             again: look at a small object a second time, closer.
         """
         height, width = rgb.shape[:2]
-        whole = Letterbox.surroundings((0, 0), (width, height))
+        whole = Letterbox.around((0, 0), (width, height))
         first = self._look(rgb, whole, on, off, box)
         found = _object_window(first.cover, width, height)
         if not again or found is None or max(found[2:]) >= AGAIN_BELOW * max(width, height):
@@ -226,7 +226,7 @@ def _square_around(found: tuple[float, float, float, float], width: int, height:
         extent = min(length, max(1, round(side)))
         spans.append((int(np.clip(round(middle - extent / 2), 0, length - extent)), extent))
     (x, w), (y, h) = spans
-    return Letterbox.surroundings((x, y), (w, h))
+    return Letterbox.around((x, y), (w, h))
 
 
 def _paste(cover: np.ndarray, window: Letterbox, width: int, height: int) -> np.ndarray:
