@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import LIFT_STAGES, SPREAD, weights_folder
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
@@ -23,7 +23,7 @@ HINTS = {
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03, 0.05, 0.04, 0.03, 0.05]
 
 
-def _steadied(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them."""
     noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
     gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0, 9.0, 4.5, 4.5, 4.5])[:, None, None, None]
@@ -42,7 +42,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     """
     loaded = load_photo(photo, fov_deg=long_fov_deg)
     light = estimator.from_photo(loaded)
-    main = light.main_light()
+    main = light.dominant_light()
     answers = {
         "mask": loaded.mask,
         "crop": light.stages["photo"].transpose(2, 0, 1),
@@ -53,21 +53,21 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "ln_radiance": light.stages["ln_radiance"],
         "radiance": light.radiance,
         "sh9": light.sh9(),
-        "main_light": np.concatenate(
+        "dominant_light": np.concatenate(
             [main.direction, main.irradiance, main.color, [main.solid_angle, main.confidence]]
         ),
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
     if estimator.models.stages == LIFT_STAGES:
-        told = replace(loaded, around=True)
-        answers["around"] = crop_object(told).around.transpose(2, 0, 1)
-        answers["radiance_told"] = estimator.from_photo(told).radiance
-        answers["radiance_spread"] = estimator.with_lamps(SPREAD).from_photo(loaded).radiance
+        given = replace(loaded, surroundings=True)
+        answers["around"] = crop_object(given).surroundings_map.transpose(2, 0, 1)
+        answers["radiance_told"] = estimator.from_photo(given).radiance
+        answers["radiance_spread"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, hints in HINTS.items():
         answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover
-    answers["frames"], answers["steadied"] = _steadied(light.radiance)
+    answers["frames"], answers["steadied"] = _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
     (folder / "photo.rgba").write_bytes(photo.tobytes())

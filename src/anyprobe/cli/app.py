@@ -7,20 +7,15 @@ import sys
 import typer
 
 from anyprobe import __version__
-from anyprobe.cli.compare import compare
 from anyprobe.cli.data import data
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
-from anyprobe.cli.evaluate_masks import evaluate_masks
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.relight import relight
-from anyprobe.cli.report import report, timing
-from anyprobe.cli.scaling import scaling
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
-from anyprobe.cli.trials import trials
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 
@@ -39,15 +34,9 @@ for command in (
     export,
     serve,
     evaluate,
-    evaluate_masks,
-    compare,
-    timing,
-    report,
     doctor,
     train,
     weights,
-    trials,
-    scaling,
 ):
     app.command()(command)
 app.add_typer(data, name="data")

@@ -16,35 +16,33 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Column, Table
 
-from anyprobe.cli.known import (
+from anyprobe.cli.options import (
     AlbedoOption,
-    LampsOption,
-    MaterialOption,
-    NormalsOption,
-    SurroundingsOption,
-    read_material,
-    read_normals_option,
-    read_surroundings_option,
-)
-from anyprobe.cli.where import (
     BoxOption,
     ClickOption,
     DepthOption,
+    EmittersOption,
     FarOption,
     MaskOption,
+    MaterialOption,
     NearOption,
+    NormalsOption,
     NotOption,
+    SurroundingsOption,
     list_photos,
+    read_material,
+    read_normals_option,
+    read_surroundings_option,
     read_where,
     where_for,
 )
 from anyprobe.errors import AnyprobeError, InputError, OutputError
-from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: the main light and files, or the error's line."""
+    """One photo's outcome: the dominant light and files, or the error's line."""
 
     photo: Path
     direction: np.ndarray | None = None
@@ -70,7 +68,7 @@ def estimate(
     material: MaterialOption = None,
     albedo: AlbedoOption = None,
     surroundings: SurroundingsOption = None,
-    lamps: LampsOption = DRAWN,
+    emitters: EmittersOption = MODE,
     poses: Annotated[
         Path | None,
         typer.Option(
@@ -82,7 +80,7 @@ def estimate(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
-    from anyprobe.infer.estimate import Estimator
+    from anyprobe.estimate.estimator import Estimator
 
     where = read_where(mask, box, click, click_off, depth, near, far) | {
         "normals": read_normals_option(normals),
@@ -90,7 +88,7 @@ def estimate(
     }
     known = read_material(material, albedo)
     listed = list_photos(photos)
-    estimator = Estimator(model, lamps=lamps)
+    estimator = Estimator(model, emitters=emitters)
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
@@ -112,8 +110,8 @@ def _one(
     estimator, path: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
 ) -> Done:
     """Estimate one photo and write its files; an error of ours ends this photo alone."""
-    from anyprobe.infer.outputs import write_results
-    from anyprobe.infer.photo import load_photo
+    from anyprobe.estimate.outputs import write_results
+    from anyprobe.estimate.photo import load_photo
 
     start = time.perf_counter()
     try:
@@ -122,9 +120,9 @@ def _one(
             raise OutputError(
                 f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
             )
-        told = where_for(path, where)
-        _check_files(path, out, listed, told)
-        photo = load_photo(path, fov_deg=fov, **told)
+        hints = where_for(path, where)
+        _check_files(path, out, listed, hints)
+        photo = load_photo(path, fov_deg=fov, **hints)
         light = estimator.from_photo(photo, start, material=known)
         written = write_results(photo, light, out, path.stem)
     except AnyprobeError as error:
@@ -136,27 +134,29 @@ def _one(
         files = {kind: str(target) for kind, target in written.items()}
         print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
     seconds = sum(light.info["seconds"].values())
-    return Done(photo=path, direction=light.main_light().direction, seconds=seconds, warnings=light.warnings)
+    return Done(
+        photo=path, direction=light.dominant_light().direction, seconds=seconds, warnings=light.warnings
+    )
 
 
 def _together(
     estimator, steps, poses: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
 ) -> Done:
     """One light of all photos, under the first one's name; any error ends all of it."""
+    from anyprobe.estimate.multiview import estimate_together
+    from anyprobe.estimate.outputs import write_results
+    from anyprobe.estimate.photo import Photo, load_photo
     from anyprobe.files.poses import read_poses
-    from anyprobe.infer.outputs import write_results
-    from anyprobe.infer.photo import Photo, load_photo
-    from anyprobe.infer.several import estimate_together
 
     start = time.perf_counter()
-    told_poses = read_poses(poses)
-    turned, fovs = told_poses.of(listed), dict(zip(listed, told_poses.fovs_deg(listed), strict=True))
+    given_poses = read_poses(poses)
+    turned, fovs = given_poses.of(listed), dict(zip(listed, given_poses.fovs_deg(listed), strict=True))
 
     def load(path: Path) -> Photo:
-        told = where_for(path, where)
-        _check_files(listed[0], out, [*listed, poses], told)
+        hints = where_for(path, where)
+        _check_files(listed[0], out, [*listed, poses], hints)
         try:
-            return load_photo(path, fov_deg=fovs[path] if fov is None else fov, **told)
+            return load_photo(path, fov_deg=fovs[path] if fov is None else fov, **hints)
         except AnyprobeError as error:
             raise InputError(_line(path, error)) from error
 
@@ -168,7 +168,7 @@ def _together(
         files = {kind: str(target) for kind, target in written.items()}
         print(json.dumps({**light.sidecar(), "photo": str(listed[0]), "files": files}), flush=True)
     seconds = time.perf_counter() - start
-    direction = light.main_light().direction
+    direction = light.dominant_light().direction
     return Done(photo=listed[0], direction=direction, seconds=seconds, warnings=light.warnings)
 
 
@@ -180,11 +180,11 @@ def _line(path: Path, error: AnyprobeError) -> str:
     return " ".join(text.splitlines())  # a name may hold a line break
 
 
-def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:
+def _check_files(path: Path, out: Path, listed: list[Path], hints: dict) -> None:
     """Refuse a result that would replace one of the inputs."""
-    from anyprobe.infer.outputs import SUFFIXES
+    from anyprobe.estimate.outputs import SUFFIXES
 
-    files = (*listed, told["mask"], told["depth"], told["normals"], told["surroundings"])
+    files = (*listed, hints["mask"], hints["depth"], hints["normals"], hints["surroundings"])
     inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
     for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
         if target.resolve() in inputs:
@@ -194,7 +194,12 @@ def _check_files(path: Path, out: Path, listed: list[Path], told: dict) -> None:
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos; warnings below it."""
-    columns = (Column("photo", overflow="fold"), "main light", "seconds", Column("result", overflow="fold"))
+    columns = (
+        Column("photo", overflow="fold"),
+        "dominant light",
+        "seconds",
+        Column("result", overflow="fold"),
+    )
     table = Table(*columns, box=None, pad_edge=False)
     for one in done:
         if one.error:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.where import (
+from anyprobe.cli.options import (
     BoxOption,
     ClickOption,
     DepthOption,
@@ -55,15 +55,15 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
     twins = [other for other in listed if other.stem == path.stem]
     if twins[0] != path:
         raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
-    told = where_for(path, where)
+    hints = where_for(path, where)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
-    inputs = {given.resolve() for given in (*listed, told["depth"]) if given is not None}
+    inputs = {given.resolve() for given in (*listed, hints["depth"]) if given is not None}
     for target in targets.values():
         if target.resolve() in inputs:
             raise OutputError(f"{path}: the result would replace {target}; choose another folder with -o")
     pixels = read_image(path)
-    found = find_mask(pixels, **told)
-    overlay = draw_overlay(pixels.rgb, found.mask, told["click"] or (), told["click_off"] or ())
+    found = find_mask(pixels, **hints)
+    overlay = draw_overlay(pixels.rgb, found.mask, hints["click"] or (), hints["click_off"] or ())
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())

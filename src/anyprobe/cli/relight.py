@@ -11,11 +11,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from anyprobe.cli.known import LampsOption
-from anyprobe.cli.where import (
+from anyprobe.cli.options import (
     BoxOption,
     ClickOption,
     DepthOption,
+    EmittersOption,
     FarOption,
     MaskOption,
     NearOption,
@@ -24,7 +24,7 @@ from anyprobe.cli.where import (
     where_for,
 )
 from anyprobe.errors import InputError, OutputError
-from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
 
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
@@ -41,8 +41,9 @@ class Renderer(StrEnum):
 def relight(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
     name: Annotated[
-        str, typer.Option("--object", help="ball, vase, pebble, block, solid, or a .glb, .obj or .ply file.")
-    ] = "ball",
+        str,
+        typer.Option("--object", help="sphere, vase, pebble, block, solid, or a .glb, .obj or .ply file."),
+    ] = "sphere",
     material: Annotated[
         str, typer.Option(help="chrome, gold, plastic, matte, or photo: the real object's own.")
     ] = "chrome",
@@ -78,17 +79,17 @@ def relight(
     light: Annotated[
         Path | None, typer.Option(help="An .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
-    lamps: LampsOption = DRAWN,
+    emitters: EmittersOption = MODE,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
+    from anyprobe.estimate.photo import load_photo
     from anyprobe.files.images import write_png
     from anyprobe.files.objects import open_object
-    from anyprobe.infer.photo import load_photo
-    from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
-    from anyprobe.scatter.presets import material_named
+    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
+    from anyprobe.scatter.materials import material_named
 
     where = where_for(photo, read_where(mask, box, click, click_off, depth, near, far))
     foot = point(at)
@@ -104,7 +105,7 @@ def relight(
     traced = uses_mitsuba(renderer)
     mesh = open_object(name)
     taken = load_photo(photo, fov_deg=fov, **where)
-    radiance, gain = _radiance(taken, light, model, lamps)
+    radiance, gain = _radiance(taken, light, model, emitters)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
@@ -113,7 +114,7 @@ def relight(
         pictures.insert(0, taken.rgb)
     write_png(out, np.concatenate(pictures, axis=1))
     spot = stage.view.pixels(stage.placement.foot)
-    told = {
+    hints = {
         "photo": str(photo),
         "picture": str(out),
         "object": name,
@@ -126,19 +127,19 @@ def relight(
         "warnings": list(taken.warnings),
     }
     if as_json:
-        print(json.dumps(told))
+        print(json.dumps(hints))
     elif not quiet:
         print(
             f"{out}: {name} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
-            f"{told['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
+            f"{hints['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
             file=sys.stderr,
         )
 
 
-def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.ndarray, float]:
+def _radiance(photo, light: Path | None, model: str, emitters: str) -> tuple[np.ndarray, float]:
     """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
-        from anyprobe.export.origin import check_front, map_from_camera
+        from anyprobe.export.exported_light import check_front, map_from_camera
         from anyprobe.files.radiance import read_radiance
         from anyprobe.light.environment import rotate
 
@@ -148,10 +149,10 @@ def _radiance(photo, light: Path | None, model: str, lamps: str) -> tuple[np.nda
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         return radiance, 1.0
-    from anyprobe.infer.estimate import Estimator
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.relight.appearance import least_scale
 
-    radiance = Estimator(model, lamps=lamps).from_photo(photo).radiance
+    radiance = Estimator(model, emitters=emitters).from_photo(photo).radiance
     gain = least_scale(photo, radiance)
     return radiance * np.float32(gain), gain
 

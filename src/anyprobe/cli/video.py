@@ -14,11 +14,10 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.known import LampsOption, SurroundingsOption, read_surroundings_option
+from anyprobe.cli.options import EmittersOption, SurroundingsOption, read_surroundings_option, read_where
 from anyprobe.cli.relight import Renderer, point
-from anyprobe.cli.where import read_where
 from anyprobe.errors import InputError
-from anyprobe.infer.runtime import DEFAULT_MODEL, DRAWN
+from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
 
 LINE_S = 30
 """Between two lines of progress where there is no terminal."""
@@ -63,25 +62,25 @@ def video(
         Path | None, typer.Option(help="JSON of how the camera is turned in each frame; see docs/video.md.")
     ] = None,
     surroundings: SurroundingsOption = None,
-    lamps: LampsOption = DRAWN,
+    emitters: EmittersOption = MODE,
     restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
     """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
-    from anyprobe.infer.estimate import Estimator
-    from anyprobe.relight.relight import PHOTO_MATERIAL, Arrangement, uses_mitsuba
-    from anyprobe.scatter.presets import material_named
+    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, uses_mitsuba
+    from anyprobe.scatter.materials import material_named
     from anyprobe.video.clip import open_clip, upright_size
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject, forget_run
 
-    told = {name: v for name, v in read_where(None, box, click, click_off, None, None, None).items() if v}
+    given = {name: v for name, v in read_where(None, box, click, click_off, None, None, None).items() if v}
     foot = point(at)
-    if masks is not None and told:
+    if masks is not None and given:
         raise InputError("--masks, and a box or clicks: expected one of them, got both")
     if poses is not None and name is not None:
         raise InputError(
@@ -90,30 +89,30 @@ def video(
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     header = open_clip(clip)
-    known_poses = None if poses is None else read_poses(poses)
-    turned = None if known_poses is None else known_poses.in_order()
+    given_poses = None if poses is None else read_poses(poses)
+    turned = None if given_poses is None else given_poses.in_order()
     if turned is not None and len(turned) < header.num_frames:
         raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
-    if known_poses is not None and fov is None:
-        fov = known_poses.clip_fov_deg(*upright_size(header))
+    if given_poses is not None and fov is None:
+        fov = given_poses.clip_fov_deg(*upright_size(header))
     virtual = None
     if name is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
-    follower = MaskFollower(masks, told, fov, read_surroundings_option(surroundings))
-    estimator = Estimator(model, lamps=lamps)
+    follower = MaskFollower(masks, given, fov, read_surroundings_option(surroundings))
+    estimator = Estimator(model, emitters=emitters)
     settings = {
         "clip": clip.name,
         "clip_bytes": clip.stat().st_size,
         "model": estimator.model_id,
         "every": every,
         "exr": exr,
-        "first_frame": told,
+        "first_frame": given,
         "fov_deg": fov,
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
-        "lamps": lamps,
+        "emitters": emitters,
         "object": name,
         "material": material if name else None,
         "at": foot,

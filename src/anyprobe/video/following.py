@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.estimate.photo import Photo, load_photo, object_box
+from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.files.names import visible_files
-from anyprobe.infer.photo import Photo, load_photo, object_box
-from anyprobe.infer.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -33,7 +33,7 @@ MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 class MaskFollower:
     """Frames in order become photos whose object is marked.
 
-    told: what the caller said about the first frame; may be empty. last: x, y of a point well
+    hints: what the caller said about the first frame; may be empty. last: x, y of a point well
     inside the last mask, that mask's pixels, and its box; None before the first.
     """
 
@@ -53,10 +53,10 @@ class MaskFollower:
             if not masks.is_dir():
                 raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
             self._files = visible_files(masks, MASK_SUFFIXES)
-        self.told = where
+        self.hints = where
         shown = isinstance(surroundings, str) and surroundings == PHOTO
         self._every = {"fov_deg": fov_deg, "surroundings": PHOTO if shown else None}
-        self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see infer.surroundings
+        self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
         if surroundings is not None and not shown:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None
@@ -72,7 +72,7 @@ class MaskFollower:
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
         photo = self._marked(frame)
-        return photo if self._panorama is None else replace(photo, around=self._panorama)
+        return photo if self._panorama is None else replace(photo, surroundings_map=self._panorama)
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"
@@ -82,7 +82,7 @@ class MaskFollower:
                     f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
                 )
             return load_photo(frame.rgb, mask=self._files[frame.index], **self._every)
-        where = self.told if self.last is None else self._around_last(frame.rgb.shape)
+        where = self.hints if self.last is None else self._surroundings_last(frame.rgb.shape)
         photo = load_photo(frame.rgb, **self._every, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
@@ -93,7 +93,7 @@ class MaskFollower:
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
 
-    def _around_last(self, shape: tuple[int, ...]) -> dict:
+    def _surroundings_last(self, shape: tuple[int, ...]) -> dict:
         x0, y0, x1, y1 = self.last[3:]
         whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
         return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}

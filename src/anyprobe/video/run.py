@@ -11,19 +11,19 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import FRAME, SCALE, Light
+from anyprobe.estimate.surroundings import turned
 from anyprobe.files.radiance import write_exr
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
-from anyprobe.infer.photo import Photo
-from anyprobe.infer.result import FRAME, SCALE, Light
-from anyprobe.infer.surroundings import turned
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.track import (
@@ -59,7 +59,7 @@ def forget_run(folder: Path) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualObject:
-    """What the relit clip shows; see relight.relight."""
+    """What the relit clip shows; see relight.insert."""
 
     mesh: Mesh
     material: str
@@ -163,7 +163,7 @@ class ClipRun:
             self._photo = self.follower.photo(frame)
             light = self._estimate(self._photo, frame.index)
         except AnyprobeError as error:
-            if frame.index == 0 and self.follower.told:
+            if frame.index == 0 and self.follower.hints:
                 raise
             self._photo = None
             kept = self._turned(frame.index) or self._same()
@@ -191,17 +191,19 @@ class ClipRun:
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or photo.around is None:
+        if self.poses is None or photo.surroundings_map is None:
             return self.estimator.from_photo(photo)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if photo.around is not True and done.panorama is None:
-            crop = replace(crop, around=turned(photo.around, self.poses[0].T @ world_from_crop))
-        if crop.around is not None:
-            done.panorama = lay_over(window(crop.around, world_from_crop), done.panorama)
-        known = seen_from(done.panorama, world_from_crop, crop.around)
-        return self.estimator.from_crop(photo, crop, gathered=known)
+        if photo.surroundings_map is not True and done.panorama is None:
+            crop = replace(
+                crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop)
+            )
+        if crop.surroundings_map is not None:
+            done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
+        known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
+        return self.estimator.from_crop(photo, crop, merged_surroundings=known)
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""

@@ -12,7 +12,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.dataset.camera import blur
 from anyprobe.dataset.mask_scenes.foregrounds import LitView
 from anyprobe.dataset.mask_scenes.patterns import TexturePool
-from anyprobe.dataset.studio import tint
+from anyprobe.dataset.sky import tint
 from anyprobe.render.surface import pixel_rays
 
 PLAIN_SHARE, WALL_SHARE = 0.15, 0.2

@@ -14,7 +14,7 @@ from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.mask_scenes.patterns import TexturePool
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.pairs import pixel_wo, shade
-from anyprobe.dataset.studio import tint
+from anyprobe.dataset.sky import tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, draw_elevation
 from anyprobe.dataset.textures import smooth_noise
 from anyprobe.light.environment import MAP_HEIGHT
