@@ -15,6 +15,8 @@ from anyprobe.cli.options import (
     FarOption,
     NearOption,
     NotOption,
+    SegmenterOption,
+    StrictOption,
     list_photos,
     read_where,
     where_for,
@@ -31,14 +33,20 @@ def mask(
     depth: DepthOption = None,
     near: NearOption = None,
     far: FarOption = None,
+    segmenter: SegmenterOption = None,
+    strict: StrictOption = False,
 ) -> None:
     """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
-    where = read_where(None, box, click, click_off, depth, near, far)
+    where = read_where(None, box, click, click_off, depth, near, far) | {"segmenter": segmenter}
     listed = list_photos(photos)
     failed = False
     for path in listed:
         try:
-            typer.echo(_one(path, out, where, listed))
+            line, warnings = _one(path, out, where, listed)
+            typer.echo(line)
+            for warning in warnings:
+                print(f"warning: {warning}", file=sys.stderr)
+            failed |= strict and bool(warnings)
         except AnyprobeError as error:
             print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
             failed = True
@@ -46,8 +54,8 @@ def mask(
         raise typer.Exit(2)
 
 
-def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
-    """Write one photo's two files; a line that says what was found and how."""
+def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
+    """Write one photo's two files; a line that says what was found and how, and warnings."""
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
     from anyprobe.masks.overlay import draw_overlay
@@ -68,4 +76,4 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())
     sure = "" if found.confidence is None else f", expected IoU {found.confidence:.2f}"
-    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}"
+    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", found.warnings

@@ -114,6 +114,19 @@ NearOption = Annotated[
     float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
 ]
 FarOption = Annotated[float | None, typer.Option(help="Cut the depth image up to here.")]
+SegmenterOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME[:ARGUMENT]",
+        help="What finds the object in the place of our network: rembg[:MODEL], sam:FOLDER, or a plug-in's name.",
+    ),
+]
+StrictOption = Annotated[
+    bool,
+    typer.Option(
+        "--strict", help="Exit with 2 where a mask comes with a warning; it is written all the same."
+    ),
+]
 
 
 def read_where(

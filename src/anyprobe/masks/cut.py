@@ -31,7 +31,7 @@ LEAST_VARIANCE = 2e-4
 SURE = 3.5
 """Largest vote of the rough mask, a log-odds; clicks and what is outside a box vote twice that."""
 
-COLOR_VOTE, COLOR_MOST = 0.6, 2.5
+COLOR_VOTE, COLOR_MOST = 1.5, 4.0
 """Weight of a colour's log-odds where the two sides' colours are told apart perfectly, and its bound."""
 
 ROUNDS, GATHER, RADIUS, EPSILON = 3, 1.5, 0.012, 1e-3
@@ -92,6 +92,22 @@ def cut_out(
     canvas[y0:y1, x0:x1] *= resize(_near(object_).astype(np.float32), x1 - x0, y1 - y0) > 0.25
     loose = 1.0 - float((found & object_).sum() / max(found.sum(), 1))
     return Cut(mask=canvas, loose=loose, told_apart=told_apart)
+
+
+def tidy(rgb: np.ndarray, cover: np.ndarray) -> Cut | None:
+    """Another segmenter's cover [H, W] as it is, but one part of it, without pinholes; None where nothing is."""
+    found = cover > 0.5
+    if not found.any():
+        return None
+    part = one_object(found, cover)
+    scale = min(1.0, LONG_PX / max(found.shape))
+    size = max(1, round(found.shape[1] * scale)), max(1, round(found.shape[0] * scale))
+    _, told_apart = _color_votes(resize(rgb, *size), resize(part.astype(np.float32), *size))
+    return Cut(
+        mask=np.where(part, np.maximum(cover, 0.51), cover * _near(part)).astype(np.float32),
+        loose=1.0 - float((found & part).sum() / found.sum()),
+        told_apart=told_apart,
+    )
 
 
 def _near(inside: np.ndarray) -> np.ndarray:
@@ -157,8 +173,8 @@ def _votes(rough: np.ndarray, window, scale: float, on, off, box) -> tuple[np.nd
 
 
 def _color_votes(picture: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, float]:
-    """How much likelier each pixel's colour is inside than outside, ln, [h, w]; and how well that tells the sides apart:
-    0 where it is no better than a coin, 1 where it agrees with the rough mask everywhere."""
+    """How much likelier each pixel's colour is inside than outside, ln, [h, w]; and how well that tells the sides
+    apart: 0 where it is no better than a coin, 1 where it agrees with the rough mask everywhere."""
     colors = picture.reshape(-1, 3).astype(np.float64)
     weight = share.ravel()
     every = max(1, len(colors) // SAMPLES)
@@ -166,7 +182,10 @@ def _color_votes(picture: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, fl
     for side in (weight, 1 - weight):
         sides.append(_ln_density(colors, _mixture(colors[::every], side[::every])))
     odds = sides[0] - sides[1]
-    right = [float((side * (sign * odds > 0)).sum() / max(side.sum(), 1e-6)) for side, sign in ((weight, 1), (1 - weight, -1))]
+    right = [
+        float((side * (sign * odds > 0)).sum() / max(side.sum(), 1e-6))
+        for side, sign in ((weight, 1), (1 - weight, -1))
+    ]
     return odds.reshape(share.shape), float(np.clip(sum(right) - 1.0, 0.0, 1.0))
 
 

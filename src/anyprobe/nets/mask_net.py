@@ -16,7 +16,14 @@ from anyprobe.nets.blocks import conv
 
 SIZE = 160
 
-STAGES = ((1, 3, 1, 1, 16), (2, 3, 2, 6, 24), (2, 5, 2, 6, 40), (3, 3, 2, 6, 80), (3, 5, 1, 6, 112), (4, 5, 2, 6, 192))
+STAGES = (
+    (1, 3, 1, 1, 16),
+    (2, 3, 2, 6, 24),
+    (2, 5, 2, 6, 40),
+    (3, 3, 2, 6, 80),
+    (3, 5, 1, 6, 112),
+    (4, 5, 2, 6, 192),
+)
 """Blocks, kernel, stride, expansion and output channels of the encoder's stages."""
 
 TAPS = (0, 1, 2, 4, 5)
@@ -31,12 +38,19 @@ KEY = 32
 BATCH_NORM_EPSILON = 1e-3
 """Of the published encoder."""
 
+PUBLISHED = (
+    ("expand", "_expand_conv", "_bn0"),
+    ("filter", "_depthwise_conv", "_bn1"),
+    ("narrow", "_project_conv", "_bn2"),
+)
+"""A block's layers, and what they and their batch normalisation are called in the published weights."""
+
 HINT_GAIN = 4.0
 """The few pixels of a prompt count as much as the many of the photo, from the first step on."""
 
 
 class Block(nn.Module):
-    """Inverted residual: widen, filter each channel by itself, narrow; batch normalisation is folded into the biases."""
+    """Inverted residual: widen, filter each channel by itself, narrow. Batch normalisation is folded in."""
 
     def __init__(self, inputs: int, outputs: int, kernel: int, stride: int, expansion: int) -> None:
         super().__init__()
@@ -94,8 +108,7 @@ class Encoder(nn.Module):
         blocks = [block for stage in self.stages for block in stage]
         pairs = [(self.stem, "_conv_stem", "_bn0")]
         for index, block in enumerate(blocks):
-            names = [("expand", "_expand_conv", "_bn0"), ("filter", "_depthwise_conv", "_bn1"), ("narrow", "_project_conv", "_bn2")]
-            for ours, convolution, norm in names:
+            for ours, convolution, norm in PUBLISHED:
                 layer = getattr(block, ours)
                 if layer is not None:
                     pairs.append((layer, f"_blocks.{index}.{convolution}", f"_blocks.{index}.{norm}"))
@@ -135,7 +148,9 @@ class Lateral(nn.Module):
         if self.key is not None:
             key = self.key(features)
             weight = prompt.clamp(min=0.0)
-            guide = (key * weight).sum(dim=(2, 3), keepdim=True) / (weight.sum(dim=(2, 3), keepdim=True) + 1e-3)
+            guide = (key * weight).sum(dim=(2, 3), keepdim=True) / (
+                weight.sum(dim=(2, 3), keepdim=True) + 1e-3
+            )
             parts.append((key * guide).sum(dim=1, keepdim=True) / KEY**0.5)
         return self.mix(torch.cat(parts, dim=1))
 
@@ -152,12 +167,15 @@ class MaskNet(nn.Module):
         self.encoder = Encoder()
         taps = [STAGES[tap][-1] for tap in TAPS]
         self.laterals = nn.ModuleList(
-            Lateral(inputs, width, 2 <= level <= 3) for level, (inputs, width) in enumerate(zip(taps, WIDTHS, strict=True))
+            Lateral(inputs, width, compares=2 <= level <= 3)
+            for level, (inputs, width) in enumerate(zip(taps, WIDTHS, strict=True))
         )
         self.deep = nn.Sequential(Residual(WIDTHS[-1]), Residual(WIDTHS[-1]))
         steps = list(zip(WIDTHS[:-1], WIDTHS[1:], strict=True))
         self.narrow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in steps)
-        self.join = nn.ModuleList(conv(a, a) if level == 0 else Residual(a) for level, (a, _) in enumerate(steps))
+        self.join = nn.ModuleList(
+            conv(a, a) if level == 0 else Residual(a) for level, (a, _) in enumerate(steps)
+        )
         self.head = nn.Conv2d(WIDTHS[0], 4, 3, padding=1)
 
     def logits(self, image: torch.Tensor) -> torch.Tensor:

@@ -44,9 +44,9 @@ class MaskRunConfig:
     """
 
     name: str = "mask"
-    steps: int = 40_000
+    steps: int = 1_700
     small: int = 96
-    small_steps: int = 600
+    small_steps: int = 1_300
     learning_rate: float = 2e-3
     weight_decay: float = 1e-3
     warmup: int = 50
@@ -55,7 +55,9 @@ class MaskRunConfig:
     seed: int = 3
     scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=103))
     surfaces: SurfaceConfig = field(
-        default_factory=lambda: SurfaceConfig(views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192)
+        default_factory=lambda: SurfaceConfig(
+            views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192
+        )
     )
     light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
 
@@ -85,7 +87,7 @@ def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneS
 
 
 def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-    """Cross entropy of every pixel plus 1 - soft IoU of every picture [N, 1, S, S]; an empty target has no IoU."""
+    """Cross entropy of every pixel plus 1 - soft IoU of every picture; an empty target has no IoU."""
     entropy = F.binary_cross_entropy_with_logits(logits, target)
     cover = torch.sigmoid(logits)
     shared = (cover * target).sum(dim=(1, 2, 3))
@@ -128,7 +130,9 @@ def train_mask(
     net = MaskNet().to(memory_format=torch.channels_last)
     net.encoder.requires_grad_(False)
     optimizer = torch.optim.AdamW(
-        [one for one in net.parameters() if one.requires_grad], lr=config.learning_rate, weight_decay=config.weight_decay
+        [one for one in net.parameters() if one.requires_grad],
+        lr=config.learning_rate,
+        weight_decay=config.weight_decay,
     )
     mean = deepcopy(net)
     first = 0
@@ -137,8 +141,8 @@ def train_mask(
         stored = read_checkpoint(path, holds=("net",))
         check_goes_on(path, stored, config)
         origin = agreed(path, stored.get("origin", {}), origin)
-        load_weights(net, stored["net"], path)
-        mean.load_state_dict(stored["mean"])
+        load_weights(mean, stored["net"], path)
+        load_weights(net, stored["moving"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     elif start is not None:
@@ -190,8 +194,8 @@ def train_mask(
                 with atomic_path(path) as temporary:
                     torch.save(
                         {
-                            "net": net.state_dict(),
-                            "mean": mean.state_dict(),
+                            "net": mean.state_dict(),
+                            "moving": net.state_dict(),
                             "optimizer": optimizer.state_dict(),
                             "step": step + 1,
                             "config": json.dumps(dataclasses.asdict(config)),
@@ -204,11 +208,11 @@ def train_mask(
 
 
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
-    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and configuration; ModelError if there is
-    none, or of another release."""
-    stored = read_checkpoint(checkpoint, holds=("mean",))
+    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
+    configuration; ModelError if there is none, or of another release."""
+    stored = read_checkpoint(checkpoint, holds=("net",))
     net = MaskNet()
-    load_weights(net, stored["mean"], checkpoint)
+    load_weights(net, stored["net"], checkpoint)
     return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
 
 

@@ -69,7 +69,9 @@ def _by_a_phone(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
     photo = photo.clip(0.0, 1.0)
     if rng.random() < JPEG_SHARE:
         picture = to_bytes(photo.permute(1, 2, 0).numpy())
-        stored = compress(np.ascontiguousarray(picture), int(rng.integers(30, 96)), SUBSAMPLINGS[rng.integers(3)])
+        stored = compress(
+            np.ascontiguousarray(picture), int(rng.integers(30, 96)), SUBSAMPLINGS[rng.integers(3)]
+        )
         photo = torch.from_numpy(stored).permute(2, 0, 1) / 255.0
     return photo
 

@@ -149,7 +149,9 @@ def _reflect(
     foot = place.y + ((int(rows[-1]) + 1) / foreground.shape[-1] * 2 - 1) * place.half
     below = replace(place, y=2 * foot - place.y)
     mirrored = _warp(foreground.flip(-2), below, window)
-    strength = float(rng.uniform(0.1, 0.6)) * torch.exp(-(window.y - foot).clip(min=0) / float(rng.uniform(0.1, 0.8)))
+    strength = float(rng.uniform(0.1, 0.6)) * torch.exp(
+        -(window.y - foot).clip(min=0) / float(rng.uniform(0.1, 0.8))
+    )
     return picture * (1 - 0.5 * strength * mirrored[3]) + strength * mirrored[:3]
 
 

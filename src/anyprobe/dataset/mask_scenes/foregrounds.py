@@ -147,7 +147,9 @@ def _join(rng: np.random.Generator, one: torch.Tensor, others: list[torch.Tensor
     other = others[int(rng.integers(len(others)))]
     size = one.shape[-1]
     share = float(rng.uniform(0.35, 0.8))
-    small = torch.nn.functional.interpolate(other[None], size=round(size * share), mode="bilinear", antialias=True)[0]
+    small = torch.nn.functional.interpolate(
+        other[None], size=round(size * share), mode="bilinear", antialias=True
+    )[0]
     rows = torch.nonzero((one[3] > 0.5).any(dim=1)).flatten()
     joined = torch.zeros(4, 2 * size, 2 * size)
     half = size // 2
