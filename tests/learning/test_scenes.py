@@ -19,10 +19,10 @@ from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.mask_scenes.augment import retake  # noqa: E402
 from anyprobe.dataset.mask_scenes.composites import GREY, Scene, draw_scene  # noqa: E402
 from anyprobe.dataset.mask_scenes.examples import PROMPTS, SIZE, SceneSource, ask, unasked_target  # noqa: E402
-from anyprobe.dataset.mask_scenes.foregrounds import ViewSource  # noqa: E402
+from anyprobe.dataset.mask_scenes.foregrounds import ViewSource, draw_pattern  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.masks.propose import MaskNetwork  # noqa: E402
-from anyprobe.nets.mask_net import MaskNet  # noqa: E402
+from anyprobe.nets.mask_net import PUBLISHED, Encoder, MaskNet  # noqa: E402
 from anyprobe.train import export_mask as export  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
 
@@ -149,6 +149,62 @@ def test_network_learns_one_batch_and_sees_the_hint():
     assert (((net(image) > 0.5) == (target > 0.5)).float().mean(dim=(1, 2, 3)) > 0.98).all()
 
 
+def test_published_weights_are_those_of_convolutions_and_their_normalisation():
+    """What is folded gives what convolution and batch normalisation gave one after the other."""
+    torch.manual_seed(0)
+    encoder = Encoder()
+    state, layers = {}, [(encoder.stem, "_conv_stem", "_bn0")]
+    for index, block in enumerate(block for stage in encoder.stages for block in stage):
+        found = [(getattr(block, ours), *theirs) for ours, *theirs in PUBLISHED]
+        layers += [
+            (layer, *(f"_blocks.{index}.{name}" for name in names)) for layer, *names in found if layer
+        ]
+    for layer, convolution, norm in layers:
+        state[f"{convolution}.weight"] = torch.randn_like(layer.weight) * 0.1
+        for name in ("weight", "bias", "running_mean", "running_var"):
+            state[f"{norm}.{name}"] = torch.rand(layer.out_channels) + 0.5
+    encoder.load_published(state)
+    block, names = encoder.stages[1][0], [(f"_blocks.1.{a}", f"_blocks.1.{b}") for _, a, b in PUBLISHED]
+    x = torch.rand(1, 16, 8, 8)
+    strides = {"stride": 2, "groups": 96}
+    expected = x
+    for (convolution, norm), settings in zip(names, ({}, strides, {}), strict=True):
+        if settings:
+            expected = torch.nn.functional.pad(expected, (0, 1, 0, 1))  # as TensorFlow pads
+        expected = torch.nn.functional.conv2d(expected, state[f"{convolution}.weight"], **settings)
+        stored = [state[f"{norm}.{name}"] for name in ("running_mean", "running_var", "weight", "bias")]
+        expected = torch.nn.functional.batch_norm(expected, *stored, eps=1e-3)
+        if (convolution, norm) != names[-1]:
+            expected = torch.nn.functional.relu6(expected)
+    torch.testing.assert_close(block(x), expected)
+
+
+def test_an_objects_patterns_change_its_colour_and_nothing_else(views):
+    rng = np.random.default_rng(0)
+    normals = torch.zeros(3, 64, 64)
+    normals[2] = 1.0
+    drawn = [draw_pattern(rng, normals, views.textures) for _ in range(60)]
+    assert sum(bool((one == 1).all()) for one in drawn) > 5  # some are plain
+    strong = sum(float(one.amax() / one.amin()) > 3 for one in drawn)
+    assert strong > 15
+    for one in drawn:
+        assert one.shape == (3, 64, 64)
+        assert one.isfinite().all()
+        assert one.min() > 0
+
+
+def test_the_encoder_stays_as_it_is_and_the_mean_of_the_weights_is_kept(run, tmp_path):
+    straight = torch.load(run(tmp_path), weights_only=True)
+    torch.manual_seed(MaskRunConfig().seed)
+    first = MaskNet().state_dict()
+    for name, value in straight["moving"].items():
+        if name.startswith("encoder."):
+            assert torch.equal(value, first[name]), name
+    kept, moving = straight["net"]["head.weight"], straight["moving"]["head.weight"]
+    assert not torch.equal(moving, first["head.weight"])
+    assert (kept - moving).abs().max() < (first["head.weight"] - moving).abs().max()
+
+
 @pytest.fixture(scope="module")
 def run(views):
     """Train a few steps on tiny batches: run(folder, stop_after) -> checkpoint."""
@@ -166,8 +222,9 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path):
     part = run(tmp_path / "b", stop_after=2)
     resumed = torch.load(run(tmp_path / "b"), weights_only=True)
     assert straight["step"] == resumed["step"] == 4
-    for name, value in straight["net"].items():
-        assert torch.equal(value, resumed["net"][name]), name
+    for kept in ("net", "moving"):
+        for name, value in straight[kept].items():
+            assert torch.equal(value, resumed[kept][name]), name
     steps = [row["step"] for row in csv.DictReader(part.with_name("log.csv").read_text().splitlines())]
     assert steps == ["2", "4"]
 

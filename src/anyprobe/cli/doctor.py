@@ -21,7 +21,7 @@ PACKAGES = (
     "Pillow",
     "OpenEXR",
     "array-api-compat",
-    "opencv-python-headless",
+    "rembg",
     "pillow-heif",
     "torch",
 )
