@@ -52,9 +52,8 @@ def calibrate(
         expected[mine] = 1 / (1 + np.exp(-(values[mine] @ weights + offset)))
     for threshold in THRESHOLDS:
         shares = [float((expected[chosen] < threshold).mean()) for chosen in (true < BAD, true > GOOD)]
-        typer.echo(
-            f"below {threshold:.2f}: {shares[0]:.2f} of {(true < BAD).sum()} bad, {shares[1]:.2f} of {(true > GOOD).sum()} good"
-        )
+        bad, good = f"{shares[0]:.2f} of {(true < BAD).sum()} bad", f"{shares[1]:.2f} of {(true > GOOD).sum()} good"
+        typer.echo(f"below {threshold:.2f}: {bad}, {good}")
     weights, offset = fit(values, true, sense)
     typer.echo(
         f"offset {offset:.2f}, " + ", ".join(f"{n} {w:.2f}" for n, w in zip(names, weights, strict=True))
@@ -72,7 +71,10 @@ def _ask(case: Case) -> Iterator[tuple[Evidence, float]]:
 
 
 def fit(values: np.ndarray, true: np.ndarray, sense: np.ndarray) -> tuple[np.ndarray, float]:
-    """Weights [F] and offset of the log-odds of true [N] from values [N, F]; sense [F]: 1 where more is better, else -1."""
+    """Weights [F] and offset of the log-odds of true [N] from values [N, F].
+
+    sense: [F], 1 where more is better, else -1.
+    """
     likely = np.clip(true, CLIP, 1 - CLIP)
     odds = np.log(likely / (1 - likely))
     mean, spread = values.mean(axis=0), values.std(axis=0) + SPREAD

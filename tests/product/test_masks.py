@@ -258,7 +258,7 @@ def test_a_mask_is_one_object_without_pinholes():
     true = disc(240, 320, 120, 120, 70)
     cover = np.maximum(true, disc(240, 320, 290, 40, 12))
     cover[118:123, 100:105] = 0.0  # smaller than any handle's hole
-    for cut in (cut_out(np.full((240, 320, 3), 0.5, np.float32), cover), tidy(two_colors(true), cover)):
+    for cut in (cut_out(two_colors(cover), cover), tidy(two_colors(true), cover)):
         assert cut.mask[120, 102] > 0.5
         assert cut.mask[40, 290] < 0.5
         assert cut.loose == pytest.approx(disc(240, 320, 290, 40, 12).sum() / cover.sum(), abs=0.01)
@@ -296,7 +296,7 @@ def test_what_speaks_against_a_mask_lowers_what_to_expect():
     best = good_evidence().expected_iou()
     assert best > DOUBTFUL
     assert good_evidence().doubts() == []
-    for name, value in (("mirrored", 0.1), ("by_box", 0.1), ("by_click", 0.1), ("expected", 0.3)):
+    for name, value in (("mirrored", 0.1), ("by_box", 0.1), ("expected", 0.3), ("small", 2.0)):
         assert good_evidence(**{name: value}).expected_iou() < best, name
     assert good_evidence(mirrored=0.1, by_box=0.1, by_click=0.1, expected=0.5).expected_iou() < DOUBTFUL
     assert "in another way" in good_evidence(by_click=0.1).doubts()[0]

@@ -83,8 +83,8 @@ def cut_out(
         gathered = np.clip(guided(picture, _share(odds), reach, EPSILON), 0.02, 0.98)
         share = _share(odds + GATHER * np.log(gathered / (1 - gathered)) + fixed)
     found = share > 0.5
-    object_ = one_object(found, share + 1e3 * (fixed > 0))
-    if not object_.any():
+    object_ = one_object(found, share + 1e3 * (fixed > 0)) & (fixed >= 0)
+    if not object_.any() or told_apart == 0.0:  # the latter in a blank picture alone
         return None
     canvas = np.zeros(rgb.shape[:2], np.float32)
     soft = np.where(object_, np.maximum(share, 0.6), np.minimum(share, 0.4) * _near(object_))

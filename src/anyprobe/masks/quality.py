@@ -59,9 +59,10 @@ class Evidence:
     large: float
 
     def expected_iou(self) -> float:
-        """The IoU to expect, in [0, 1]."""
+        """The IoU to expect, in [0, 1]: by WEIGHTS, but no more than proposals that disagree leave likely."""
         odds = OFFSET + sum(weight * getattr(self, name) for name, weight in WEIGHTS.items())
-        return float(1.0 / (1.0 + np.exp(-odds)))
+        agreement = (self.mirrored + self.by_box + self.by_click) / 3
+        return float(min(1.0 / (1.0 + np.exp(-odds)), (1 + agreement) / 2))
 
     def doubts(self) -> list[str]:
         """What looks wrong, in a few words each, the gravest first."""

@@ -1,4 +1,4 @@
-"""The mask run's checkpoint -> one ONNX graph with its contract, weights of one and two bytes, checked against torch."""
+"""The mask run's checkpoint -> one ONNX graph with its contract, its weights stored small, checked against torch."""
 
 from __future__ import annotations
 
