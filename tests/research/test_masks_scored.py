@@ -63,7 +63,8 @@ def test_the_command_writes_a_table_and_a_sheet(folder, tmp_path, capsys):
     command.masks([folder], **options, before=None, out=out)
     rows = json.loads((out / "masks.json").read_text())["rows"]["photos"]
     assert [one["prompt"] for one in rows] == ["auto", "click", "box"] * 2
-    assert Image.open(out / "photos.jpg").width > 1000
+    with Image.open(out / "photos.jpg") as sheet:
+        assert sheet.width > 1000
     command.masks([folder], **options, before=out / "masks.json", out=tmp_path / "again")
     mean = np.mean([one["iou"] for one in rows if one["prompt"] == "box"])
     assert f"({mean:.2f})" in capsys.readouterr().out
