@@ -23,6 +23,8 @@ from research.masks.scenes import rendered_cases
 from research.masks.scoring import BAD, GOOD
 
 AGAINST = ("border", "small", "large")
+ASKED = ("mirrored", "by_box", "by_click", "grey")
+"""What bounds the IoU to expect, as in Evidence.expected_iou."""
 RIDGE, SPREAD, FOLDS, ROUNDS = 6.0, 0.05, 6, 2000
 CLIP = 0.03
 THRESHOLDS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85)
@@ -50,9 +52,13 @@ def calibrate(
         mine = scene % FOLDS == fold
         weights, offset = fit(values[~mine], true[~mine], sense)
         expected[mine] = 1 / (1 + np.exp(-(values[mine] @ weights + offset)))
+    expected = np.minimum(expected, (1 + values[:, [names.index(name) for name in ASKED]].min(axis=1)) / 2)
     for threshold in THRESHOLDS:
         shares = [float((expected[chosen] < threshold).mean()) for chosen in (true < BAD, true > GOOD)]
-        bad, good = f"{shares[0]:.2f} of {(true < BAD).sum()} bad", f"{shares[1]:.2f} of {(true > GOOD).sum()} good"
+        bad, good = (
+            f"{shares[0]:.2f} of {(true < BAD).sum()} bad",
+            f"{shares[1]:.2f} of {(true > GOOD).sum()} good",
+        )
         typer.echo(f"below {threshold:.2f}: {bad}, {good}")
     weights, offset = fit(values, true, sense)
     typer.echo(

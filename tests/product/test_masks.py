@@ -299,8 +299,7 @@ def test_what_speaks_against_a_mask_lowers_what_to_expect():
     for name, value in (("mirrored", 0.1), ("by_box", 0.1), ("expected", 0.3), ("small", 2.0)):
         assert good_evidence(**{name: value}).expected_iou() < best, name
     assert good_evidence(mirrored=0.1, by_box=0.1, by_click=0.1, expected=0.5).expected_iou() < DOUBTFUL
-    assert "in another way" in good_evidence(by_click=0.1, grey=0.2).doubts()[0]
-    assert good_evidence(by_click=0.1).doubts() == []  # one may err
+    assert "in another way" in good_evidence(by_click=0.1).doubts()[0]
     assert "several parts" in good_evidence(one_part=0.3).doubts()[0]
 
 
