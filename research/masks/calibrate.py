@@ -23,7 +23,7 @@ from research.masks.scenes import rendered_cases
 from research.masks.scoring import BAD, GOOD
 
 AGAINST = ("border", "small", "large")
-ASKED = ("mirrored", "by_box", "by_click", "grey")
+ASKED = ("mirrored", "by_box", "by_click", "grey", "darker")
 """What bounds the IoU to expect, as in Evidence.expected_iou."""
 RIDGE, SPREAD, FOLDS, ROUNDS = 6.0, 0.05, 6, 2000
 CLIP = 0.03

@@ -287,7 +287,19 @@ def test_parts_are_those_that_touch(rng):
 
 def good_evidence(**worse) -> Evidence:
     good = dict.fromkeys(
-        ("expected", "mirrored", "by_box", "by_click", "grey", "kept", "one_part", "told_apart", "edge"), 0.95
+        (
+            "expected",
+            "mirrored",
+            "by_box",
+            "by_click",
+            "grey",
+            "darker",
+            "kept",
+            "one_part",
+            "told_apart",
+            "edge",
+        ),
+        0.95,
     )
     return Evidence(**{**good, "border": 0.0, "small": 0.0, "large": 0.0, **worse})
 

@@ -34,6 +34,9 @@ WEIGHTS = {
 }
 """Of the log-odds of the IoU, by `python -m research.masks.calibrate`; what is not here adds nothing to these."""
 
+DARKER = 1.8
+"""Power of the display values of the photo that is asked about again, exposed less."""
+
 WORK_PX = 160
 """Longer side at which edges are compared."""
 
@@ -42,11 +45,12 @@ WORK_PX = 160
 class Evidence:
     """What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful.
 
-    expected: IoU by the network's own probabilities; mirrored, by_box, by_click, grey: IoU with what it finds in the
-    mirrored photo, in a box around the mask, at the point deepest inside it, and in the photo without colour; kept: IoU
-    of the rough mask and the one cut out of it; one_part: share of what was found that is in one part; told_apart: by
-    colour; edge: share of the outline where the photo has an edge; border: share of the outline on the photo's border;
-    small: ln of how many times less than 5 % of the photo the mask covers; large: how much more than 60 % of it.
+    expected: IoU by the network's own probabilities; mirrored, by_box, by_click, grey, darker: IoU with what it finds
+    in the mirrored photo, in a box around the mask, at the point deepest inside it, in the photo without colour, and in
+    the photo exposed less; kept: IoU of the rough mask and the one cut out of it; one_part: share of what was found
+    that is in one part; told_apart: by colour; edge: share of the outline where the photo has an edge; border: share of
+    the outline on the photo's border; small: ln of how many times less than 5 % of the photo the mask covers; large:
+    how much more than 60 % of it.
     """
 
     expected: float
@@ -54,6 +58,7 @@ class Evidence:
     by_box: float
     by_click: float
     grey: float
+    darker: float
     kept: float
     one_part: float
     told_apart: float
@@ -65,12 +70,12 @@ class Evidence:
     def expected_iou(self) -> float:
         """The IoU to expect, in [0, 1]: by WEIGHTS, but no more than a proposal that disagrees leaves likely."""
         odds = OFFSET + sum(weight * getattr(self, name) for name, weight in WEIGHTS.items())
-        agreement = min(self.mirrored, self.by_box, self.by_click, self.grey)
+        agreement = min(self.mirrored, self.by_box, self.by_click, self.grey, self.darker)
         return float(min(1.0 / (1.0 + np.exp(-odds)), (1 + agreement) / 2))
 
     def doubts(self) -> list[str]:
         """What looks wrong, in a few words each, the gravest first."""
-        agreement = min(self.mirrored, self.by_box, self.by_click, self.grey)
+        agreement = min(self.mirrored, self.by_box, self.by_click, self.grey, self.darker)
         found = [
             (agreement - 0.6, "asked in another way, the network finds something else"),
             (self.edge - 0.45, "its outline does not follow the photo's edges"),
@@ -117,6 +122,7 @@ def examine(
     )
     grey = np.repeat(luminance(rgb)[..., None], 3, axis=-1).astype(np.float32)
     colorless = network.propose(grey, on, off, box)
+    darker = network.propose(rgb**DARKER, on, off, box)
     share = float(inside.mean())
     edge, border = _outline(rgb, cut.mask)
     return Evidence(
@@ -125,6 +131,7 @@ def examine(
         by_box=by_box,
         by_click=by_click,
         grey=_iou(resize(colorless.cover, width, height) > 0.5, inside),
+        darker=_iou(resize(darker.cover, width, height) > 0.5, inside),
         kept=_iou(rough, inside),
         one_part=1.0 - cut.loose,
         told_apart=cut.told_apart,
