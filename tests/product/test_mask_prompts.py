@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from anyprobe.cli.options import list_photos, where_for
+from anyprobe.cli.options import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.files.names import visible_files
@@ -192,10 +192,10 @@ def test_a_longer_name_is_another_photos_mask(work):
         "shot.0002.jpg": "shot.0002.png",
         "[a].jpg": "[a].png",
     }.items():
-        assert where_for(Path(name), given)["mask"] == masks / mask
-    assert where_for(Path("jar.JPG"), given)["mask"] == masks / "jar.JPG.png"
+        assert hints_for(Path(name), given)["mask"] == masks / mask
+    assert hints_for(Path("jar.JPG"), given)["mask"] == masks / "jar.JPG.png"
     with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, found neither"):
-        where_for(Path("pot.jpg"), given)
+        hints_for(Path("pot.jpg"), given)
 
 
 def test_hidden_files_of_a_folder_are_no_photos(work):
@@ -214,4 +214,4 @@ def test_hidden_files_are_in_no_folder(tmp_path):
     for name in ("a10.PNG", "a2.png", "._a2.png", "._a10.PNG", "notes.txt"):
         (tmp_path / name).touch()
     assert [path.name for path in visible_files(tmp_path, [".png"])] == ["a2.png", "a10.PNG"]
-    assert MaskFollower(tmp_path, {}, None)._files == [tmp_path / "a2.png", tmp_path / "a10.PNG"]
+    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [tmp_path / "a2.png", tmp_path / "a10.PNG"]
