@@ -13,7 +13,7 @@ from PIL import Image
 from anyprobe.cli.where import list_photos, where_for
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.masks import find
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.propose import Proposal

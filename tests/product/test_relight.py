@@ -254,7 +254,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
     ("arguments", "words"),
     [
         (("--object", "bunni"), ("ball, vase", "'bunni'")),
-        (("--object", "absent.glb"), ("mesh file", "found none")),
+        (("--object", "absent.glb"), ("mesh file", "no such file")),
         (("--material", "glass"), ("chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),

@@ -14,7 +14,8 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
-from anyprobe.files.images import photo_header, read_image
+from anyprobe.files.headers import photo_header
+from anyprobe.files.images import read_image
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_radiance
 from anyprobe.infer.result import Light

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
 PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")

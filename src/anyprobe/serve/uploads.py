@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
-from anyprobe.files.images import declared_pixels
+from anyprobe.files.headers import declared_pixels
 from anyprobe.infer.known_normals import BALL
 from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.limits import Limits

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.infer.photo import Photo, load_photo, object_box
 from anyprobe.infer.surroundings import PHOTO, SurroundingsSource, read_surroundings
 from anyprobe.video.clip import Frame
