@@ -31,6 +31,7 @@ from anyprobe.files.images import read_image
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_linear, read_radiance, write_hdr
+from anyprobe.infer.result import SCALE, Light
 
 
 def refused(kind, function, *arguments) -> str:
@@ -67,7 +68,9 @@ def test_a_comment_does_not_hide_the_size_of_a_map(tmp_path):
 
 
 def test_a_map_far_shorter_than_its_size_takes_no_memory(tmp_path, monkeypatch):
-    (tmp_path / "map.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n" + bytes(99))
+    (tmp_path / "map.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n" + bytes(99)
+    )
     monkeypatch.setattr(np, "empty", lambda *_, **__: pytest.fail("allocated"))
     assert "whole rows" in refused(InvalidEnvironment, read_radiance, tmp_path / "map.hdr")
 
@@ -287,3 +290,11 @@ def test_a_map_is_written_in_the_same_bytes_each_time(tmp_path, rng):
     for name in "ab":
         write_hdr(tmp_path / f"{name}.hdr", radiance)
     assert (tmp_path / "a.hdr").read_bytes() == (tmp_path / "b.hdr").read_bytes()
+
+
+@pytest.mark.parametrize("key", ["told", "camera_from_crop"])
+def test_a_sidecar_s_long_number_is_one_line(tmp_path, rng, key):
+    write_hdr(tmp_path / "map.hdr", rng.random((8, 16, 3), np.float32))
+    said = json.dumps({"scale": SCALE, "size": [16, 8], key: 7}).replace("7}", "9" * 400 + "}")
+    (tmp_path / "map.json").write_text(said)
+    assert "save the light again" in refused(InputError, Light.load, tmp_path / "map.hdr")

@@ -88,5 +88,7 @@ def instanced_glb(nodes: int, count: int = 3, uri: str | None = None) -> bytes:
     }
     text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(numbers), b"BIN\0") + numbers
+    chunks = (
+        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(numbers), b"BIN\0") + numbers
+    )
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 
@@ -16,15 +18,24 @@ from anyprobe.files import exr
 def own_lines() -> Iterator[None]:
     """For as long as a command runs: libraries that print of damaged files, and their warnings, are silenced.
 
-    It changes what all of the process has; only the command line owns one.
+    SIGTERM ends it as Ctrl-C does, so that nothing half-written stays. All of this changes what the whole process has;
+    only the command line owns one.
     """
     before, exr.quiet = exr.quiet, silenced
+    ours = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGTERM, _end) if ours else None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
         exr.quiet = before
+        if ours:
+            signal.signal(signal.SIGTERM, handler)
+
+
+def _end(number: int, _: object) -> None:
+    sys.exit(128 + number)
 
 
 @contextlib.contextmanager

@@ -177,7 +177,9 @@ def _check_whole(data: bytes, header: ExrHeader) -> None:
     first, count = len(header.plain), -(-rows // CHUNK_ROWS[kind[0]])
     offsets = np.frombuffer(data[first : first + 8 * count], "<u8") if len(data) >= first + 8 * count else [0]
     for at in map(int, offsets):
-        if not first < at <= len(data) - 8 or at + 8 + int.from_bytes(data[at + 4 : at + 8], "little") > len(data):
+        if not first < at <= len(data) - 8 or at + 8 + int.from_bytes(data[at + 4 : at + 8], "little") > len(
+            data
+        ):
             raise ValueError("a file that is cut")
 
 
@@ -224,7 +226,9 @@ def read_channels(
         raise fault(
             f"{name}: expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}"
         ) from error
-    width, height = np.maximum(header.display[1] - header.display[0], header.data[1] - header.data[0]).tolist()
+    width, height = np.maximum(
+        header.display[1] - header.display[0], header.data[1] - header.data[0]
+    ).tolist()
     if header.decoded > max_pixels:
         raise fault(
             f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels in all parts and layers, "
@@ -311,9 +315,7 @@ def to_rec709(
     return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
 
 
-def write_channels(
-    path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any]
-) -> None:
+def write_channels(path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> None:
     """Write channels [H, W] of a latitude-longitude map, ZIP, Rec. 709, with attributes; RuntimeError if it fails."""
     import OpenEXR
 

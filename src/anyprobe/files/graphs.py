@@ -9,7 +9,6 @@ import onnxruntime
 
 from anyprobe.errors import ModelError
 
-
 MOST_THREADS = 8
 """On more, an uneven share of a row is left to each, and the last bits of its exponentials differ."""
 

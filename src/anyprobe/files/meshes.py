@@ -81,9 +81,7 @@ def _check_header(data: bytes, suffix: str, name: str) -> int | None:
         faces = int.from_bytes(start[80:84], "little")
         whole = 84 + 50 * faces
     if faces is not None and faces > MAX_FACES:
-        raise InvalidMesh(
-            f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first"
-        )
+        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first")
     if size < whole:
         raise InvalidMesh(
             f"{name}: expected {whole:,} bytes as its header says, got {size:,}; "
@@ -108,10 +106,14 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
             )
         placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
         copies = [(matrix, scene.geometry[key]) for matrix, key in placed]
-        copies = [(matrix, one) for matrix, one in copies if isinstance(one, trimesh.Trimesh) and len(one.faces)]
+        copies = [
+            (matrix, one) for matrix, one in copies if isinstance(one, trimesh.Trimesh) and len(one.faces)
+        ]
         faces = sum(len(one.faces) for _, one in copies)
         if faces > MAX_FACES:  # a small file may place a mesh many times
-            raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first")
+            raise InvalidMesh(
+                f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first"
+            )
         return [_placed(matrix, one.vertices, one.faces) for matrix, one in copies]
     except InvalidMesh:
         raise

@@ -57,9 +57,7 @@ def open_regular(
         with open(path, "rb") as stream:
             yield stream
     except OSError as error:
-        raise fault(
-            f"{path}: cannot be read ({error.strerror or error}); check the permissions"
-        ) from error
+        raise fault(f"{path}: cannot be read ({error.strerror or error}); check the permissions") from error
 
 
 def read_regular(
@@ -73,7 +71,9 @@ def read_regular(
     with open_regular(path, fault, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > max_bytes:
-            raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it")
+            raise fault(
+                f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it"
+            )
         return stream.read(max_bytes + 1)
 
 

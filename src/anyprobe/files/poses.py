@@ -110,7 +110,9 @@ class Poses:
 
 def read_poses(path: Path) -> Poses:
     """parse_poses of a file; InputError too where there is none."""
-    return parse_poses(read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path))
+    return parse_poses(
+        read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path)
+    )
 
 
 def bare_name(path: str) -> str:

@@ -240,7 +240,7 @@ def _restored(said: dict[str, Any], path: Path) -> dict[str, Any]:
     try:
         told, warnings = float(said.get("told", 1.0)), tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         told, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= told <= 1 and is_rotation(camera_from_crop)):
         raise InputError(
