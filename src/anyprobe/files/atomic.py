@@ -61,8 +61,9 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield an empty folder to write files to; when the block ends well all of them move into `folder`.
 
-    What a run that was killed has left behind is put back and removed. Older files of the same names are replaced; if any move fails they come back, and none of the
-    new ones stays. Missing folders are made.
+    Older files of the same names are replaced; if any move fails they come back, and none of the
+    new ones stays. What a run that was killed has left behind is put back and removed. Missing folders
+    are made.
 
     Raises:
         OutputError: the folder cannot be made or written; its message never names the scratch folder.

@@ -29,7 +29,7 @@ from anyprobe.files.headers import (
     exif_fov_deg,
     open_picture,
 )
-from anyprobe.files.paths import MAX_BYTES, open_regular
+from anyprobe.files.paths import open_regular
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -99,7 +99,7 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
     if not head:
         raise InvalidPhoto(f"{name}: expected an image, got an empty file; copy or save it again")
     if head == EXR_MAGIC:
-        return _from_exr(stream.read(MAX_BYTES), name)
+        return _from_exr(stream.read(num_bytes), name)
     try:
         image = open_picture(stream, name)
     except UnknownPicture as error:

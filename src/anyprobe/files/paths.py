@@ -74,7 +74,12 @@ def read_regular(
             raise fault(
                 f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it"
             )
-        return stream.read(max_bytes + 1)
+        return stream.read(size)
+
+
+def read_rest(stream: BinaryIO) -> bytes:
+    """What follows in an open file, up to MAX_BYTES; read() of a number takes as much memory at once."""
+    return stream.read(min(os.fstat(stream.fileno()).st_size, MAX_BYTES))
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from anyprobe.files.exr import (
     to_rec709,
     write_channels,
 )
-from anyprobe.files.paths import MAX_BYTES, open_regular
+from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.files.rgbe import (
     HDR_HEADER_BYTES,
     HDR_MAGIC,
@@ -83,7 +83,7 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
         _check_kind(start, suffix, path.name)
         if suffix == ".hdr":
             read_header(start, path.name, max_pixels)  # before all of it is read
-        data = start + stream.read(MAX_BYTES)
+        data = start + read_rest(stream)
     if suffix == ".hdr":
         return check_radiance(decode_hdr(data, path.name, max_pixels), path.name)
     return check_radiance(
@@ -107,7 +107,7 @@ def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
             with open_regular(source, InputError) as stream:
                 data = stream.read(len(EXR_MAGIC))
                 if data == EXR_MAGIC or data.startswith(HDR_MAGIC):
-                    data += stream.read(MAX_BYTES)
+                    data += read_rest(stream)
         except InputError:  # read_image says what is wrong
             return None
     elif isinstance(source, bytes):
