@@ -13,8 +13,7 @@ import warnings
 import numpy as np
 import OpenEXR
 import pytest
-from PIL import Image
-from support.hostile import (
+from fuzz.seeds import (
     endless_gif,
     endless_jpeg,
     endless_tiff,
@@ -22,6 +21,7 @@ from support.hostile import (
     instanced_glb,
     multipart_exr,
 )
+from PIL import Image
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
 from anyprobe.files import exr
@@ -213,7 +213,7 @@ def test_a_process_that_forks_while_another_thread_reads_goes_on():
     code = """
 import os, sys, threading, warnings
 warnings.simplefilter("ignore")
-from support.hostile import multipart_exr
+from fuzz.seeds import multipart_exr
 from anyprobe.files.images import read_image
 data = multipart_exr(64, 300)
 stop = threading.Event()

@@ -132,9 +132,9 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
             "save it again as PNG or JPEG"
         ) from error
     del image  # its pixels; they are in values now
-    if alpha is not None:
-        values = np.concatenate([values, alpha[..., None]], axis=-1)
     pixels = _from_array(values, name)
+    if alpha is not None and (alpha < 255).any():
+        pixels = replace(pixels, alpha=np.divide(alpha, np.float32(255.0), dtype=np.float32))
     notes = (f"{name}: expected one picture, got several frames or pages; the first is used",)
     return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes if animated else (), exposure=exposure)
 
