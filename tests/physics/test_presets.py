@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InputError
-from anyprobe.scatter.materials import MATTE, MATERIALS, given_material
+from anyprobe.scatter.materials import MATERIALS, MATTE, given_material
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])

@@ -16,7 +16,7 @@ from support.folders import snapshot
 
 from anyprobe.cli.options import MaskOptions, hints_for
 from anyprobe.core.response import response
-from anyprobe.files.names import natural_order
+from anyprobe.files.paths import natural_order
 from anyprobe.files.radiance import read_radiance
 
 pytestmark = pytest.mark.usefixtures("networks_opened_once")

@@ -13,7 +13,7 @@ from PIL import Image
 from anyprobe.cli.options import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.masks import find
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.propose import Proposal
@@ -214,4 +214,7 @@ def test_hidden_files_are_in_no_folder(tmp_path):
     for name in ("a10.PNG", "a2.png", "._a2.png", "._a10.PNG", "notes.txt"):
         (tmp_path / name).touch()
     assert [path.name for path in visible_files(tmp_path, [".png"])] == ["a2.png", "a10.PNG"]
-    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [tmp_path / "a2.png", tmp_path / "a10.PNG"]
+    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [
+        tmp_path / "a2.png",
+        tmp_path / "a10.PNG",
+    ]

@@ -72,9 +72,7 @@ def files_of(folder) -> dict[str, bytes]:
 
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_a_track_and_maps(command, work, made):
-    done = command(
-        "video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q"
-    )
+    done = command("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q")
     assert done.status == 0, done.err
     assert json.loads(done.out)["bad"] == []
     track = json.loads((work / "out" / "track.json").read_text())

@@ -34,7 +34,7 @@ ONLY = {
     "drjit": {"relight"},
     "fastapi": {"serve"},
     "starlette": {"serve"},
-    "uvicorn": {"cli"},
+    "uvicorn": {"cli", "serve"},
     "cryptography": {"serve"},
 }
 """Packages that not every part may import."""

@@ -88,6 +88,17 @@ def estimate_multiview(
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]
+    return estimate_cut(estimator, taken, world_from_camera, spent, material)
+
+
+def estimate_cut(
+    estimator: Estimator,
+    taken: list[tuple[Photo, Crop]],
+    world_from_camera: Sequence[np.ndarray],
+    spent: Sequence[float],
+    material: Material | None = None,
+) -> Light:
+    """The same of photos whose objects are cut out already, by panorama.cut_out; spent: seconds on each."""
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]

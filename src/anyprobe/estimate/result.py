@@ -288,7 +288,7 @@ def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         exposed = float(said.get("well_exposed_fraction", 1.0))
         warnings = tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(

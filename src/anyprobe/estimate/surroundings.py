@@ -17,8 +17,9 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import ImageSource, read_image
-from anyprobe.files.linear import read_linear
+from anyprobe.files.radiance import read_linear
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 PHOTO = "photo"
@@ -56,7 +57,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
         InputError: not a panorama, or nothing known in it.
     """
     try:
-        linear = read_linear(source)
+        linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
         raise InputError(f"surroundings: {error}") from error

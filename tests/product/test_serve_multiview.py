@@ -21,8 +21,8 @@ from anyprobe.files.poses import parse_poses
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import create_app
-from anyprobe.serve.limits import Limits
-from anyprobe.serve.several import MOST
+from anyprobe.serve.pool import Limits
+from anyprobe.serve.uploads import MOST_PHOTOS
 
 LIMITS = Limits(max_bytes=400_000, max_pixels=20_000, workers=1, waiting=1)
 TURNS = [np.eye(3), rotation_y(0.8)]
@@ -115,7 +115,7 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
             raise InputError("seen in a thread") from None
         return parse_poses(*arguments)
 
-    monkeypatch.setattr("anyprobe.serve.several.parse_poses", parse)
+    monkeypatch.setattr("anyprobe.serve.uploads.parse_poses", parse)
     answer = client.post("/v1/fuse", files=parts(pictures))
     assert not loops
     assert (answer.status_code, answer.json()["error"]) == (422, "seen in a thread")
@@ -124,8 +124,8 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "data", "word"),
     [
-        (lambda files: [], {}, f"photo: expected 1 to {MOST} file parts"),
-        (lambda files: files[:1] * (MOST + 1), {}, f"got {MOST + 1}"),
+        (lambda files: [], {}, f"photo: expected 1 to {MOST_PHOTOS} file parts"),
+        (lambda files: files[:1] * (MOST_PHOTOS + 1), {}, f"got {MOST_PHOTOS + 1}"),
         (lambda files: files[:2], {}, "poses: expected a list of matrices"),
         (lambda files: files[:1] + files[2:], {}, "poses: expected 1 poses, one a photo in order, got 2"),
         (lambda files: files[:2], {"poses": "[[[1]]]"}, "poses: pose 1: expected 3 x 3"),
