@@ -21,8 +21,8 @@ from anyprobe.errors import (
     ServerBusy,
 )
 from anyprobe.estimate.estimator import Estimator, estimate
-from anyprobe.estimate.multiview import estimate_together, fuse_lights
-from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.multiview import estimate_multiview, fuse_lights
+from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.light.dominant_light import DominantLight
 from anyprobe.scatter.materials import Material
@@ -44,9 +44,10 @@ __all__ = [
     "MissingExtra",
     "ModelError",
     "OutputError",
+    "Photo",
     "ServerBusy",
     "estimate",
-    "estimate_together",
+    "estimate_multiview",
     "fuse_lights",
     "load_photo",
 ]

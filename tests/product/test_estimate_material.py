@@ -25,7 +25,7 @@ def through(entry: str, estimator, rgba: np.ndarray, **given):
         return estimator.from_photo(photo, **given)
     if entry == "from_crop":
         return estimator.from_crop(photo, crop_object(photo), **given)
-    return anyprobe.estimate_together(estimator, [photo], [np.eye(3)], **given)
+    return anyprobe.estimate_multiview(estimator, [photo], [np.eye(3)], **given)
 
 
 @pytest.fixture(scope="module")
@@ -96,13 +96,13 @@ def test_a_material_is_refused_before_any_photo_is_loaded(estimator):
         yield
 
     with pytest.raises(anyprobe.InputError, match="'wood'"):
-        anyprobe.estimate_together(estimator, never(), [], material="wood")
+        anyprobe.estimate_multiview(estimator, never(), [], material="wood")
 
 
 def test_who_takes_a_material_takes_an_albedo():
     entries = (
         anyprobe.estimate,
-        anyprobe.estimate_together,
+        anyprobe.estimate_multiview,
         anyprobe.Estimator.__call__,
         anyprobe.Estimator.from_photo,
         anyprobe.Estimator.from_crop,

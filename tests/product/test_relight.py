@@ -231,7 +231,7 @@ def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     done = command(
-        "relight", photo_path, "--object", "vase", "--material", "gold", "--renderer", "own", "--json"
+        "relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--renderer", "own", "--json"
     )
     assert done.status == 0, done.err
     given = json.loads(done.out)
@@ -256,14 +256,14 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--object", "bunni"), ("sphere, vase", "'bunni'")),
-        (("--object", "absent.glb"), ("mesh file", "found none")),
-        (("--material", "glass"), ("chrome, gold", "'glass'")),
+        (("--insert", "bunni"), ("sphere, vase", "'bunni'")),
+        (("--insert", "absent.glb"), ("mesh file", "found none")),
+        (("--insert-material", "glass"), ("chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
         (("--at", "60,2"), ("above the horizon",)),
         (("--at", "100000,140"), ("a place where the photo shows the object", "choose another")),
-        (("--size", "0"), ("0.02 to 20",)),
+        (("--scale", "0"), ("0.02 to 20",)),
         (("--turn", "nan"), ("--turn", "degrees")),
         (("--pitch", "-50"), ("below the horizon",)),
         (("-o", "out.jpg"), (".png", ".jpg")),

@@ -73,7 +73,7 @@ def files_of(folder) -> dict[str, bytes]:
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_a_track_and_maps(command, work, made):
     done = command(
-        "video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "--json", "-q"
+        "video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q"
     )
     assert done.status == 0, done.err
     assert json.loads(done.out)["bad"] == []
@@ -98,7 +98,7 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     for name, given in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
         options = ("--surroundings", *given) if given else ()
         done = command(
-            "video", made / "clip.mp4", "-o", name, "--masks", made / "masks", "--exr", "-q", *options
+            "video", made / "clip.mp4", "-o", name, "--mask", made / "masks", "--exr", "-q", *options
         )
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
@@ -133,7 +133,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
         made / "clip.mp4",
         "-o",
         "out",
-        "--masks",
+        "--mask",
         made / "masks",
         "-q",
         "--poses",
@@ -147,7 +147,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert json.loads((work / "out" / "track.json").read_text())["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
     assert "another poses" in command(*order).complaint
-    assert "expected one of them" in command(*order, "--object", "sphere").complaint
+    assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
 def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
@@ -250,9 +250,9 @@ def test_killed_command_goes_on_to_the_same_files(tmp_path):
         PROGRAM,
         "video",
         clip,
-        "--masks",
+        "--mask",
         masks,
-        "--object",
+        "--insert",
         "sphere",
         "--every",
         "3",
@@ -303,12 +303,12 @@ def test_other_settings_are_refused(begin, tmp_path):
     [
         (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
-        (("--box", "12,32,70,90", "--masks", "."), "expected one of them"),
-        (("--surroundings", "absent.png", "--masks", "."), "surroundings: absent.png"),
-        (("--masks", "."), "no frame gave a light"),
-        (("--masks", "absent"), "a folder with one mask"),
-        (("--object", "bunni"), "sphere, vase"),
-        (("--material", "glass", "--object", "sphere"), "chrome, gold"),
+        (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
+        (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
+        (("--mask", "."), "no frame gave a light"),
+        (("--mask", "absent"), "a folder with one file"),
+        (("--insert", "bunni"), "sphere, vase"),
+        (("--insert-material", "glass", "--insert", "sphere"), "chrome, gold"),
     ],
 )
 @pytest.mark.usefixtures("networks_opened_once")
@@ -325,7 +325,7 @@ def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "out" / "lights").mkdir(parents=True)
     mine = work / "out" / "lights" / "vase_blender.exr"
     mine.write_bytes(b"mine")
-    order = ("video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "-q")
+    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "-q")
     assert command(*order, "--restart").status == 0
     assert command(*order, "--every", 5).status != 0  # other settings
     assert command(*order, "--every", 5, "--restart").status == 0
@@ -334,7 +334,7 @@ def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "photos" / "lights").mkdir(parents=True)  # nothing of ours was ever here
     (work / "photos" / "lights" / "000001.exr").write_bytes(b"mine")
     (work / "empty").mkdir()
-    order = ("video", made / "clip.mp4", "-o", "photos", "--masks", work / "empty", "--restart", "-q")
+    order = ("video", made / "clip.mp4", "-o", "photos", "--mask", work / "empty", "--restart", "-q")
     assert command(*order).status != 0
     assert (work / "photos" / "lights" / "000001.exr").read_bytes() == b"mine"
 

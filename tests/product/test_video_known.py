@@ -82,7 +82,7 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
         Image.fromarray(np.ascontiguousarray(mask)).save(work / "masks" / name)
     frames = [{"transform_matrix": np.eye(4).tolist()}] * 2
     (work / "poses.json").write_text(json.dumps({"frames": frames, "camera_angle_x": 2 * np.arctan(0.3)}))
-    order = ("video", "clip.mp4", "--masks", "masks", "--poses", "poses.json", "-q")
+    order = ("video", "clip.mp4", "--mask", "masks", "--poses", "poses.json", "-q")
     for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
         done = command(*order, "-o", folder, *given)
         assert done.status == 0, done.err
@@ -133,7 +133,7 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     panorama = np.full((64, 128, 3), 90, np.uint8)
     Image.fromarray(panorama).save(work / "around.png")
     order = ("video", "clip.mp4", "-o", "out", "-q")
-    given = ("--masks", "masks", "--surroundings", "around.png")
+    given = ("--mask", "masks", "--surroundings", "around.png")
     assert command(*order, *given).status == 0
     assert command(*order, *given).status == 0
     Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
@@ -143,4 +143,4 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     assert "got another masks;" in command(*order, *given).complaint
     Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
-    assert command(*order, "--masks", "moved", *given[2:]).status == 0
+    assert command(*order, "--mask", "moved", *given[2:]).status == 0

@@ -8,32 +8,18 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import (
-    BoxOption,
-    ClickOption,
-    DepthOption,
-    FarOption,
-    NearOption,
-    NotOption,
-    list_photos,
-    read_where,
-    where_for,
-)
+from anyprobe.cli.options import MaskOptions, hints_for, list_photos, with_bundles
 from anyprobe.errors import AnyprobeError, OutputError
 
 
+@with_bundles
 def mask(
     photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
+    pointed: MaskOptions,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
-    click: ClickOption = None,
-    click_off: NotOption = None,
-    box: BoxOption = None,
-    depth: DepthOption = None,
-    near: NearOption = None,
-    far: FarOption = None,
 ) -> None:
     """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
-    where = read_where(None, box, click, click_off, depth, near, far)
+    where = pointed.hints()
     listed = list_photos(photos)
     failed = False
     for path in listed:
@@ -55,7 +41,7 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
     twins = [other for other in listed if other.stem == path.stem]
     if twins[0] != path:
         raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
-    hints = where_for(path, where)
+    hints = hints_for(path, where)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
     inputs = {given.resolve() for given in (*listed, hints["depth"]) if given is not None}
     for target in targets.values():

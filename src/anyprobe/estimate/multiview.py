@@ -5,19 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
-from anyprobe.estimate.estimator import Albedo, Estimator, as_material
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
 from anyprobe.estimate.result import Light
 from anyprobe.light.environment import integral
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
+
+if TYPE_CHECKING:
+    from anyprobe.estimate.estimator import Estimator
 
 BRIGHT = 0.8
 """Radiance above which light may be emitters; white is 1."""
@@ -60,14 +63,13 @@ NOT_GIVEN = (
 )
 
 
-def estimate_together(
+def estimate_multiview(
     estimator: Estimator,
     photos: Iterable[Photo],
     world_from_camera: Sequence[np.ndarray],
     *,
     start: float | None = None,
-    material: Material | str | None = None,
-    albedo: Albedo | None = None,
+    material: Material | None = None,
 ) -> Light:
     """One light of several photos, see fuse_lights; what each shows of the surroundings is known to all.
 
@@ -76,11 +78,10 @@ def estimate_together(
             photo's frame.
         world_from_camera: [3, 3] of each.
         start: of time.perf_counter, when the first one's loading began, where that was before the call.
-        material, albedo: the object's, where they are known, as for an Estimator.
+        material: the object's, if given.
     Raises:
         InputError: as fuse_lights, or no such material.
     """
-    material = as_material(material, albedo)
     start = time.perf_counter() if start is None else start
     taken, spent = [], []
     for k, photo in enumerate(photos):  # which may be loaded only now, one after another

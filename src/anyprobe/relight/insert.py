@@ -129,7 +129,7 @@ class Stage:
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         arrangement = arrangement or Arrangement()
         if not 0.02 <= arrangement.size <= 20:
-            raise InputError(f"--size: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+            raise InputError(f"--scale: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg)
@@ -140,7 +140,7 @@ class Stage:
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
             raise InputError(
-                "--size: expected an object in front of the camera, got one that reaches behind it; make it smaller "
+                "--scale: expected an object in front of the camera, got one that reaches behind it; make it smaller "
                 "or stand it farther away with --at"
             )
         window = window_surroundings(self.placement, self.view)

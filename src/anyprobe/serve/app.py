@@ -24,7 +24,7 @@ from anyprobe.serve.guards import BodyLimit, OwnNamesOnly, OwnPagesOnly, SecureH
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, WorkerPool
-from anyprobe.serve.several import estimate_multiview, read_multiview
+from anyprobe.serve.several import estimate_uploads, read_multiview
 from anyprobe.serve.uploads import read_upload, take_unread
 
 log = logging.getLogger("anyprobe.serve")
@@ -121,7 +121,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             several = await read_multiview(request, limits)
 
             def work(job: Job) -> Response:
-                photo, light = estimate_multiview(estimator, several, job)
+                photo, light = estimate_uploads(estimator, several, job)
                 job.step()
                 return answers.light_response(light, media, several.uploads[0].include, photo)
 

@@ -13,7 +13,7 @@ from starlette.requests import Request
 
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_together
+from anyprobe.estimate.multiview import estimate_multiview
 from anyprobe.estimate.normals_prior import SPHERE
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
@@ -102,12 +102,12 @@ def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray
     return hints.of(names), hints.fovs_deg(names, [data for data, _ in photos])
 
 
-def estimate_multiview(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
+def estimate_uploads(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
     """The first photo and the light of all, in its camera's frame."""
     start = time.perf_counter()
     estimator, material = as_given(estimator, several.uploads[0])  # told of all alike
     photos = (open_photo(upload, job) for upload in several.uploads)
     first = next(photos)
     turned = several.world_from_camera
-    light = estimate_together(estimator, chain([first], photos), turned, start=start, material=material)
+    light = estimate_multiview(estimator, chain([first], photos), turned, start=start, material=material)
     return first, light
