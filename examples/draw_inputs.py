@@ -1,10 +1,10 @@
-"""Draw docs/known.png: what telling the normals and the material does to the light of five photos.
+"""Draw docs/inputs.png: what normals, material and surroundings change in the light of five photos.
 
-    python examples/draw_known.py
+    python examples/draw_inputs.py
 
 Our own figures under our own maps, with seeds that no training used. Each row: photo, true light, then the
-estimate from the photo alone, with the true normals told, with the true material told, and with both; each light
-as map and as a white and a silver sphere.
+estimate from the photo alone and with each input of evaluate.methods.PRIORS; each light as environment map and as
+a white and a silver sphere.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from anyprobe.evaluate.methods import PRIORS, run_with_priors
 from anyprobe.render.shapes import figure
 from anyprobe.render.spheres import diffuse, silver
 
-TITLES = ("photo", "true light", "from the photo alone", *(f"told {what}" for what in PRIORS))
+TITLES = ("photo", "true light", "photo alone", *PRIORS)
 ROWS, CELL, GAP, TOP = 5, 64, 10, 16
 SEED = 2_000_011
 
 
 def main(path: Path) -> None:
-    """Render the pairs, ask the model four times each, write the sheet."""
+    """Render the pairs, estimate with each input, write the sheet."""
     maps = [own_map(SEED, index) for index in range(ROWS)]
     shapes = [
         ShapeAsset(
@@ -77,4 +77,4 @@ def look(radiance: np.ndarray) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main(Path(__file__).parent.parent / "docs" / "known.png")
+    main(Path(__file__).parent.parent / "docs" / "inputs.png")
