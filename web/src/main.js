@@ -5,7 +5,7 @@ import { MaskEditor } from "./view/maskEditor.js";
 import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
-import { element, listenForPhotos, setStatus } from "./view/elements.js";
+import { element, listenForPhotos, setStatus, tellLight } from "./view/elements.js";
 import { Networks } from "./networks/client.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "./photo/picture.js";
@@ -150,6 +150,7 @@ function showLight() {
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
+  tellLight(result);
 }
 
 /** The example comes with its answer, so that the page is finished before any network is opened. */

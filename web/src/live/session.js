@@ -1,11 +1,9 @@
 /**
  * The camera's picture lit live: video in, virtual object over it, rates shown.
- *
- * Every light is told to whoever listens to the document's event "anyprobe-light".
  */
 
 import { DEFAULT_LONG_FOV_DEG } from "../photo/crop.js";
-import { element, setStatus } from "../view/elements.js";
+import { element, setStatus, tellLight } from "../view/elements.js";
 import { LiveLight } from "./liveLight.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readFrame, takeFrame } from "./frames.js";
@@ -114,7 +112,7 @@ export class LiveSession {
     if (!this.placed) return;
     this.#say("Live, in this browser.");
     this.stage.setLight(answer.light);
-    document.dispatchEvent(new CustomEvent("anyprobe-light", { detail: answer }));
+    tellLight(answer);
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.balls) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };

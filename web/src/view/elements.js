@@ -9,6 +9,11 @@ export function setStatus(text, isFault = false) {
   status.classList.toggle("fault", isFault);
 }
 
+/** Every light on show, of a photo or of a camera's picture, as the document's event "anyprobe-light". */
+export function tellLight(detail) {
+  document.dispatchEvent(new CustomEvent("anyprobe-light", { detail }));
+}
+
 /** Call open(blob, name) for every photo that is chosen, dropped or pasted. */
 export function listenForPhotos(open) {
   const file = element("file");

@@ -75,7 +75,7 @@ export class PhotoStage {
     } finally {
       this.drawing = null;
     }
-    this.overlay.dispatchEvent(new Event("drawn")); // all that was asked for
+    this.overlay.dispatchEvent(new CustomEvent("drawn", { detail: this.stage.pose() })); // all that was asked for
   }
 
   #listen() {

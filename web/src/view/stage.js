@@ -6,10 +6,8 @@
  */
 
 import {
-  CustomToneMapping,
   DirectionalLight,
   Group,
-  LinearSRGBColorSpace,
   Matrix4,
   Mesh,
   MeshBasicMaterial,
@@ -80,8 +78,7 @@ export class Stage {
       antialias: !isSoftware,
     });
     this.aside = isSoftware ? new DrawnAside(this.renderer.getContext(), canvas) : null;
-    this.renderer.outputColorSpace = LinearSRGBColorSpace; // the curve gives display values already
-    this.renderer.toneMapping = CustomToneMapping;
+    installCameraCurve(this.renderer);
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.renderer.shadowMap.autoUpdate = false;
@@ -222,6 +219,12 @@ export class Stage {
     if (!hit || hit.length() > 6 * DISTANCE || hit.length() < 0.1 * DISTANCE) return false;
     this.standing.position.copy(this.ground.worldToLocal(hit));
     return true;
+  }
+
+  /** Where the object stands in the camera's frame, the ground's normal there, its unit's length, and the field of view. */
+  pose() {
+    const foot = this.standing.getWorldPosition(new Vector3()).toArray();
+    return { foot, up: this.up?.toArray(), scale: this.standing.scale.x, longFovDeg: this.longFovDeg };
   }
 
   /** Pixel of the photo where the object stands. */

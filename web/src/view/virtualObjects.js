@@ -31,12 +31,12 @@ export const SHAPES = {
   column: () => new CylinderGeometry(0.3, 0.3, 1, 96),
 };
 
-/** Materials of the picker; colours are linear reflectances. */
+/** Materials of the picker, as anyprobe.scatter.presets: colours are linear reflectances, roughness the root of alpha. */
 export const MATERIALS = {
-  chrome: { color: [0.55, 0.556, 0.554], metalness: 1, roughness: 0.03 },
-  gold: { color: [1, 0.71, 0.29], metalness: 1, roughness: 0.2 },
-  plastic: { color: [0.45, 0.03, 0.03], metalness: 0, roughness: 0.3 },
-  matte: { color: [0.8, 0.8, 0.8], metalness: 0, roughness: 1 },
+  chrome: { color: [0.65, 0.66, 0.66], metalness: 1, roughness: Math.sqrt(0.03) },
+  gold: { color: [1, 0.77, 0.34], metalness: 1, roughness: Math.sqrt(0.12) },
+  plastic: { color: [0.52, 0.06, 0.05], metalness: 0, roughness: Math.sqrt(0.12) },
+  matte: { color: [0.6, 0.6, 0.6], metalness: 0, roughness: Math.sqrt(0.9) },
 };
 
 export function makeMaterial(name) {
