@@ -105,13 +105,22 @@ def test_border_cuts_off_only_what_was_moved_there(page_url, aside_photo, tmp_pa
         image.crop((x0 - 4, y0 - 4, x1 + 4, y1 + 4)).save(photos["tight"])
     given = {"photos": {name: str(path) for name, path in photos.items()}, "glb": str(tmp_path / "bar.glb")}
     seen = run_steps("page_placement.mjs", page_url, given, viewport=(1280, 900), timeout_s=600)
-    moved = seen.pop("moved")
-    for name, shapes in seen.items():
-        for shape, (left, top, right, bottom) in shapes.items():
-            assert 0 < left < right < 1, (name, shape)
-            assert 0 < top < bottom < 1, (name, shape)
-            assert max(right - left, bottom - top) > 0.1, (name, shape)
+    moved, note = seen.pop("moved"), seen.pop("note")
+    for shape, found in seen["aside"].items():
+        left, top, right, bottom = found["box"]
+        assert 0 < left < right < 1, shape
+        assert 0 < top < bottom < 1, shape
+        assert max(right - left, bottom - top) > 0.1, shape
+        assert left > 235 / 392, shape  # not over the vase
+        assert found["note"] == "", shape
+    assert {found["note"].split(":")[0] for found in seen["tight"].values()} == {
+        "There is no room beside the object"
+    }
+    left, top, right, bottom = seen["aside"]["sphere"]["box"]
+    assert (bottom - top) * 420 == pytest.approx((right - left) * 392, rel=0.06)  # round, of 392 x 420 pixels
+    assert (bottom - top) == pytest.approx(0.5 * 302 / 420, rel=0.25)  # half of the vase's height
     assert [right for _, _, right, _ in moved] == [1, 1]  # by keys, and there it stays in another shape
+    assert note == "Part of the virtual object is outside the photo."
 
 
 def test_box_is_drawn_by_mouse_key_and_finger(page_url):

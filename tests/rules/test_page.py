@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
 PAGE = ROOT / "src" / "anyprobe" / "serve" / "page"
 
-PARTS = ("api", "build", "index.html", "package-lock.json", "package.json", "src", "vite.config.js")
+PARTS = ("api", "build", "index.html", "package-lock.json", "package.json", "page", "src", "vite.config.js")
 MAX_BYTES = 10 * 2**20
 
 

@@ -151,16 +151,16 @@ test("lamps are spread while that is asked for", async () => {
   assert.deepEqual(answers.map(({ spread }) => spread), told);
 });
 
-test("balls, stages and mask come now and then", async () => {
+test("spheres, stages and mask come now and then", async () => {
   const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
   const lights = new FrameLight(models, async () => inside, { on: [], off: [] }, 65);
   const kinds = [];
   for (let i = 0; i < 9; i++) {
-    const { balls, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
-    kinds.push(`${balls ? "balls " : ""}${stages ? "stages " : ""}${mask ? "mask" : ""}`.trim());
+    const { spheres, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
+    kinds.push(`${spheres ? "spheres " : ""}${stages ? "stages " : ""}${mask ? "mask" : ""}`.trim());
   }
-  assert.deepEqual(kinds, ["balls mask", "", "", "", "stages", "", "", "", "balls"]);
+  assert.deepEqual(kinds, ["spheres mask", "", "", "", "stages", "", "", "", "spheres"]);
 });
 
 test("frames that are overtaken are dropped, the newest is worked on", async () => {

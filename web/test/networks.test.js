@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Networks } from "../src/networks/client.js";
+import { Networks } from "../src/networks/workerClient.js";
 import { Models } from "../src/networks/models.js";
 
 const workers = [];

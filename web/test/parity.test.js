@@ -102,12 +102,12 @@ test("one colour behind the object is no place", { skip }, () => {
   assert.equal(seeAround(plain, found.longFovDeg, crop), null);
 });
 
-test("harmonics and main light of Python's own map", { skip }, () => {
+test("harmonics and dominant light of Python's own map", { skip }, () => {
   const light = describe(floats("radiance"));
   assertClose(light.sh9, floats("sh9"), 1e-5, "sh9");
-  const { direction, irradiance, color, solidAngle, confidence } = light.mainLight;
+  const { direction, irradiance, color, solidAngle, confidence } = light.dominant;
   const main = [...direction, ...irradiance, ...color, solidAngle, confidence];
-  assertClose(main, floats("main_light"), 1e-4, "main light");
+  assertClose(main, floats("dominant_light"), 1e-4, "dominant light");
 });
 
 test("the mask that is proposed from nothing, from clicks and from a box", { skip }, async () => {

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
 
-import { LiveSession } from "../src/live/session.js";
+import { LiveSession } from "../page/live/session.js";
 
 const LIVE = "Live, in this browser.";
 const LOST = /^No object is seen/;

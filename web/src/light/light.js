@@ -4,14 +4,14 @@ import { MAP_HEIGHT } from "../core/latlong.js";
 import { rotate } from "./environment.js";
 import { prefilter } from "./prefilter.js";
 import { project } from "./harmonics.js";
-import { findMainLight } from "./mainLight.js";
+import { findDominantLight } from "./dominantLight.js";
 
 /**
  * @typedef {object} Light
  * @property {Float32Array} radiance [64, 128, 3] linear Rec. 709 in the photo's exposure units, camera frame
  * @property {Float32Array[]} prefiltered the same blurred for each roughness, as prefilter gives it
  * @property {Float32Array} sh9 27 radiance coefficients in the order of WebXR and three.js
- * @property {ReturnType<typeof findMainLight>} mainLight
+ * @property {ReturnType<typeof findDominantLight>} dominant
  */
 
 /** What the networks said of a crop, as radiance in the photo's camera frame, never below zero. */
@@ -27,6 +27,6 @@ export function describe(radiance) {
     radiance,
     prefiltered: prefilter(radiance),
     sh9: project(radiance, MAP_HEIGHT),
-    mainLight: findMainLight(radiance, MAP_HEIGHT),
+    dominant: findDominantLight(radiance, MAP_HEIGHT),
   };
 }

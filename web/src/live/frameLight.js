@@ -1,12 +1,12 @@
 /** One video frame after the other to a light that stays still on a still scene. */
 
-import { drawBalls } from "../light/balls.js";
+import { drawSpheres } from "../light/spheres.js";
 import { cameraRadiance, describe } from "../light/light.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { seeAround, shareOf, useSurroundings } from "../photo/surroundings.js";
-import { readFrame } from "./frames.js";
+import { readFrame } from "./videoFrames.js";
 import { blockMeans, hasMoved } from "./motion.js";
 
 /** The mask is found anew every so many frames: objects move slower than light is wanted. */
@@ -15,7 +15,7 @@ const MASK_EVERY = 4;
 /** And every so many while the picture is the one it was found in. */
 const MASK_EVERY_STILL = 32;
 
-/** The balls, and half as many frames later the networks' stages, are sent every so many frames. */
+/** The spheres, and half as many frames later the networks' stages, are sent every so many frames. */
 const REST_EVERY = 8;
 
 export class FrameLight {
@@ -48,7 +48,7 @@ export class FrameLight {
   /**
    * @param {object} frame of takeFrame
    * @param {number} time seconds
-   * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then balls and stages,
+   * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then spheres and stages,
    *   and the mask when it is a new one; {lost: true} while no object is marked or seen
    */
   async next(frame, time) {
@@ -86,12 +86,12 @@ export class FrameLight {
     lap("filter");
     const light = describe(steady);
     lap("describe");
-    const balls = phase === 0 ? drawBalls(light.radiance) : null;
-    lap("balls");
+    const spheres = phase === 0 ? drawSpheres(light.radiance) : null;
+    lap("spheres");
     ms.all = performance.now() - start;
     const known = { surroundings: around ? shareOf(around) : 0 };
     const isOfThese = isNew && this.masked !== null; // else clicked meanwhile: it may be another object's
-    return { light, known, spread, stages: withStages ? stages : null, balls, mask: isOfThese ? mask : null, box, ...size, ms };
+    return { light, known, spread, stages: withStages ? stages : null, spheres, mask: isOfThese ? mask : null, box, ...size, ms };
   }
 
   /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */

@@ -1,6 +1,6 @@
 /** Every frame of the camera to the networks' thread, which takes the newest, and the lights that come back. */
 
-import { takeFrame } from "./frames.js";
+import { takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
@@ -8,7 +8,7 @@ const WINDOW_S = 2;
 export class LiveLight {
   /**
    * @param {HTMLVideoElement} video playing
-   * @param {import("../networks/client.js").Networks} networks
+   * @param {import("../networks/workerClient.js").Networks} networks
    * @param {{onLight: (answer: object) => void, onError: (error: Error) => void}} events
    */
   constructor(video, networks, { onLight, onError }) {

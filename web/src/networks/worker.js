@@ -6,7 +6,7 @@
  */
 
 import { describe, cameraRadiance } from "../light/light.js";
-import { drawBalls } from "../light/balls.js";
+import { drawSpheres } from "../light/spheres.js";
 import { cropObject } from "../photo/crop.js";
 import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
@@ -55,8 +55,8 @@ const tasks = {
     const { cameraFromCrop, centerPx, sidePx } = crop;
     const seconds = (performance.now() - start) / 1000;
     const known = { surroundings: around ? shareOf(around) : 0 };
-    const balls = drawBalls(light.radiance);
-    return { light, stages, known, spread, balls, cameraFromCrop, centerPx, sidePx, seconds };
+    const spheres = drawSpheres(light.radiance);
+    return { light, stages, known, spread, spheres, cameraFromCrop, centerPx, sidePx, seconds };
   },
 
   startLive({ hints, longFovDeg, asked }) {

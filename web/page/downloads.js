@@ -1,9 +1,9 @@
 /** What can be taken away: files made here, and exports that the server writes. */
 
-import { EXPONENT, SIGMA } from "../core/response.js";
-import { MAP_HEIGHT } from "../core/latlong.js";
-import { encodeExr } from "./exr.js";
-import { encodeHdr } from "./hdr.js";
+import { EXPONENT, SIGMA } from "../src/core/response.js";
+import { MAP_HEIGHT } from "../src/core/latlong.js";
+import { encodeExr } from "../src/files/exr.js";
+import { encodeHdr } from "../src/files/hdr.js";
 
 const FRAME =
   "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
@@ -14,7 +14,7 @@ const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6
 
 /** Everything but the pixels, in the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, mainLight } = result.light;
+  const { sh9, dominant } = result.light;
   return {
     photo,
     model,
@@ -27,12 +27,12 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     response: { curve: "sigmoid", exponent: EXPONENT, sigma: SIGMA },
     size: [2 * MAP_HEIGHT, MAP_HEIGHT],
     sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
-    main_light: {
-      direction: numbers(mainLight.direction),
-      irradiance: numbers(mainLight.irradiance),
-      color: numbers(mainLight.color),
-      solid_angle_sr: Number(mainLight.solidAngle.toFixed(5)),
-      confidence: Number(mainLight.confidence.toFixed(4)),
+    dominant_light: {
+      direction: numbers(dominant.direction),
+      irradiance: numbers(dominant.irradiance),
+      color: numbers(dominant.color),
+      solid_angle_sr: Number(dominant.solidAngle.toFixed(5)),
+      confidence: Number(dominant.confidence.toFixed(4)),
     },
   };
 }

@@ -1,35 +1,8 @@
 /** What can stand beside the real object: shapes one unit high on the ground, materials, own .glb files. */
 
-import {
-  Box3,
-  CylinderGeometry,
-  Group,
-  LatheGeometry,
-  Mesh,
-  MeshStandardMaterial,
-  SphereGeometry,
-  TorusKnotGeometry,
-  Vector2,
-  Vector3,
-} from "three";
-import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.js";
-import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
+import { Box3, Group, Mesh, MeshStandardMaterial, Vector3 } from "three";
 import { clone } from "three/addons/utils/SkeletonUtils.js";
-
-const VASE = [
-  [0, 0], [0.3, 0], [0.34, 0.03], [0.42, 0.2], [0.44, 0.34], [0.36, 0.52], [0.2, 0.66], [0.15, 0.76],
-  [0.17, 0.9], [0.24, 1], [0.2, 1], [0.12, 0.88],
-];
-
-/** Shapes of the picker: name to geometry, any size and place; round at a few hundred pixels, and no finer. */
-export const SHAPES = {
-  ball: () => new SphereGeometry(0.5, 64, 32),
-  teapot: () => new TeapotGeometry(0.5, 10),
-  vase: () => new LatheGeometry(VASE.map(([x, y]) => new Vector2(x, y)), 96),
-  knot: () => new TorusKnotGeometry(0.35, 0.12, 160, 20),
-  box: () => new RoundedBoxGeometry(1, 1, 1, 6, 0.08),
-  column: () => new CylinderGeometry(0.3, 0.3, 1, 96),
-};
+import { SHAPES } from "./shapes.js";
 
 /** Materials of the picker, as anyprobe.scatter.presets: colours are linear reflectances, roughness the root of alpha. */
 export const MATERIALS = {

@@ -2,11 +2,11 @@
  * The camera's picture lit live: video in, virtual object over it, rates shown.
  */
 
-import { DEFAULT_LONG_FOV_DEG } from "../photo/crop.js";
+import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/crop.js";
 import { element, setStatus, tellLight } from "../view/elements.js";
-import { LiveLight } from "./liveLight.js";
+import { LiveLight } from "../../src/live/liveLight.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
-import { readFrame, takeFrame } from "./frames.js";
+import { readFrame, takeFrame } from "../../src/live/videoFrames.js";
 
 const RATES_EVERY_MS = 500;
 
@@ -89,7 +89,7 @@ export class LiveSession {
     this.onFault(error);
   }
 
-  /** @param {import("../photo/picture.js").Hints} hints in pixels of the still picture */
+  /** @param {import("../../src/photo/picture.js").Hints} hints in pixels of the still picture */
   async mark({ on, off, box }) {
     const { live } = this;
     const { width, height } = this.still;
@@ -114,10 +114,10 @@ export class LiveSession {
     this.stage.setLight(answer.light);
     tellLight(answer);
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
-    if (answer.balls) {
+    if (answer.spheres) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
-      const { light, balls, known, spread } = answer;
-      this.light.show({ light, balls, known, spread }, about);
+      const { light, spheres, known, spread } = answer;
+      this.light.show({ light, spheres, known, spread }, about);
     } else if (answer.stages) {
       this.stages.show(answer.stages, answer.light.radiance);
       this.isMaskDue = true;
@@ -158,7 +158,7 @@ export class LiveSession {
   #setMask({ width, height, mask, box }) {
     this.mask = mask;
     if (this.placed) return this.stage.stage.setMask(mask);
-    this.stage.place(width, height, DEFAULT_LONG_FOV_DEG, mask, box);
+    this.stage.place(width, height, null, mask, box);
     this.placed = true;
   }
 

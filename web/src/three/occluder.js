@@ -1,6 +1,6 @@
 /** The real object's depth in the scene: it hides what is behind it, and is not drawn itself. */
 
-import { DataTexture, Group, Mesh, MeshBasicMaterial, PlaneGeometry } from "three";
+import { DataTexture, Group, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry } from "three";
 import { objectBox } from "../photo/picture.js";
 
 export class RealObject {
@@ -46,6 +46,7 @@ export class RealObject {
     if (material.alphaMap?.image.width !== width || material.alphaMap?.image.height !== height) {
       material.alphaMap?.dispose();
       material.alphaMap = new DataTexture(new Uint8Array(4 * mask.length), width, height);
+      material.alphaMap.magFilter = material.alphaMap.minFilter = LinearFilter; // an edge between pixels, not of squares
       material.needsUpdate = true;
     }
     const { data } = material.alphaMap.image;

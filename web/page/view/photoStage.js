@@ -49,8 +49,10 @@ export class PhotoStage {
     element("divide").style.width = fitted; // its knob stands below the line
   }
 
-  place(width, height, longFovDeg, mask, box) {
-    this.stage.setPhoto(width, height, longFovDeg, mask, box);
+  /** @param {number | null} lensDeg field of view of the longer side, null where it is unknown */
+  place(width, height, lensDeg, mask, box) {
+    this.stage.setPhoto(width, height, lensDeg, mask, box);
+    element("pitch").value = this.stage.pitchDeg;
   }
 
   setLight(light) {
@@ -75,6 +77,8 @@ export class PhotoStage {
     } finally {
       this.drawing = null;
     }
+    const note = this.stage.placeNote();
+    if (element("place-note").textContent !== note) element("place-note").textContent = note;
     this.overlay.dispatchEvent(new CustomEvent("drawn", { detail: this.stage.pose() })); // all that was asked for
   }
 

@@ -1,8 +1,8 @@
-/** The light beside the photo: map, main light, balls, downloads. */
+/** The light beside the photo: map, dominant light, spheres, downloads. */
 
-import { OWN_FILES, exportTarget, save } from "../files/downloads.js";
+import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
-import { describeDirection, drawBallPictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
+import { describeDirection, drawSpherePictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
 
 const TITLES = {
   three: "three.js",
@@ -15,7 +15,7 @@ const TITLES = {
 export class LightPanel {
   constructor(config) {
     this.result = null;
-    this.balls = Object.fromEntries(["matte", "silver", "mirror"].map((name) => [name, element(`ball-${name}`)]));
+    this.spheres = Object.fromEntries(["matte", "silver", "mirror"].map((name) => [name, element(`sphere-${name}`)]));
     this.exposure = element("exposure");
     this.falseColor = element("false-color");
     this.exposure.addEventListener("input", () => this.#drawMap());
@@ -25,13 +25,13 @@ export class LightPanel {
     element("api").hidden = !config.server;
   }
 
-  /** @param {object} result light and, now and then, balls @param {object} about photo, model, longFovDeg */
+  /** @param {object} result light and, now and then, spheres @param {object} about photo, model, longFovDeg */
   show(result, about) {
-    this.result = { ...this.result, ...result, balls: result.balls ?? this.result?.balls };
+    this.result = { ...this.result, ...result, spheres: result.spheres ?? this.result?.spheres };
     this.about = about;
     this.#drawMap();
-    if (result.balls) drawBallPictures(this.balls, result.balls);
-    const { direction, irradiance } = result.light.mainLight;
+    if (result.spheres) drawSpherePictures(this.spheres, result.spheres);
+    const { direction, irradiance } = result.light.dominant;
     const marker = element("marker");
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
@@ -42,7 +42,7 @@ export class LightPanel {
   /** Nothing is known of the light any more. */
   clear() {
     this.result = null;
-    for (const canvas of [element("map"), ...Object.values(this.balls)]) {
+    for (const canvas of [element("map"), ...Object.values(this.spheres)]) {
       canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
     }
     element("marker").hidden = true;

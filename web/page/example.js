@@ -1,8 +1,8 @@
 /** The finished example: a photo, and the server's own answer for it. */
 
-import { describe } from "../light/light.js";
-import { drawBalls } from "../light/balls.js";
-import { readBitmap } from "./open.js";
+import { describe } from "../src/light/light.js";
+import { drawSpheres } from "../src/light/spheres.js";
+import { readBitmap } from "./openPhoto.js";
 
 export async function readExample() {
   const [picture, maskPicture, told] = await Promise.all([
@@ -14,7 +14,7 @@ export async function readExample() {
   const light = describe(unpack(told.radiance));
   const { irradiance, ldr, ln_radiance: lnRadiance } = told.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
-  const result = { light, stages, known: { surroundings: 0 }, spread: false, balls: drawBalls(light.radiance) };
+  const result = { light, stages, known: { surroundings: 0 }, spread: false, spheres: drawSpheres(light.radiance) };
   return { picture, mask, longFovDeg: told.long_fov_deg, result };
 }
 

@@ -1,15 +1,16 @@
 /** Files, pasted pictures and addresses to pictures in memory. */
 
 import exifr from "exifr/dist/lite.esm.mjs";
-import { DEFAULT_LONG_FOV_DEG } from "./crop.js";
+import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
 
 /** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
 const LONG_PX = 1600;
 
 /**
  * @typedef {object} Opened
- * @property {import("./picture.js").Picture} picture
+ * @property {import("../src/photo/picture.js").Picture} picture
  * @property {number} longFovDeg from EXIF, else that of a phone
+ * @property {number | null} lensDeg the same, null where EXIF does not say
  * @property {string} name without its suffix
  */
 
@@ -32,7 +33,7 @@ export async function openPhoto(blob, name, hasServer) {
     bitmap = await createImageBitmap(converted.blob);
   }
   const picture = readBitmap(bitmap, LONG_PX);
-  return { picture, longFovDeg: longFovDeg ?? DEFAULT_LONG_FOV_DEG, name: name.replace(/\.[^.]*$/, "") };
+  return { picture, longFovDeg: longFovDeg ?? DEFAULT_LONG_FOV_DEG, lensDeg: longFovDeg, name: name.replace(/\.[^.]*$/, "") };
 }
 
 /** Pixels of a bitmap, shrunk to a longer side; the bitmap is closed. */

@@ -1,10 +1,10 @@
-/** Arrays drawn on canvases: photos, the networks' stages, the map, the balls. */
+/** Arrays drawn on canvases: photos, the networks' stages, the map, the spheres. */
 
-import { FALSE_COLOR_MAX, falseColor, luminance } from "../core/color.js";
-import { displayByte } from "../core/response.js";
-import { MAP_HEIGHT, directionToUv } from "../core/latlong.js";
-import { BALL_NAMES, BALL_SIZE } from "../light/balls.js";
-import { CROP_SIZE } from "../photo/crop.js";
+import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js";
+import { displayByte } from "../../src/core/response.js";
+import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
+import { SPHERE_NAMES, SPHERE_SIZE } from "../../src/light/spheres.js";
+import { CROP_SIZE } from "../../src/photo/crop.js";
 
 /** Put RGBA bytes on a canvas of exactly their size. */
 export function putRgba(canvas, rgba, width, height) {
@@ -76,7 +76,7 @@ export function describeDirection([x, y, z]) {
   return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}${behind}`;
 }
 
-/** @param {Record<string, HTMLCanvasElement>} canvases by ball @param {object} balls of drawBalls */
-export function drawBallPictures(canvases, balls) {
-  for (const name of BALL_NAMES) putRgba(canvases[name], balls[name].slice(), BALL_SIZE, BALL_SIZE);
+/** @param {Record<string, HTMLCanvasElement>} canvases by sphere @param {object} spheres of drawSpheres */
+export function drawSpherePictures(canvases, spheres) {
+  for (const name of SPHERE_NAMES) putRgba(canvases[name], spheres[name].slice(), SPHERE_SIZE, SPHERE_SIZE);
 }

@@ -6,11 +6,11 @@ import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
 import { element, listenForPhotos, setStatus, tellLight } from "./view/elements.js";
-import { Networks } from "./networks/client.js";
+import { Networks } from "../src/networks/workerClient.js";
 import { LiveSession } from "./live/session.js";
-import { maskFromAlpha, objectBox } from "./photo/picture.js";
-import { openPhoto } from "./photo/open.js";
-import { readExample } from "./photo/example.js";
+import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
+import { openPhoto } from "./openPhoto.js";
+import { readExample } from "./example.js";
 
 const config = await (await fetch("config.json")).json();
 if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
@@ -145,8 +145,8 @@ async function estimate(mask, isLate) {
 }
 
 function showLight() {
-  const { picture, longFovDeg, name, mask, box, result } = opened;
-  stage.place(picture.width, picture.height, longFovDeg, mask, box);
+  const { picture, longFovDeg, lensDeg, name, mask, box, result } = opened;
+  stage.place(picture.width, picture.height, lensDeg, mask, box);
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
@@ -158,7 +158,7 @@ async function openExample() {
   const mine = ++choice;
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
-  put({ picture, longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
+  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
   if (surroundings.checked || spread.checked) return examine(async () => mask);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }

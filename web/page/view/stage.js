@@ -23,16 +23,16 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { irradiance } from "../light/harmonics.js";
-import { luminance } from "../core/color.js";
-import { pixelDirection } from "../photo/crop.js";
-import { softSpot } from "./contactSpot.js";
+import { irradiance } from "../../src/light/harmonics.js";
+import { luminance } from "../../src/core/color.js";
+import { pixelDirection } from "../../src/photo/crop.js";
+import { softSpot } from "../../src/three/contactShadow.js";
 import { DrawnAside } from "./drawnAside.js";
-import { EnvironmentTexture } from "./environmentTexture.js";
-import { installCameraCurve, shadowOpacity } from "./curve.js";
+import { EnvironmentTexture } from "../../src/three/environmentTexture.js";
+import { installCameraCurve, shadowOpacity } from "../../src/three/cameraCurve.js";
 import { extentOf, outlineOf } from "./outline.js";
-import { beside } from "./placement.js";
-import { RealObject } from "./realObject.js";
+import { beside, contactOf, likelyPitchDeg } from "./placement.js";
+import { RealObject } from "../../src/three/occluder.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
@@ -40,12 +40,17 @@ import { findWebgl } from "./webgl.js";
 const DISTANCE = 5;
 const UP = new Vector3(0, 1, 0);
 /** Height of the object over the real one's, at size 1 and where there is room. */
-const OF_REAL = 0.75;
+const OF_REAL = 0.5;
+/**
+ * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground: the one
+ * that estimates take would draw spheres near the border of a cropped photo as eggs; too narrow a guess shows far less.
+ */
+const UNKNOWN_LENS_DEG = 38;
 const CONTACT_OPACITY = 0.45;
 const SHADOW_PX = 256;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
-/** Cosine of a quarter of a degree: a main light that turns by less keeps its shadow. */
+/** Cosine of a quarter of a degree: a dominant light that turns by less keeps its shadow. */
 const SAME_DIRECTION = 0.99999;
 
 export class Stage {
@@ -89,17 +94,17 @@ export class Stage {
     this.standing = new Group(); // moves on the ground, carries object and contact shadow
     this.catcher = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ toneMapped: false }));
     this.catcher.receiveShadow = true;
-    this.contact = new Mesh(
+    this.contactShadow = new Mesh(
       new PlaneGeometry(1, 1),
       new MeshBasicMaterial({ map: softSpot(), transparent: true, toneMapped: false, depthWrite: false }),
     );
-    this.contact.position.y = 0.002;
-    this.contact.rotation.x = -Math.PI / 2;
-    this.standing.add(this.contact);
+    this.contactShadow.position.y = 0.002;
+    this.contactShadow.rotation.x = -Math.PI / 2;
+    this.standing.add(this.contactShadow);
     this.ground.add(this.catcher, this.standing);
     this.realObject = new RealObject();
     this.scene.add(this.realObject.group);
-    // the environment lights the object, its main light included; this light only casts the shadow
+    // the environment lights the object, its dominant light included; this light only casts the shadow
     this.shadowLight = new DirectionalLight(0xffffff, 0);
     this.shadowLight.castShadow = true;
     this.shadowLight.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
@@ -112,19 +117,22 @@ export class Stage {
    *
    * @param {number} width of the photo in pixels
    * @param {number} height
-   * @param {number} longFovDeg field of view of the longer side
+   * @param {number | null} lensDeg field of view of the longer side; null where it is unknown
    * @param {Float32Array} mask of the real object, width * height, or of a smaller picture's shape
    * @param {number[]} box of the real object, x0, y0, x1, y1 in pixels
    */
-  setPhoto(width, height, longFovDeg, mask, box) {
-    Object.assign(this, { width, height, longFovDeg, box });
+  setPhoto(width, height, lensDeg, mask, box) {
+    const longFovDeg = lensDeg ?? UNKNOWN_LENS_DEG;
+    const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
+    Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
     this.setMask(mask);
     const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
     this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    if (isSame && this.isTouched) return this.setPitch(this.pitchDeg); // what was moved stays where it is
     this.isTouched = false;
-    this.setTilt(this.tilt ?? 20);
+    this.setPitch(likelyPitchDeg(this.contact[1], height, this.#focalPx()));
   }
 
   /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */
@@ -144,10 +152,19 @@ export class Stage {
       const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
       return extentOf(this.outline, clip, width, height);
     };
-    const { x, y, share } = beside({ width, height, box }, extentAt);
+    const [, row] = this.contact;
+    const { x, y, share, isBehind } = beside({ width, height, box, row, behind: this.#rowBehind(asked) }, extentAt);
     this.unit = asked * share;
+    this.isBehind = isBehind;
     this.#setFoot(x, y);
     this.#place();
+  }
+
+  /** Row of the ground that lies behind the real object, as deep as wide, by what stands there. */
+  #rowBehind(room) {
+    const { height, box, up, ground } = this;
+    const away = DISTANCE + ((box[2] - box[0]) * DISTANCE) / this.#focalPx() + room;
+    return height / 2 - (this.#focalPx() * (up.dot(ground.position) + up.z * away)) / up.y / away;
   }
 
   /** Whoever moved or scaled the object finds it where it was left; until then it stands beside the real one. */
@@ -161,14 +178,13 @@ export class Stage {
   }
 
   /** How far the camera looks down, degrees: the slope of the ground in the picture. */
-  setTilt(degrees) {
-    this.tilt = degrees;
+  setPitch(degrees) {
+    this.pitchDeg = degrees;
     const angle = (degrees * Math.PI) / 180;
     this.up = new Vector3(0, Math.cos(angle), Math.sin(angle));
     this.ground.quaternion.copy(new Quaternion().setFromUnitVectors(UP, this.up));
-    if (this.box) {
-      const [x0, , x1, y1] = this.box;
-      const foot = pixelDirection([(x0 + x1) / 2, y1], this.width, this.height, this.longFovDeg);
+    if (this.contact) {
+      const foot = pixelDirection(this.contact, this.width, this.height, this.longFovDeg);
       this.ground.position.set(...foot).multiplyScalar(DISTANCE);
     }
     this.ground.updateMatrixWorld(true);
@@ -199,13 +215,14 @@ export class Stage {
   #place() {
     if (!this.object) return this.#aimShadow();
     this.standing.scale.setScalar((this.unit ?? 1) * this.size);
-    this.contact.scale.setScalar(1.1 * this.object.userData.width);
+    this.contactShadow.scale.setScalar(1.1 * this.object.userData.width);
     this.#aimShadow();
   }
 
   /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
   moveTo(x, y) {
     this.isTouched = true;
+    this.isBehind = false;
     const isGround = this.#setFoot(x, y);
     if (isGround) this.#aimShadow();
     return isGround;
@@ -227,6 +244,17 @@ export class Stage {
     return { foot, up: this.up?.toArray(), scale: this.standing.scale.x, longFovDeg: this.longFovDeg };
   }
 
+  /** What is to be said of the object's place: empty where all of it is in the photo, and nothing hides it. */
+  placeNote() {
+    if (!this.object || !this.box) return "";
+    if (this.isBehind) return "There is no room beside the object: the virtual one stands behind it. Drag it.";
+    this.standing.updateWorldMatrix(true, false);
+    const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
+    const [x0, y0, x1, y1] = extentOf(this.outline, clip, this.width, this.height);
+    const isInside = x0 >= 0 && y0 >= 0 && x1 <= this.width && y1 <= this.height;
+    return isInside ? "" : "Part of the virtual object is outside the photo.";
+  }
+
   /** Pixel of the photo where the object stands. */
   footPx() {
     const point = this.standing.getWorldPosition(new Vector3()).project(this.camera);
@@ -243,23 +271,23 @@ export class Stage {
     return caster.intersectObject(this.object, true).length > 0 || Math.hypot(x - fx, y - fy) < reach;
   }
 
-  /** @param {import("../light/light.js").Light} light */
+  /** @param {import("../../src/light/light.js").Light} light */
   setLight(light) {
     this.light = light;
     this.scene.environment = this.environment.update(light.prefiltered);
     this.#aimShadow();
   }
 
-  /** Let the main light cast the object's shadow, as dark as its share of the ground's light is. */
+  /** Let the dominant light cast the object's shadow, as dark as its share of the ground's light is. */
   #aimShadow() {
     if (!this.canDraw || !this.light || !this.up) return;
-    const { mainLight, sh9 } = this.light;
-    const towards = new Vector3(...mainLight.direction);
+    const { dominant, sh9 } = this.light;
+    const towards = new Vector3(...dominant.direction);
     const cosine = Math.max(towards.dot(this.up), 0);
-    const ofMain = luminance(...mainLight.irradiance) * cosine;
+    const ofMain = luminance(...dominant.irradiance) * cosine;
     const ofAll = Math.max(luminance(...irradiance(sh9, this.up.toArray())), ofMain, 1e-6);
     this.catcher.material.opacity = shadowOpacity(Math.min(ofMain / ofAll, 0.95));
-    this.contact.material.opacity = CONTACT_OPACITY;
+    this.contactShadow.material.opacity = CONTACT_OPACITY;
     const foot = this.standing.getWorldPosition(new Vector3());
     const reach = 2 * (this.unit ?? 1) * this.size;
     const aim = { towards, foot, reach, turn: this.turn, up: this.up };
@@ -273,7 +301,7 @@ export class Stage {
     Object.assign(shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, far: 6 * reach });
     shadow.camera.near = 0.1 * reach;
     shadow.camera.updateProjectionMatrix();
-    shadow.radius = 2 + 6 * Math.min(Math.sqrt(mainLight.solidAngle / Math.PI), 1);
+    shadow.radius = 2 + 6 * Math.min(Math.sqrt(dominant.solidAngle / Math.PI), 1);
     this.shadowLight.target.updateMatrixWorld();
     if (this.catcher.visible) this.#fitCatcher(towards, cosine, reach);
   }

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { readFrame, takeFrame } from "../src/live/frames.js";
+import { readFrame, takeFrame } from "../src/live/videoFrames.js";
 
 /** A frame of one colour (Y, U, V), as either layout of memory. */
 function frameOf([y, u, v], format, matrix, fullRange = false, [width, height] = [8, 4]) {

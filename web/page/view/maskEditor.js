@@ -15,7 +15,7 @@ export class MaskEditor {
   /**
    * @param {{canvas: HTMLCanvasElement, cursor: HTMLElement, removing: HTMLInputElement, band: HTMLElement,
    *   button: HTMLButtonElement}} parts band and button are the box's
-   * @param {(hints: import("../photo/picture.js").Hints) => void} onHints in pixels of the picture
+   * @param {(hints: import("../../src/photo/picture.js").Hints) => void} onHints in pixels of the picture
    */
   constructor({ canvas, cursor, removing, band, button }, onHints) {
     Object.assign(this, { canvas, cursor, removing, onHints });

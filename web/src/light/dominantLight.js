@@ -1,7 +1,7 @@
 /**
- * The main light: the one lobe that a directional light stands for (sun, lamp, window).
+ * The dominant light: the one lobe that a directional light stands for (sun, lamp, window).
  *
- * As anyprobe.light.main_light: the connected pixels around the brightest one whose luminance,
+ * As anyprobe.light.dominant_light: the connected pixels around the brightest one whose luminance,
  * averaged over a cap 10 degrees across, is at least half the peak; with the pixels that touch
  * them, less their surroundings.
  */
@@ -69,7 +69,7 @@ export function connected(mask, height, start) {
  *   confidence: number}} direction is a unit vector towards the light; irradiance is that of a
  *   plane facing it; a map without a lobe has irradiance 0 and direction +Y
  */
-export function findMainLight(radiance, height) {
+export function findDominantLight(radiance, height) {
   const width = 2 * height;
   const d = pixelDirections(height);
   const rowAngles = pixelSolidAngles(height);
