@@ -1,4 +1,4 @@
-/** What can be taken away: files made here, and exports that the server writes. */
+/** Downloads: files made here, and exports that the server writes. */
 
 import { EXPONENT, SIGMA } from "../src/core/response.js";
 import { MAP_HEIGHT } from "../src/core/latlong.js";
@@ -14,18 +14,20 @@ const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6
 
 /** Everything but the pixels, in the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, dominant } = result.light;
+  const { sh9, dominant, priors, wellExposedFraction, meanConfidence } = result.light;
   return {
     photo,
     model,
-    lamps: result.spread ? "spread" : "drawn",
+    emitters: result.light.emitters,
     long_fov_deg: longFovDeg,
-    known: { surroundings: Number((result.known?.surroundings ?? 0).toFixed(4)) },
+    priors: { surroundings: Number(priors.surroundings.toFixed(4)) },
     frame: FRAME,
     scale: SCALE,
     exposure_ev: 0,
     response: { curve: "sigmoid", exponent: EXPONENT, sigma: SIGMA },
     size: [2 * MAP_HEIGHT, MAP_HEIGHT],
+    confidence: Number(meanConfidence.toFixed(4)),
+    well_exposed_fraction: Number(wellExposedFraction.toFixed(4)),
     sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
     dominant_light: {
       direction: numbers(dominant.direction),

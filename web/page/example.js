@@ -1,21 +1,27 @@
 /** The finished example: a photo, and the server's own answer for it. */
 
-import { describe } from "../src/light/light.js";
+import { Light, describe } from "../src/light/light.js";
 import { drawSpheres } from "../src/light/spheres.js";
 import { readBitmap } from "./openPhoto.js";
 
 export async function readExample() {
-  const [picture, maskPicture, told] = await Promise.all([
+  const [picture, maskPicture, answer] = await Promise.all([
     readPicture("example/photo.png"),
     readPicture("example/mask.png"),
-    fetch("example/light.json").then((answer) => answer.json()),
+    fetch("example/light.json").then((response) => response.json()),
   ]);
   const mask = Float32Array.from({ length: maskPicture.rgba.length / 4 }, (_, i) => maskPicture.rgba[4 * i] / 255);
-  const light = describe(unpack(told.radiance));
-  const { irradiance, ldr, ln_radiance: lnRadiance } = told.stages;
+  const light = new Light({
+    ...describe(unpack(answer.radiance)),
+    emitters: "mode",
+    priors: { surroundings: 0 },
+    meanConfidence: answer.confidence,
+    wellExposedFraction: answer.well_exposed_fraction ?? answer.told, // as older releases wrote it
+  });
+  const { irradiance, ldr, ln_radiance: lnRadiance } = answer.stages;
   const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
-  const result = { light, stages, known: { surroundings: 0 }, spread: false, spheres: drawSpheres(light.radiance) };
-  return { picture, mask, longFovDeg: told.long_fov_deg, result };
+  const result = { light, stages, spheres: drawSpheres(light.radiance) };
+  return { picture, mask, longFovDeg: answer.long_fov_deg, result };
 }
 
 async function readPicture(path) {

@@ -6,7 +6,7 @@ import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
 import { element, listenForPhotos, setStatus, tellLight } from "./view/elements.js";
-import { Networks } from "../src/networks/workerClient.js";
+import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
@@ -17,7 +17,8 @@ if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.host
   element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
 }
 const stage = new PhotoStage();
-const networks = new Networks(
+const networks = new ProbeOpener(
+  config,
   ({ done, of }) => {
     if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
   },
@@ -37,11 +38,11 @@ const editor = new MaskEditor(
   (hints) => (live.running ? live.mark(hints) : remask(hints)),
 );
 const surroundings = element("surroundings");
-const spread = element("spread");
-for (const row of ["surroundings-row", "spread-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
-const asked = () => ({ surroundings: surroundings.checked, spread: spread.checked });
+const soften = element("soften");
+for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
+const options = () => ({ surroundings: surroundings.checked, emitters: soften.checked ? "expected" : "mode" });
 
-/** The picture, its field of view and name; mask and box of its object and the light told from them, once there are any. */
+/** The picture, its field of view and name; mask and box of its object and its light, once there are any. */
 let opened = null;
 let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
 let turn = 0; // of questions about the picture on show: older answers are dropped
@@ -53,7 +54,7 @@ const live = new LiveSession({
   light,
   stages,
   editor,
-  asked,
+  options,
   onShown: () => turn++,
   onFault: (error) => {
     showAgain();
@@ -98,25 +99,29 @@ function showAgain() {
 async function ownMask(picture) {
   const mask = maskFromAlpha(picture);
   if (mask) return mask;
-  const { hasMask } = await networks.open(config);
-  return hasMask ? networks.ask("mask", { picture, hints: editor.hints }) : null;
+  const probe = await networks.open();
+  return probe.hasMask ? findMask(probe, picture, editor.hints) : null;
 }
 
 function remask(hints) {
   return examine(async (picture, isLate) => {
-    await networks.open(config);
+    const probe = await networks.open();
     if (isLate()) return null;
     setStatus("Finding the object …");
-    return networks.ask("mask", { picture, hints });
+    return findMask(probe, picture, hints);
   });
 }
 
-/** Find the object of the picture on show, and its light. What is told or fails after something newer was asked is dropped. */
-async function examine(findMask) {
+async function findMask(probe, picture, { on, off, box }) {
+  return (await probe.mask(picture, { click: on, exclude: off, box })).mask;
+}
+
+/** Find the object of the picture on show, and its light. What comes or fails after something newer was asked is dropped. */
+async function examine(maskOf) {
   const mine = ++turn;
   const isLate = () => mine !== turn;
   try {
-    const mask = await findMask(opened.picture, isLate);
+    const mask = await maskOf(opened.picture, isLate);
     if (!isLate()) await estimate(mask, isLate);
   } catch (error) {
     if (!isLate()) setStatus(error.message, true);
@@ -129,17 +134,17 @@ async function estimate(mask, isLate) {
   const box = mask && objectBox(mask, picture.width);
   if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
   Object.assign(opened, { mask, box, result: null });
-  await networks.open(config);
+  const probe = await networks.open();
   if (isLate()) return;
-  setStatus("Estimating the light …");
+  setStatus("Estimating the lighting …");
   const isWhole = maskFromAlpha(picture) === null; // else no canvas tells what is hidden
-  const wanted = { ...asked(), surroundings: surroundings.checked && isWhole };
-  const result = await networks.ask("estimate", { picture, mask, longFovDeg, asked: wanted });
+  const wanted = { ...options(), surroundings: surroundings.checked && isWhole };
+  const result = await probe.examine({ picture, mask, longFovDeg, options: wanted });
   if (isLate()) return;
   opened.result = result;
   showLight();
-  if (surroundings.checked && !result.known.surroundings) {
-    return setStatus("Around the object this photo shows no place but one colour or nothing: the object alone told this light.");
+  if (surroundings.checked && !result.light.priors.surroundings) {
+    return setStatus("The background of this photo is one colour or transparent: the lighting was estimated from the object alone.");
   }
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
@@ -159,7 +164,7 @@ async function openExample() {
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
-  if (surroundings.checked || spread.checked) return examine(async () => mask);
+  if (surroundings.checked || soften.checked) return examine(async () => mask);
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -187,9 +192,9 @@ element("reset").addEventListener("click", () => {
   editor.open(opened.picture);
   examine(ownMask);
 });
-for (const box of [surroundings, spread]) {
+for (const box of [surroundings, soften]) {
   box.addEventListener("change", () => {
-    if (live.running) return attempt(() => live.ask());
+    if (live.running) return attempt(() => live.setOptions());
     if (opened?.mask) examine(async () => opened.mask);
   });
 }

@@ -4,7 +4,6 @@
 
 import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/crop.js";
 import { element, setStatus, tellLight } from "../view/elements.js";
-import { LiveLight } from "../../src/live/liveLight.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readFrame, takeFrame } from "../../src/live/videoFrames.js";
 
@@ -12,11 +11,11 @@ const RATES_EVERY_MS = 500;
 
 export class LiveSession {
   /**
-   * @param {object} parts of the page; asked: tells what is asked of the light now, see networks/worker.js; onShown: the
-   *   camera's picture has taken the photo's place; onFault: the camera, or what follows it, failed and is closed
+   * @param {object} parts of the page; options: what light is wanted now; onShown: the camera's picture has taken the
+   *   photo's place; onFault: the camera, or what follows it, failed and is closed
    */
-  constructor({ networks, config, stage, light, stages, editor, asked, onShown, onFault }) {
-    Object.assign(this, { networks, config, stage, light, stages, editor, asked, onShown, onFault });
+  constructor({ networks, config, stage, light, stages, editor, options, onShown, onFault }) {
+    Object.assign(this, { networks, config, stage, light, stages, editor, options, onShown, onFault });
     this.button = element("camera");
     this.live = null; // since start was called; what was begun with one that is here no longer has been stopped
     this.running = false; // since the camera's first picture
@@ -24,10 +23,7 @@ export class LiveSession {
 
   async start() {
     if (this.live) return; // the camera is being opened
-    const live = new LiveLight(this.stage.video, this.networks, {
-      onLight: (answer) => this.#show(answer),
-      onError: (error) => this.#fail(live, error),
-    });
+    const live = { tracker: null, hints: {} };
     this.live = live;
     try {
       await this.#open(live);
@@ -39,8 +35,8 @@ export class LiveSession {
   async #open(live) {
     const { video } = this.stage;
     setStatus("Opening the camera …");
-    const opening = this.networks.open(this.config); // while the user is asked for the camera
-    opening.catch(() => {}); // told where it is awaited
+    const opening = this.networks.open(); // while the user is asked for the camera
+    opening.catch(() => {}); // thrown where it is awaited
     const stream = await openCamera();
     if (this.live !== live) return closeCamera(stream);
     video.srcObject = stream;
@@ -49,11 +45,17 @@ export class LiveSession {
     const still = await takePicture(video);
     if (this.live !== live) return;
     this.#begin(still);
-    const { hasMask, provider, threads } = await opening;
+    const probe = await opening;
     if (this.live !== live) return;
-    this.engine = `${provider === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
-    await live.start(DEFAULT_LONG_FOV_DEG, this.asked());
-    if (this.live !== live) return;
+    const { hasMask, engine, threads } = probe;
+    this.engine = `${engine === "webgpu" ? "WebGPU" : "WASM"}, ${threads} thread${threads > 1 ? "s" : ""}`;
+    live.tracker = probe.track(video, (_, answer) => this.#show(answer), {
+      ...live.hints,
+      ...this.options(),
+      withViews: true,
+      onLost: (answer) => this.#show(answer),
+      onError: (error) => this.#fail(live, error),
+    });
     setStatus(hasMask ? "Live. Click on the object if another is marked." : "Click on the object in the picture “Object” below.");
     element("rates").hidden = false;
     this.timer = setInterval(() => this.#showRates(), RATES_EVERY_MS);
@@ -72,7 +74,7 @@ export class LiveSession {
 
   stop() {
     if (!this.live) return;
-    this.live.stop();
+    this.live.tracker?.stop();
     this.live = null;
     this.running = false;
     clearInterval(this.timer);
@@ -91,18 +93,19 @@ export class LiveSession {
 
   /** @param {import("../../src/photo/picture.js").Hints} hints in pixels of the still picture */
   async mark({ on, off, box }) {
-    const { live } = this;
-    const { width, height } = this.still;
-    const shares = (points) => points.map(([x, y]) => [x / width, y / height]);
+    const { live, still } = this;
+    const { videoWidth, videoHeight } = this.stage.video;
+    const place = ([x, y]) => [(x * videoWidth) / still.width, (y * videoHeight) / still.height];
     this.placed = false;
     this.said = null;
-    await live.mark({ on: shares(on), off: shares(off), box: box && shares([box.slice(0, 2), box.slice(2)]).flat() });
+    live.hints = { click: on.map(place), exclude: off.map(place), box: box && [...place(box.slice(0, 2)), ...place(box.slice(2))] };
+    await live.tracker?.mark(live.hints);
     if (this.live === live) this.placed = false; // an answer that was under way has placed it by the old mask
   }
 
-  /** What is asked of the light has changed. */
-  ask() {
-    return this.live.ask(this.asked());
+  /** Another kind of light is wanted. */
+  setOptions() {
+    return this.live.tracker?.set(this.options());
   }
 
   #show(answer) {
@@ -116,8 +119,7 @@ export class LiveSession {
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.spheres) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };
-      const { light, spheres, known, spread } = answer;
-      this.light.show({ light, spheres, known, spread }, about);
+      this.light.show({ light: answer.light, spheres: answer.spheres }, about);
     } else if (answer.stages) {
       this.stages.show(answer.stages, answer.light.radiance);
       this.isMaskDue = true;
@@ -183,7 +185,7 @@ export class LiveSession {
   }
 
   #showRates() {
-    const { updates, frames } = this.live.rates();
+    const { updates, frames } = this.live.tracker.rates();
     element("rates").textContent = `${updates.toFixed(0)} lights/s · ${frames.toFixed(0)} frames/s · ${this.engine}`;
   }
 }

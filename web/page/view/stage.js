@@ -10,7 +10,6 @@ import {
   Group,
   Matrix4,
   Mesh,
-  MeshBasicMaterial,
   PCFShadowMap,
   PerspectiveCamera,
   Plane,
@@ -23,16 +22,11 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
-import { irradiance } from "../../src/light/harmonics.js";
-import { luminance } from "../../src/core/color.js";
 import { pixelDirection } from "../../src/photo/crop.js";
-import { softSpot } from "../../src/three/contactShadow.js";
 import { DrawnAside } from "./drawnAside.js";
-import { EnvironmentTexture } from "../../src/three/environmentTexture.js";
-import { installCameraCurve, shadowOpacity } from "../../src/three/cameraCurve.js";
+import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
 import { extentOf, outlineOf } from "./outline.js";
 import { beside, contactOf, likelyPitchDeg } from "./placement.js";
-import { RealObject } from "../../src/three/occluder.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
@@ -46,7 +40,6 @@ const OF_REAL = 0.5;
  * that estimates take would draw spheres near the border of a cropped photo as eggs; too narrow a guess shows far less.
  */
 const UNKNOWN_LENS_DEG = 38;
-const CONTACT_OPACITY = 0.45;
 const SHADOW_PX = 256;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
@@ -94,15 +87,11 @@ export class Stage {
     this.standing = new Group(); // moves on the ground, carries object and contact shadow
     this.catcher = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ toneMapped: false }));
     this.catcher.receiveShadow = true;
-    this.contactShadow = new Mesh(
-      new PlaneGeometry(1, 1),
-      new MeshBasicMaterial({ map: softSpot(), transparent: true, toneMapped: false, depthWrite: false }),
-    );
+    this.contactShadow = new ContactShadow();
     this.contactShadow.position.y = 0.002;
-    this.contactShadow.rotation.x = -Math.PI / 2;
     this.standing.add(this.contactShadow);
     this.ground.add(this.catcher, this.standing);
-    this.realObject = new RealObject();
+    this.realObject = new MaskOccluder();
     this.scene.add(this.realObject.group);
     // the environment lights the object, its dominant light included; this light only casts the shadow
     this.shadowLight = new DirectionalLight(0xffffff, 0);
@@ -281,13 +270,10 @@ export class Stage {
   /** Let the dominant light cast the object's shadow, as dark as its share of the ground's light is. */
   #aimShadow() {
     if (!this.canDraw || !this.light || !this.up) return;
-    const { dominant, sh9 } = this.light;
+    const { dominant } = this.light;
     const towards = new Vector3(...dominant.direction);
     const cosine = Math.max(towards.dot(this.up), 0);
-    const ofMain = luminance(...dominant.irradiance) * cosine;
-    const ofAll = Math.max(luminance(...irradiance(sh9, this.up.toArray())), ofMain, 1e-6);
-    this.catcher.material.opacity = shadowOpacity(Math.min(ofMain / ofAll, 0.95));
-    this.contactShadow.material.opacity = CONTACT_OPACITY;
+    this.catcher.material.opacity = groundShadowOpacity(this.light, this.up.toArray());
     const foot = this.standing.getWorldPosition(new Vector3());
     const reach = 2 * (this.unit ?? 1) * this.size;
     const aim = { towards, foot, reach, turn: this.turn, up: this.up };

@@ -65,9 +65,10 @@ export function connected(mask, height, start) {
  *
  * @param {Float32Array} radiance H * 2H * 3
  * @param {number} height
- * @returns {{direction: number[], irradiance: number[], color: number[], solidAngle: number,
- *   confidence: number}} direction is a unit vector towards the light; irradiance is that of a
- *   plane facing it; a map without a lobe has irradiance 0 and direction +Y
+ * @returns {{direction: number[], irradiance: number[], color: number[], solidAngle: number, confidence: number,
+ *   pixels: number[], surrounding: number[]}} direction is a unit vector towards the light; irradiance is that of a plane
+ *   facing it; a map without a lobe has irradiance 0 and direction +Y; pixels are those it is made of, surrounding the
+ *   radiance beside them
  */
 export function findDominantLight(radiance, height) {
   const width = 2 * height;
@@ -110,7 +111,8 @@ export function findDominantLight(radiance, height) {
     weight += solidAngle(pixel);
     for (let c = 0; c < 3; c++) surrounding[c] += solidAngle(pixel) * radiance[3 * pixel + c];
   }
-  const excess = (pixel) => [0, 1, 2].map((c) => radiance[3 * pixel + c] - surrounding[c] / weight);
+  surrounding.forEach((value, c) => (surrounding[c] = value / weight));
+  const excess = (pixel) => [0, 1, 2].map((c) => radiance[3 * pixel + c] - surrounding[c]);
 
   const pixels = [];
   const mean = [0, 0, 0];
@@ -124,7 +126,7 @@ export function findDominantLight(radiance, height) {
   }
   const length = Math.hypot(...mean);
   if (length <= 1e-6 * total) { // rounding alone, or light from all around: no direction
-    return { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0, confidence };
+    return { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0, confidence, pixels: [], surrounding };
   }
   const direction = mean.map((value) => value / length);
   const irradiance = [0, 0, 0];
@@ -138,7 +140,25 @@ export function findDominantLight(radiance, height) {
   irradiance.forEach((value, c) => (irradiance[c] = Math.max(value, 0)));
   const most = Math.max(...irradiance);
   const color = most > 0 ? irradiance.map((value) => value / most) : [1, 1, 1];
-  return { direction, irradiance, color, solidAngle: lobeAngle, confidence };
+  return { direction, irradiance, color, solidAngle: lobeAngle, confidence, pixels, surrounding };
+}
+
+/**
+ * A map without its dominant light, for renderers that are given both: on a plane that faces the light the irradiance of
+ * the map is that of the rest and the light's.
+ *
+ * @param {Float32Array} radiance
+ * @param {ReturnType<typeof findDominantLight>} dominant of this map
+ * @returns {Float32Array}
+ */
+export function withoutDominantLight(radiance, { irradiance, pixels, surrounding }) {
+  const rest = radiance.slice();
+  for (const pixel of pixels) {
+    irradiance.forEach((value, c) => {
+      if (value > 0) rest[3 * pixel + c] = Math.max(surrounding[c], 0); // a channel without light stays whole
+    });
+  }
+  return rest;
 }
 
 /** The pixels just outside a lobe; the lobe itself where it covers the whole sphere. */

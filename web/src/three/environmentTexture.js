@@ -17,7 +17,7 @@ export class EnvironmentTexture {
     this.texture.magFilter = LinearFilter;
   }
 
-  /** @param {Float32Array[]} levels of prefilter; the last ones are overwritten */
+  /** @param {Float32Array[]} levels `prefiltered` of a light; the last ones are overwritten */
   update(levels) {
     levels.forEach((values, level) => {
       const count = values.length / 6;

@@ -3,7 +3,7 @@
 import { DataTexture, Group, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry } from "three";
 import { objectBox } from "../photo/picture.js";
 
-export class RealObject {
+export class MaskOccluder {
   constructor() {
     this.material = new MeshBasicMaterial({ alphaTest: 0.5, colorWrite: false });
     this.group = new Group();

@@ -1,29 +1,31 @@
-/** Every frame of the camera to the networks' thread, which takes the newest, and the lights that come back. */
+/** Every frame of a video to the networks' thread, which takes the newest, and the lights that come back. */
 
+import { Light } from "../light/light.js";
+import { hintsOf } from "../photo/hints.js";
 import { takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
 
-export class LiveLight {
+export class Tracker {
   /**
    * @param {HTMLVideoElement} video playing
-   * @param {import("../networks/workerClient.js").Networks} networks
+   * @param {import("../networks/workerClient.js").WorkerClient} client
    * @param {{onLight: (answer: object) => void, onError: (error: Error) => void}} events
    */
-  constructor(video, networks, { onLight, onError }) {
-    Object.assign(this, { video, networks, onLight, onError });
+  constructor(video, client, { onLight, onError }) {
+    Object.assign(this, { video, client, onLight, onError });
     this.running = false;
-    this.hints = { on: [], off: [], box: null };
     this.updates = [];
     this.frames = [];
   }
 
-  async start(longFovDeg, asked) {
+  /** @param {{hints: object, longFovDeg: number, options: object, withViews: boolean}} given hints as of mark */
+  async start({ hints, ...given }) {
     this.running = true;
-    await this.networks.ask("startLive", { hints: this.hints, longFovDeg, asked });
+    await this.client.ask("startLive", { ...given, hints: this.#shares(hints) });
     if (!this.running) return; // stopped meanwhile
-    this.networks.onLive = (answer) => this.#hear(answer);
+    this.client.onLive = (answer) => this.#hear(answer);
     this.#watch();
   }
 
@@ -31,15 +33,19 @@ export class LiveLight {
     this.running = false;
   }
 
-  /** @param {import("../photo/picture.js").Hints} hints as shares of width and height; before the start they are held */
+  /** @param {{click?: number[] | number[][], exclude?: number[] | number[][], box?: number[]}} hints in the video's pixels */
   async mark(hints) {
-    this.hints = hints;
-    if (this.running) await this.networks.ask("markLive", { hints });
+    if (this.running) await this.client.ask("markLive", { hints: this.#shares(hints) });
   }
 
-  /** Another kind of light, from the next frame on. @param {import("../networks/worker.js").Asked} asked */
-  async ask(asked) {
-    if (this.running) await this.networks.ask("askLive", { asked });
+  /** Pictures may come in another size. */
+  #shares(hints) {
+    return hintsOf(hints, 1 / this.video.videoWidth, 1 / this.video.videoHeight);
+  }
+
+  /** Another kind of light, from the next frame on. @param {import("../networks/lightOfObject.js").LightOptions} options */
+  async set(options) {
+    if (this.running) await this.client.ask("setLive", { options });
   }
 
   /** Lights and pictures a second. */
@@ -65,8 +71,8 @@ export class LiveLight {
   async #give() {
     const time = performance.now() / 1000;
     try {
-      const taken = await takeFrame(this.video, this.networks.spares);
-      if (this.running) this.networks.give(taken, time);
+      const taken = await takeFrame(this.video, this.client.spares);
+      if (this.running) this.client.give(taken, time);
     } catch (error) {
       this.#fail(error);
     }
@@ -76,7 +82,7 @@ export class LiveLight {
     if (!this.running) return;
     if (answer.error) return this.#fail(new Error(answer.error));
     if (!answer.lost) this.updates.push(performance.now() / 1000);
-    this.onLight(answer);
+    this.onLight(answer.light ? { ...answer, light: new Light(answer.light) } : answer);
   }
 
   #fail(error) {
