@@ -135,6 +135,23 @@ def test_weights_that_are_not_those_of_the_package_are_refused(plain_site, tmp_p
     assert "light.onnx could not be fetched" in seen
 
 
+def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, estimator):
+    with serve({"/": plain_site}) as url:  # not isolated: one thread
+        seen = run_steps("package_sources.mjs", url, {"page": "three.html"}, complaints_allowed=True)
+    expected = estimator(VASE, fov_deg=FOV_DEG).sh9().ravel()
+    for name, sh9 in seen["sh9"].items():
+        assert np.linalg.norm(np.subtract(sh9, expected)) < 0.05 * np.linalg.norm(expected), name
+    assert seen["covered"] == pytest.approx(0.137, abs=0.02)
+    assert seen["confidence"] is None
+    refused = seen["refused"]
+    assert refused["empty"].startswith("image: expected one with pixels")
+    assert refused["mask"].startswith("mask: expected")
+    assert refused["normals"].startswith("normals: expected")
+    assert "expected wasm or webgpu, got webgl" in refused["engine"]
+    assert seen["hasWebgpu"] or "expected a browser with WebGPU" in refused["webgpu"]
+    assert "disposed" in refused["disposed"]
+
+
 @pytest.mark.slow
 def test_empty_vite_project_gives_pythons_spheres(built_site, estimator):
     seen = look(built_site, "three.html")

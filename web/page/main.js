@@ -12,6 +12,9 @@ import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
 import { readExample } from "./example.js";
 
+/** Expected IoU below which a mask comes with a warning. */
+const DOUBTFUL = 0.75;
+
 const config = await (await fetch("config.json")).json();
 if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
   element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
@@ -58,7 +61,7 @@ const live = new LiveSession({
   onShown: () => turn++,
   onFault: (error) => {
     showAgain();
-    setStatus(error.message, true);
+    setStatus(error.message, "fault");
   },
 });
 
@@ -98,7 +101,7 @@ function showAgain() {
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
 async function ownMask(picture) {
   const mask = maskFromAlpha(picture);
-  if (mask) return mask;
+  if (mask) return { mask, confidence: null };
   const probe = await networks.open();
   return probe.hasMask ? findMask(probe, picture, editor.hints) : null;
 }
@@ -113,7 +116,7 @@ function remask(hints) {
 }
 
 async function findMask(probe, picture, { on, off, box }) {
-  return (await probe.mask(picture, { click: on, exclude: off, box })).mask;
+  return probe.mask(picture, { click: on, exclude: off, box });
 }
 
 /** Find the object of the picture on show, and its light. What comes or fails after something newer was asked is dropped. */
@@ -121,19 +124,19 @@ async function examine(maskOf) {
   const mine = ++turn;
   const isLate = () => mine !== turn;
   try {
-    const mask = await maskOf(opened.picture, isLate);
-    if (!isLate()) await estimate(mask, isLate);
+    const found = await maskOf(opened.picture, isLate);
+    if (!isLate()) await estimate(found?.mask ?? null, found?.confidence ?? null, isLate);
   } catch (error) {
-    if (!isLate()) setStatus(error.message, true);
+    if (!isLate()) setStatus(error.message, "fault");
   }
 }
 
-async function estimate(mask, isLate) {
+async function estimate(mask, confidence, isLate) {
   const { picture, longFovDeg } = opened;
   editor.show(mask);
   const box = mask && objectBox(mask, picture.width);
   if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
-  Object.assign(opened, { mask, box, result: null });
+  Object.assign(opened, { mask, box, confidence, result: null });
   const probe = await networks.open();
   if (isLate()) return;
   setStatus("Estimating the lighting …");
@@ -145,6 +148,10 @@ async function estimate(mask, isLate) {
   showLight();
   if (surroundings.checked && !result.light.priors.surroundings) {
     return setStatus("The background of this photo is one colour or transparent: the lighting was estimated from the object alone.");
+  }
+  if (confidence !== null && confidence < DOUBTFUL) {
+    const share = `${(100 * confidence).toFixed(0)} %`;
+    return setStatus(`Estimated, but the mask is doubtful (expected overlap ${share}): click on the object below, or draw a box around it.`, "warning");
   }
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
@@ -164,7 +171,7 @@ async function openExample() {
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
-  if (surroundings.checked || soften.checked) return examine(async () => mask);
+  if (surroundings.checked || soften.checked) return examine(async () => ({ mask }));
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -180,7 +187,7 @@ async function attempt(work) {
   try {
     await work();
   } catch (error) {
-    setStatus(error.message, true);
+    setStatus(error.message, "fault");
   }
 }
 
@@ -195,7 +202,7 @@ element("reset").addEventListener("click", () => {
 for (const box of [surroundings, soften]) {
   box.addEventListener("change", () => {
     if (live.running) return attempt(() => live.setOptions());
-    if (opened?.mask) examine(async () => opened.mask);
+    if (opened?.mask) examine(async () => ({ mask: opened.mask, confidence: opened.confidence }));
   });
 }
 element("camera").addEventListener("click", () => {
@@ -203,9 +210,9 @@ element("camera").addEventListener("click", () => {
   choice++;
   live.start();
 });
-tools.onFault = (error) => setStatus(error.message, true);
+tools.onFault = (error) => setStatus(error.message, "fault");
 await attempt(openExample);
 if (!stage.stage.canDraw) {
-  setStatus("This browser has no WebGL: lights are estimated, but no virtual object is drawn.", true);
+  setStatus("This browser has no WebGL: lights are estimated, but no virtual object is drawn.", "fault");
 }
 document.documentElement.dataset.ready = "true";

@@ -42,12 +42,12 @@ export class AnyProbe {
   /**
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<{mask: Float32Array, width: number, height: number}>}
+   * @returns {Promise<{mask: Float32Array, width: number, height: number, confidence: number | null}>} confidence: the
+   *   IoU that the mask network expects, null where it was not asked
    */
   async mask(image, hints = {}) {
     const picture = readSource(image);
-    const mask = await this.#findMask(picture, hints);
-    return { mask, width: picture.width, height: picture.height };
+    return { ...(await this.#findMask(picture, hints)), width: picture.width, height: picture.height };
   }
 
   /**
@@ -59,7 +59,7 @@ export class AnyProbe {
    */
   async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, ...hints } = {}) {
     const picture = readSource(image);
-    const found = mask ? readMask(mask, picture) : (maskFromAlpha(picture) ?? (await this.#findMask(picture, hints)));
+    const found = mask ? readMask(mask, picture) : (maskFromAlpha(picture) ?? (await this.#findMask(picture, hints)).mask);
     if (normals && normals.length !== 3 * found.length) {
       throw new Error(`normals: expected ${picture.width} x ${picture.height} x 3 numbers, got ${normals.length}`);
     }

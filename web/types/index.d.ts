@@ -130,8 +130,11 @@ export declare class AnyProbe {
   readonly engine: "wasm" | "webgpu";
   readonly threads: number;
   readonly hasMask: boolean;
-  /** Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side. */
-  mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number }>;
+  /**
+   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and the IoU that the mask network
+   * expects, null where it was not asked (a box is cut out without it).
+   */
+  mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; confidence: number | null }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
   /** The light of every frame of a playing video, steady on a still scene. */

@@ -2,11 +2,11 @@
 
 export const element = (id) => document.getElementById(id);
 
-/** One line for everyone, read aloud by screen readers. */
-export function setStatus(text, isFault = false) {
+/** One line for everyone, read aloud by screen readers; kind: "fault" or "warning", shown in colour. */
+export function setStatus(text, kind = "") {
   const status = element("status");
   status.textContent = text;
-  status.classList.toggle("fault", isFault);
+  for (const one of ["fault", "warning"]) status.classList.toggle(one, one === kind);
 }
 
 /** Every light on show, of a photo or of a camera's picture, as the document's event "anyprobe-light". */

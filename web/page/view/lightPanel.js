@@ -92,7 +92,7 @@ export class LightPanel {
     try {
       save(await make(), suffix === "zip" ? suffix : `${this.about.photo}.${suffix}`);
     } catch (error) {
-      setStatus(error.message, true);
+      setStatus(error.message, "fault");
     }
   }
 }

@@ -37,7 +37,10 @@ const tasks = {
     }
   },
 
-  /** The mask of a still picture from clicks or a box; without any, the network's own proposal. */
+  /**
+   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With the IoU that the
+   * network expects, null where it was not asked.
+   */
   mask({ picture, hints }) {
     return findMask(picture, hints);
   },
@@ -102,10 +105,10 @@ function letGo(frame) {
 
 /** The mask of a picture, cut out along the photo's own edges. */
 async function findMask(picture, hints) {
-  if (hints.box) return cutOutOfBox(picture, hints);
-  if (!models.hasMask) return flood(picture, hints);
+  if (hints.box) return { mask: cutOutOfBox(picture, hints), confidence: null };
+  if (!models.hasMask) return { mask: flood(picture, hints), confidence: null };
   const cover = await propose((input) => models.mask(input), picture, hints);
-  return cutOut(picture, cover, hints);
+  return { mask: cutOut(picture, cover, hints), confidence: cover.confidence };
 }
 
 /** The same at one look and without refining, for video. */
