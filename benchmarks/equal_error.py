@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ball import Light, View, ball_points, choose_lights, choose_view, material
 from measure import Converging, relative_rmse
-from mitsuba_ball import MitsubaBall, open_mitsuba
+from mitsuba_sphere import MitsubaSphere, open_mitsuba
 from ours import OurRenderer
 from reference import LightTable, build_table, converge, separable_coat
+from sphere import Light, View, choose_lights, choose_view, material, sphere_points
 
 from anyprobe.core.sampling import hammersley
 
@@ -53,7 +53,7 @@ def compare(
         ours.set_map(light.radiance)
         for kind in kinds:
             for alpha in alphas:
-                rival = MitsubaBall(mitsuba, light.radiance, view, kind, alpha)
+                rival = MitsubaSphere(mitsuba, light.radiance, view, kind, alpha)
                 bench = _Cell(light, view, table, kind, alpha, effort)
                 yield bench.line(ours, rival, target) | {
                     "ours_setup_s": round(ours.setup_seconds(kind, alpha), 4),
@@ -98,12 +98,12 @@ class _Cell:
             # bit-reversed order of the shifts: any run of them covers the pixel
             right, down = shifts[(k * 37) % len(shifts)]
             distance = float(np.linalg.norm(view.position))
-            n, wo, mask = ball_points(view.tan_half, distance, len(view.mask), (float(right), float(down)))
+            n, wo, mask = sphere_points(view.tan_half, distance, len(view.mask), (float(right), float(down)))
             return n[wanted[mask]] @ view.rotation.T, wo[wanted[mask]] @ view.rotation.T
 
         return self._converge(points, brdf=separable_coat, samples=128)
 
-    def line(self, ours: OurRenderer, rival: MitsubaBall, target: float) -> dict[str, Any]:
+    def line(self, ours: OurRenderer, rival: MitsubaSphere, target: float) -> dict[str, Any]:
         """Both renderers' samples, seconds and errors."""
         start = time.monotonic()
         truth = self.our_reference()
@@ -143,7 +143,7 @@ class _Cell:
             "mitsuba_error": round(their.error, 5),
             "mitsuba_extrapolated": their.extrapolated,
             "speedup": round(their.seconds / our.seconds, 2) if our.reached else None,
-            "speedup_over_independent": round(their.stock_seconds / our.seconds, 2) if our.reached else None,
+            "speedup_over_independent": round(their.store_seconds / our.seconds, 2) if our.reached else None,
             "ours_reference_noise": round(truth.noise, 5),
             "mitsuba_reference_noise": round(theirs.noise, 5),
         }

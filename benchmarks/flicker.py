@@ -19,18 +19,18 @@ from typing import Any
 import numpy as np
 from sequences import FPS, Scene, Sequence, camera_pose, film, scenes, sequences
 
+from anyprobe.estimate.estimator import Estimator
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.estimate import Estimator
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
-from anyprobe.light.main_light import find_main_light
 from anyprobe.light.temporal import step
-from anyprobe.render.balls import ball_normals, silver
+from anyprobe.render.spheres import silver, sphere_normals
 
-BALL = 24
+SPHERE = 24
 SETTLED = 0.1
-"""A jump is followed when the silver ball is within this share of the way."""
+"""A jump is followed when the silver sphere is within this share of the way."""
 
 SETTLING_S = 1.0
 """Left out at the start of a sequence, where the filter knows nothing yet."""
@@ -38,10 +38,10 @@ SETTLING_S = 1.0
 LONGEST_LAG_S = 1.5
 
 
-def balls(maps: Iterable[np.ndarray]) -> np.ndarray:
-    """The silver balls [T, P, 3] of maps, the pixels on the ball alone."""
-    on = ball_normals(BALL)[1]
-    return np.array([silver(one, BALL)[on] for one in maps])
+def spheres(maps: Iterable[np.ndarray]) -> np.ndarray:
+    """The silver spheres [T, P, 3] of maps, the pixels on the sphere alone."""
+    on = sphere_normals(SPHERE)[1]
+    return np.array([silver(one, SPHERE)[on] for one in maps])
 
 
 def angle_deg(p: np.ndarray, g: np.ndarray) -> float:
@@ -49,25 +49,25 @@ def angle_deg(p: np.ndarray, g: np.ndarray) -> float:
 
 
 def steadiness(maps: Run[np.ndarray], shown: np.ndarray) -> dict[str, float]:
-    """How much a run of lights changes from frame to frame; shown: its balls [T, P, 3]."""
+    """How much a run of lights changes from frame to frame; shown: its spheres [T, P, 3]."""
     mean = shown.mean(axis=0)
     sh = np.array([project(one) for one in maps])
     steps = np.linalg.norm(np.diff(sh, axis=0), axis=(1, 2)) / np.linalg.norm(sh.mean(axis=0))
-    toward = np.array([find_main_light(one).direction for one in maps])
+    toward = np.array([find_dominant_light(one).direction for one in maps])
     turns = np.degrees(np.arccos(np.clip((toward[1:] * toward[:-1]).sum(axis=1), -1, 1)))
     return {
-        "color_angle_std_deg": rounded(np.sqrt(np.mean([angle_deg(ball, mean) ** 2 for ball in shown]))),
+        "color_angle_std_deg": rounded(np.sqrt(np.mean([angle_deg(sphere, mean) ** 2 for sphere in shown]))),
         "color_angle_step_deg": rounded(
             np.mean([angle_deg(b, a) for a, b in zip(shown, shown[1:], strict=False)])
         ),
         "sh_step_percent": rounded(100 * steps.mean()),
-        "main_light_step_deg": rounded(turns.mean()),
-        "main_light_step_max_deg": rounded(turns.max()),
+        "dominant_light_step_deg": rounded(turns.mean()),
+        "dominant_light_step_max_deg": rounded(turns.max()),
     }
 
 
 def lag_s(shown: np.ndarray, raw: np.ndarray) -> float:
-    """How long ago the raw balls looked as these do: the shift with the least squared difference."""
+    """How long ago the raw spheres looked as these do: the shift with the least squared difference."""
     times = np.arange(len(raw)) / FPS
     late = times >= LONGEST_LAG_S
     shifts = np.arange(0.0, LONGEST_LAG_S, 0.25 / FPS)
@@ -84,7 +84,7 @@ def lag_s(shown: np.ndarray, raw: np.ndarray) -> float:
 
 
 def followed_s(shown: np.ndarray, raw: np.ndarray, jump: int) -> float | None:
-    """From the jump's first frame until the balls stay near where the raw ones settle; None if not."""
+    """From the jump's first frame until the spheres stay near where the raw ones settle; None if not."""
     before, after = raw[jump - FPS // 2 : jump].mean(axis=0), raw[jump + 1 :].mean(axis=0)
     left = np.linalg.norm(shown[jump:] - after, axis=(1, 2)) / np.linalg.norm(after - before)
     outside = np.flatnonzero(left > SETTLED)
@@ -124,7 +124,7 @@ def measure(
         poses = [camera_pose(sequence.yaw(index / FPS)) for index in range(len(found))]
         runs["filtered, pose known"] = filtered_in_the_world(found, poses)
     start = round(SETTLING_S * FPS)
-    shown = {name: balls(run) for name, run in runs.items()}
+    shown = {name: spheres(run) for name, run in runs.items()}
     raw = shown["frame by frame"]
     for name, run in runs.items():
         line = {"part": "flicker", "scene": scene.name, "sequence": sequence.name, "lights": name}

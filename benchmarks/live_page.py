@@ -2,8 +2,8 @@
 
     python benchmarks/live_page.py [--seconds 20] [--engine wasm|webgpu] [--threads 2] [--cores 0,1] [--sway 0]
 
-The camera shows a shaded ball with a little noise, and every four seconds the light on it turns by 90
-degrees about +Y, there and back; a patch in the video's corner says when. With --sway the ball goes to and fro
+The camera shows a shaded sphere with a little noise, and every four seconds the light on it turns by 90
+degrees about +Y, there and back; a patch in the video's corner says when. With --sway the sphere goes to and fro
 by so many pixels every two seconds, and its mask must be found anew all the time. It draws in software (SwiftShader)
 where no GPU is, on the same cores as the networks. Needs Chromium, Node.js and the packages of
 tests/browser; run it on a machine with nothing else to do. Prints one JSON object:
@@ -15,7 +15,7 @@ pictures                     the same counted one by one, a second: `delivered` 
                              `unheard`, how many were presented and not heard in each second
 ms                           means a light, in the networks' thread; `all` is their sum, `between` what the
                              thread waits for the next frame
-std_color_angle_deg          of a white ball in the light about its mean over time, one for each still stretch
+std_color_angle_deg          of a white sphere in the light about its mean over time, one for each still stretch
 followed_in_s                from the first frame under the new light until the page's light stays within a
                              tenth of the way, one for each change
 """
@@ -43,7 +43,7 @@ from anyprobe.core.response import response
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import irradiance
-from anyprobe.render.balls import ball_normals, diffuse
+from anyprobe.render.spheres import diffuse, sphere_normals
 
 ROOT = Path(__file__).parents[1]
 FPS, WIDTH, HEIGHT, DIAMETER = 30, 640, 480, 220
@@ -63,30 +63,30 @@ PATIENCE_S = 60.0
 
 
 def frames(radiance: np.ndarray, patch: int, count: int, rng: np.random.Generator, sway: float = 0.0):
-    """[480, 640, 3] uint8: the ball under a light over a dull ground, each frame with its own noise."""
+    """[480, 640, 3] uint8: the sphere under a light over a dull ground, each frame with its own noise."""
     rows = np.arange(HEIGHT)[:, None, None]
     ground = 0.2 + 0.2 * rows / HEIGHT * np.array([0.2, 0.6, 1.0])
     top, middle = (HEIGHT - DIAMETER) // 2, (WIDTH - DIAMETER) // 2
-    on = ball_normals(DIAMETER)[1]
-    ball = response(0.8 * diffuse(radiance, DIAMETER))
+    on = sphere_normals(DIAMETER)[1]
+    sphere = response(0.8 * diffuse(radiance, DIAMETER))
     for index in range(count):
         left = middle + round(sway * np.sin(2 * np.pi * index / count))
         clean = np.broadcast_to(ground, (HEIGHT, WIDTH, 3)).copy()
-        clean[top : top + DIAMETER, left : left + DIAMETER][on] = ball[on]
+        clean[top : top + DIAMETER, left : left + DIAMETER][on] = sphere[on]
         clean[:16, :16] = patch
         yield to_bytes(clean + rng.normal(0, NOISE / 255, clean.shape))
 
 
-def white_balls(sh9: np.ndarray) -> np.ndarray:
-    """What the pixels of a white ball show, [N, P, 3], in lights of SH [N, 9, 3]."""
-    normals = ball_normals(16)[0].astype(np.float32)
+def white_spheres(sh9: np.ndarray) -> np.ndarray:
+    """What the pixels of a white sphere show, [N, P, 3], in lights of SH [N, 9, 3]."""
+    normals = sphere_normals(16)[0].astype(np.float32)
     return np.array([irradiance(one, normals) for one in sh9]) / np.pi
 
 
-def stillness(balls: np.ndarray) -> float:
+def stillness(spheres: np.ndarray) -> float:
     """Degrees: root mean square over time of the colour angle to the mean, as benchmarks/flicker.py has it."""
-    mean, on = balls.mean(axis=0), np.ones(balls.shape[1], bool)
-    return float(np.sqrt(np.mean([color_angle_deg(ball, mean, on) ** 2 for ball in balls])))
+    mean, on = spheres.mean(axis=0), np.ones(spheres.shape[1], bool)
+    return float(np.sqrt(np.mean([color_angle_deg(sphere, mean, on) ** 2 for sphere in spheres])))
 
 
 def describe(seen: dict) -> dict:
@@ -110,7 +110,7 @@ def describe(seen: dict) -> dict:
     result["ms"] = {part: round(value, 1) for part, value in ms.items()}
 
     times = np.array([light["time"] for light in counted])
-    balls = white_balls(np.array([light["sh9"] for light in counted]).reshape(-1, 9, 3))
+    spheres = white_spheres(np.array([light["sh9"] for light in counted]).reshape(-1, 9, 3))
     changes = [time for time in seen["changes"] if start <= time < end]
     still, followed = [], []
     for change, until in zip(changes, [*changes[1:], end], strict=True):
@@ -118,11 +118,11 @@ def describe(seen: dict) -> dict:
         settled = np.flatnonzero((times > change + ADAPT_S) & (times < until))
         if len(settled) < 5:
             continue
-        still.append(round(stillness(balls[settled]), 3))
+        still.append(round(stillness(spheres[settled]), 3))
         if len(before) == 0:
             continue
-        goal = balls[settled].mean(axis=0)
-        left = np.linalg.norm(balls - goal, axis=(1, 2)) / np.linalg.norm(balls[before[-1]] - goal)
+        goal = spheres[settled].mean(axis=0)
+        left = np.linalg.norm(spheres - goal, axis=(1, 2)) / np.linalg.norm(spheres[before[-1]] - goal)
         on_the_way = np.flatnonzero((times >= change) & (times < until) & (left > FOLLOWED))
         arrived = times[on_the_way[-1] + 1] if len(on_the_way) else times[before[-1] + 1]
         followed.append(round(float(arrived - change), 2))
@@ -133,11 +133,11 @@ def count_pictures(seen: dict) -> dict:
     """Rates of the camera's pictures on their way while it counted, from one by one."""
     start, end = seen["from"], seen["to"]
 
-    def pace(told: list[dict], count: str) -> float | None:
-        told = [one for one in told if start <= one["time"] <= end]
-        if len(told) < 2:
+    def pace(given: list[dict], count: str) -> float | None:
+        given = [one for one in given if start <= one["time"] <= end]
+        if len(given) < 2:
             return None
-        return round((told[-1][count] - told[0][count]) / (told[-1]["time"] - told[0]["time"]), 2)
+        return round((given[-1][count] - given[0][count]) / (given[-1]["time"] - given[0]["time"]), 2)
 
     heard = [one | {"heard": index} for index, one in enumerate(seen["pictures"])]
     unheard = [0] * math.floor(end - start)
@@ -176,7 +176,7 @@ def main() -> None:
     parser.add_argument("--engine", choices=("wasm", "webgpu"), default="wasm")
     parser.add_argument("--threads", type=int, default=0, help="of the networks; one a core where not told")
     parser.add_argument("--cores", help="which ones all of it runs on, as 0,1")
-    parser.add_argument("--sway", type=float, default=0.0, help="pixels by which the ball goes to and fro")
+    parser.add_argument("--sway", type=float, default=0.0, help="pixels by which the sphere goes to and fro")
     parser.add_argument("--screenshot", type=Path, help="where to keep a picture of the page")
     asked = parser.parse_args()
     if asked.cores:

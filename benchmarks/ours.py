@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from ball import View
 from measure import best_time, relative_rmse
+from sphere import View
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import Pyramid
-from anyprobe.render.by_maps import PLAIN, Kernels, radiance_by_maps
 from anyprobe.render.integrate import shading_pyramid
-from anyprobe.scatter.brdf import Material
+from anyprobe.render.picture import PLAIN, Kernels, radiance_by_maps
+from anyprobe.scatter.materials import Material
 
 COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
 """Samples a point that are tried; of the specular and the diffuse term alike."""
@@ -22,8 +22,8 @@ SIZES = (24, 32, 48, 64, 96, 128)
 """Of reflectance maps that are tried, beside shading every point by itself."""
 MAP_COUNTS, MAP_DIFFUSE_COUNTS = COUNTS[:9], (8, 16, 24, 32, 64)
 """Samples of a map's normals that are tried, of either term."""
-LAMPS, LOOK_UP = 10, 16
-"""Samples that cost about as much as a point's lamps, for either term, and as looking a point up, lamps included."""
+EMITTERS, LOOK_UP = 10, 16
+"""Samples that cost about as much as a point's emitters, for either term, and as a lookup with emitters."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,7 +40,7 @@ class Way:
         samples = self.samples + self.diffuse_samples
         if self.size:
             return samples * self.size**2 + LOOK_UP * points
-        return (samples + LAMPS * (2 if self.diffuse_samples else 1)) * points
+        return (samples + EMITTERS * (2 if self.diffuse_samples else 1)) * points
 
 
 def ways(kind: str, points: int, sizes: list[int]) -> list[Way]:
@@ -71,7 +71,7 @@ def _widths(kind: str, alpha: float) -> set[float]:
 
 
 class OurRenderer:
-    """Shades the ball's points; compiled once for every way that is timed."""
+    """Shades the sphere's points; compiled once for every way that is timed."""
 
     def __init__(self, compiled: bool = True) -> None:
         self._timed = PLAIN

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.stock import load_stock
+from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.evaluate.mask_scenes import rendered_cases
 from anyprobe.evaluate.masks import Case, iou, methods, photo_cases
 from anyprobe.masks.propose import shared_network
@@ -33,15 +33,15 @@ METHODS = {"nothing": "nothing: network, GrabCut", "click": "click: network, Gra
 """What `anyprobe mask` does, by what it is told."""
 
 
-def compare(cases: list[Case], told: str) -> dict:
+def compare(cases: list[Case], given: str) -> dict:
     """The page and the command line told nothing, a click or a box."""
     from support.page_masks import page_masks
 
-    clicks = [[case.click] if told == "click" else [] for case in cases]
-    boxes = [case.box if told == "box" else None for case in cases]
+    clicks = [[case.click] if given == "click" else [] for case in cases]
+    boxes = [case.box if given == "box" else None for case in cases]
     with tempfile.TemporaryDirectory() as folder:
         pages, spent = page_masks(Path(folder), [case.rgb for case in cases], clicks, boxes)
-    find = methods(shared_network())[METHODS[told]]
+    find = methods(shared_network())[METHODS[given]]
     ours = [find(case) for case in cases]
     ours = [np.zeros_like(page) if mask is None else mask for mask, page in zip(ours, pages, strict=True)]
     return {
@@ -79,13 +79,15 @@ def main() -> None:
     sys.path.insert(0, str(ROOT / "tests"))
     sets = {}
     if asked.data is not None:
-        stock = load_stock(asked.data, "test", commercial_only=False)
-        sets["scenes"] = list(rendered_cases(stock, asked.scenes, asked.seed))
+        store = load_asset_store(asked.data, "test", commercial_only=False)
+        sets["scenes"] = list(rendered_cases(store, asked.scenes, asked.seed))
     if asked.photos is not None:
         sets["photos"] = list(photo_cases(asked.photos))
     for name, cases in sets.items():
-        for told in METHODS:
-            print(json.dumps({"set": name, "told": told, **compare(cases, told)}), flush=True)
+        for given in METHODS:
+            print(
+                json.dumps({"set": name, "well_exposed_fraction": given, **compare(cases, given)}), flush=True
+            )
 
 
 if __name__ == "__main__":

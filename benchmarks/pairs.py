@@ -16,16 +16,14 @@ import torch
 from measure import held_mb
 
 from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.local_engine import one_thread
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
+from anyprobe.dataset.process_pools import one_thread
 from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
-from anyprobe.dataset.stock import Stock, load_stock
-from anyprobe.dataset.stream import stream
-from anyprobe.train.config import RunConfig
-from anyprobe.train.runs import RUNS
-from anyprobe.train.supply import make_pairs
+from anyprobe.train.config import RUNS, RunConfig
+from anyprobe.train.dataloader import make_pairs, stream
 
 MEMORY_POINTS = 50
 """Readings of the memory, spread evenly over the pairs."""
@@ -89,21 +87,21 @@ def count_pairs(batches: Iterator[Batch], config: PairConfig, seconds: float) ->
             return steps * config.batch, elapsed
 
 
-def straight_pair(recipe: Recipe, stock: Stock) -> tuple[np.ndarray, ...]:
+def straight_pair(recipe: Recipe, store: AssetStore) -> tuple[np.ndarray, ...]:
     """One pair the straightforward way, in NumPy: rasterise the shape, shade its points, turn the map.
 
     Returns:
         photo [S, S, 4], irradiance [S, S, 3], ldr and ln radiance [64, 128, 3].
     """
-    pair = render_pair(recipe, stock)
+    pair = render_pair(recipe, store)
     ldr = response(pair.radiance, MEAN_CURVE)
     return pair.photo, pair.irradiance, ldr, np.clip(np.log(np.clip(pair.radiance, 1e-6, None)), *LN_RANGE)
 
 
 def count_straight_pairs(data: Path | None, seconds: float) -> tuple[int, float]:
-    """Pairs of straight_pair in so many seconds, over all of small_stock, and the seconds."""
-    stock = small_stock(data)
-    map_ids, shape_ids = list(stock.maps), list(stock.shapes)
+    """Pairs of straight_pair in so many seconds, over all of small_store, and the seconds."""
+    store = small_store(data)
+    map_ids, shape_ids = list(store.maps), list(store.shapes)
 
     def one(k: int) -> None:
         recipe = Recipe(
@@ -115,7 +113,7 @@ def count_straight_pairs(data: Path | None, seconds: float) -> tuple[int, float]
             conditions=1,
             seed=k,
         )
-        straight_pair(recipe, stock)
+        straight_pair(recipe, store)
 
     for k in range(len(map_ids)):  # their pyramids
         one(k)
@@ -126,12 +124,12 @@ def count_straight_pairs(data: Path | None, seconds: float) -> tuple[int, float]
     return count, time.perf_counter() - start
 
 
-def small_stock(data: Path | None) -> Stock:
+def small_store(data: Path | None) -> AssetStore:
     """Four maps and eight shapes: of data/{hdri,meshes}/train, else our own."""
     if data is None:
-        return load_stock(None, "train", procedural_maps=4, procedural_shapes=8)
+        return load_asset_store(None, "train", procedural_maps=4, procedural_shapes=8)
     maps, shapes = load_maps(data / "hdri" / "train"), load_shapes(data / "meshes" / "train")
-    return Stock(maps[:4], shapes[:8])
+    return AssetStore(maps[:4], shapes[:8])
 
 
 def measure_speed(setup: Setup, seconds: float) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.frames import normalize, rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, take_photo
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.pair import shade_surface
-from anyprobe.dataset.stock import Stock
-from anyprobe.infer.photo import Photo
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.surface import frame_object, see
 
@@ -34,7 +34,7 @@ class Place:
 
 
 def draw_place(
-    stock: Stock, rng: np.random.Generator, count: int, arc_deg: float = 360.0, room: float | None = None
+    store: AssetStore, rng: np.random.Generator, count: int, arc_deg: float = 360.0, room: float | None = None
 ) -> Place:
     """A random map, shape, material and camera, as the world gives them.
 
@@ -44,7 +44,7 @@ def draw_place(
         room: the camera's distance from the object over that of all that lights it, behind which the photos then show
             it: walls that are not infinitely far look displaced. None: black behind the object.
     """
-    maps, shapes = list(stock.maps.values()), list(stock.shapes.values())
+    maps, shapes = list(store.maps.values()), list(store.shapes.values())
     asset, shape = maps[rng.integers(len(maps))], shapes[rng.integers(len(shapes))]
     material = draw_material(rng, draw_alpha(rng))
     yaw, map_yaw = rng.uniform(0, 2 * np.pi, 2)
@@ -55,7 +55,7 @@ def draw_place(
         camera = frame_object(shape.mesh, world_from_camera(yaw + k * step, elevation), fov_deg=fov_deg)
         surface = see(shape.mesh, camera)
         turns.append(rotation_y(map_yaw) @ camera.world_from_camera)
-        shading = shade_surface(stock.pyramid(asset.id), surface, turns[-1], material.alpha)
+        shading = shade_surface(store.pyramid(asset.id), surface, turns[-1], material.alpha)
         reflected = shading.radiance(material)
         if radiance is None:
             light = np.maximum(shrink(rotate(asset.radiance, turns[0].T), MAP_HEIGHT), 0.0)

@@ -19,7 +19,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles, uv_to_direction
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere, square_to_ggx_normal
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 from anyprobe.scatter.microfacet import ggx_distribution
 
 SAMPLES = 1024
@@ -109,18 +109,18 @@ def separable_coat(material: Material, wo, wi, n):
     return torch.where(dot(n, wi) > 0, value, torch.zeros_like(value))
 
 
-def one_pass(table: LightTable, n, wo, lamp, u, material: Material, brdf: Callable = evaluate):
+def one_pass(table: LightTable, n, wo, emitter, u, material: Material, brdf: Callable = evaluate):
     """One unbiased estimate of Lo [P, 3] with S samples of each density.
 
     Args:
-        n, wo: [P, 3].   lamp: directions [S, 3] drawn from the table.   u: [2, S, 2] for the other two.
+        n, wo: [P, 3].   emitter: directions [S, 3] drawn from the table.   u: [2, S, 2] for the other two.
         material: of tensors.   brdf: f_r(material, wo, wi, n).
     """
     n, wo = n[:, None], wo[:, None]
     h = world_from_local(square_to_ggx_normal(u[0][None], material.alpha), n)
     total = 0.0
     for wi in (
-        lamp[None].expand(n.shape[0], -1, -1),
+        emitter[None].expand(n.shape[0], -1, -1),
         2.0 * dot(wo, h) * h - wo,
         world_from_local(square_to_cosine_hemisphere(u[1])[None], n),
     ):
@@ -161,11 +161,11 @@ def converge(
     while result.count < LEAST_PASSES or (result.noise > noise and time.monotonic() - start < seconds):
         n, wo = (torch.from_numpy(np.ascontiguousarray(x, np.float32)) for x in points(result.count))
         shifts = rng.random((3, 2))
-        lamp = torch.from_numpy(draw_directions(table, hammersley(samples, shifts[0])).astype(np.float32))
+        emitter = torch.from_numpy(draw_directions(table, hammersley(samples, shifts[0])).astype(np.float32))
         u = torch.from_numpy(np.stack([hammersley(samples, shift) for shift in shifts[1:]]))
         with torch.no_grad():
             parts = [
-                one_pass(table, some_n, some_wo, lamp, u, material, brdf)
+                one_pass(table, some_n, some_wo, emitter, u, material, brdf)
                 for some_n, some_wo in zip(n.split(chunk), wo.split(chunk), strict=True)
             ]
         result.add(torch.cat(parts).numpy())

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from ball import ALPHAS, KINDS, SIZE
 from equal_error import Effort, compare
 from measure import cpu_model, in_fresh_process
 from pairs import Setup, measure_memory, measure_speed
 from report import Report
+from sphere import ALPHAS, KINDS, SIZE
 
 from anyprobe.errors import AnyprobeError, InputError
 
@@ -41,7 +41,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--target", type=float, default=0.03, help="relative RMSE to reach")
     parser.add_argument("--alphas", type=float, nargs="+", default=list(ALPHAS), metavar="ALPHA")
     parser.add_argument("--kinds", choices=KINDS, nargs="+", default=list(KINDS))
-    parser.add_argument("--size", type=int, default=SIZE, help="side of the ball's picture")
+    parser.add_argument("--size", type=int, default=SIZE, help="side of the sphere's picture")
     parser.add_argument("--pairs", type=int, help="pairs of the memory part (100000; quick 2000)")
     parser.add_argument(
         "--cache", type=Path, default=Path("runs/cache"), help="rasterised shapes are kept here"

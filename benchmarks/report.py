@@ -67,7 +67,7 @@ class Report:
 
     def _table(self) -> Table:
         first = self._cells[0]
-        title = f"a ball of {first['pixels']} pixels to a relative RMSE of {100 * first['target']:g} %"
+        title = f"a sphere of {first['pixels']} pixels to a relative RMSE of {100 * first['target']:g} %"
         table = Table(title=f"{title}: ours, then Mitsuba's fastest", box=SIMPLE)
         for column in COLUMNS:
             table.add_column(column, justify="left" if column in COLUMNS[:2] else "right", no_wrap=True)

@@ -1,4 +1,4 @@
-"""Rendered sequences of one object: a still scene, a camera that goes round it, a lamp that jumps or swings.
+"""Rendered sequences of one object: a still scene, a camera that goes round it, an emitter that jumps or swings.
 
 Every frame is photographed as a camera does it: response curve, noise, 8 bits, JPEG; and its mask's edge
 trembles as masks found anew in each frame do.
@@ -18,15 +18,14 @@ from anyprobe.core.response import CameraCurve
 from anyprobe.dataset.camera import Shot, take_photo
 from anyprobe.dataset.mask_errors import fray
 from anyprobe.dataset.room import room
-from anyprobe.dataset.sky import sky
-from anyprobe.dataset.studio import direction_at, soft_cap, studio
-from anyprobe.infer.photo import Photo
+from anyprobe.dataset.sky import direction_at, sky, soft_cap, studio
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import blob, lathe, superquadric
 from anyprobe.render.surface import frame_object
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 FPS = 24
 SIZE = 160
@@ -38,10 +37,10 @@ NOISE, JPEG_QUALITY = 0.01, 90
 EDGE_PX, EDGE_DEPTH = 1.5, 0.4
 """Of the mask's fraying, see dataset.mask_errors.fray: its edge moves by up to about a pixel."""
 
-LAMP_RADIUS, LAMP_POWER = 0.25, 45.0
+EMITTER_RADIUS, EMITTER_POWER = 0.25, 45.0
 """Radians; over a surround of mean luminance 1. Its irradiance is about three times the surround's."""
 
-LAMP_HEIGHT, LAMP_LEFT, LAMP_RIGHT = np.radians([45.0, -140.0, 140.0])
+EMITTER_HEIGHT, EMITTER_LEFT, EMITTER_RIGHT = np.radians([45.0, -140.0, 140.0])
 """Elevation, and azimuths: 0 is what the first frame's camera looks at, so both are behind the camera."""
 
 ORBIT_DEG_S, SWING_DEG_S = 30.0, 60.0
@@ -59,12 +58,12 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sequence:
-    """yaw [radians] of the camera and azimuth of the lamp at time t [s]; jump_s: when the lamp jumps."""
+    """yaw [radians] of the camera and azimuth of the emitter at time t [s]; jump_s: when the emitter jumps."""
 
     name: str
     seconds: float
     yaw: Callable[[float], float]
-    lamp: Callable[[float], float]
+    emitter: Callable[[float], float]
     jump_s: float | None = None
 
 
@@ -78,21 +77,26 @@ class Taken:
 
 
 def sequences(seconds: float) -> list[Sequence]:
-    """The four, each so long; the lamp jumps after two thirds."""
+    """The four, each so long; the emitter jumps after two thirds."""
     jump_s = round(seconds * 2 / 3 * FPS) / FPS
     orbit, swing = np.radians([ORBIT_DEG_S, SWING_DEG_S])
     return [
-        Sequence(name="still", seconds=seconds, yaw=lambda t: 0.0, lamp=lambda t: LAMP_LEFT),
-        Sequence(name="camera turns", seconds=seconds, yaw=lambda t: orbit * t, lamp=lambda t: LAMP_LEFT),
+        Sequence(name="still", seconds=seconds, yaw=lambda t: 0.0, emitter=lambda t: EMITTER_LEFT),
         Sequence(
-            name="lamp jumps",
+            name="camera turns", seconds=seconds, yaw=lambda t: orbit * t, emitter=lambda t: EMITTER_LEFT
+        ),
+        Sequence(
+            name="emitter jumps",
             seconds=seconds,
             yaw=lambda t: 0.0,
-            lamp=lambda t: LAMP_LEFT if t < jump_s - 1e-6 else LAMP_RIGHT,
+            emitter=lambda t: EMITTER_LEFT if t < jump_s - 1e-6 else EMITTER_RIGHT,
             jump_s=jump_s,
         ),
         Sequence(
-            name="lamp swings", seconds=seconds, yaw=lambda t: 0.0, lamp=lambda t: LAMP_LEFT - swing * t
+            name="emitter swings",
+            seconds=seconds,
+            yaw=lambda t: 0.0,
+            emitter=lambda t: EMITTER_LEFT - swing * t,
         ),
     ]
 
@@ -110,11 +114,11 @@ def scenes() -> list[Scene]:
     ]
 
 
-def lamp_at(scene: Scene, azimuth: float) -> np.ndarray:
-    """The surround with the lamp, [H, 2H, 3]."""
+def emitter_at(scene: Scene, azimuth: float) -> np.ndarray:
+    """The surround with the emitter, [H, 2H, 3]."""
     d = pixel_directions(scene.surround.shape[0]).astype(np.float64)
-    cap = soft_cap(d, direction_at(azimuth, LAMP_HEIGHT), LAMP_RADIUS)
-    return (scene.surround + LAMP_POWER * cap * np.array([1.1, 1.0, 0.8])).astype(np.float32)
+    cap = soft_cap(d, direction_at(azimuth, EMITTER_HEIGHT), EMITTER_RADIUS)
+    return (scene.surround + EMITTER_POWER * cap * np.array([1.1, 1.0, 0.8])).astype(np.float32)
 
 
 def camera_pose(yaw: float) -> np.ndarray:
@@ -137,9 +141,9 @@ def film(scene: Scene, sequence: Sequence, seed: int = 0) -> Iterator[Taken]:
     gain, drawn_at = None, None
     for index in range(round(sequence.seconds * FPS)):
         time_s = index / FPS
-        at = sequence.yaw(time_s), sequence.lamp(time_s)
+        at = sequence.yaw(time_s), sequence.emitter(time_s)
         if at != drawn_at:
-            light, drawn_at = lamp_at(scene, at[1]), at
+            light, drawn_at = emitter_at(scene, at[1]), at
             camera = frame_object(scene.mesh, camera_pose(at[0]), FOV_DEG, margin=MARGIN, size=SIZE)
             drawn = draw_mesh(scene.mesh, camera, light, scene.material)
             mask = drawn[..., 3] > 0.5

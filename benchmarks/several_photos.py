@@ -21,46 +21,48 @@ from pathlib import Path
 import numpy as np
 from places import draw_place
 
-from anyprobe.dataset.stock import Stock, load_left_out, load_stock
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
 from anyprobe.errors import InputError
-from anyprobe.evaluate.protocol import score
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import Photo, crop_object
-from anyprobe.infer.several import estimate_together, fuse_lights
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.multiview import estimate_multiview, fuse_lights
+from anyprobe.estimate.photo import Photo, crop_object
+from anyprobe.evaluate.scoring import score
 
 MOST = 8
 COUNTS = (1, 2, 4, 8)
-ALONE, OWN, GATHERED = "not told", "each its own", "gathered"
+ALONE, OWN, GATHERED = "not told", "each its own", "merged_surroundings"
 SHOWN = (
     "ldr_rmse",
     "ldr_ssim",
     "ln_hdr_rmse",
     "angle_diffuse_deg",
     "si_rmse_diffuse",
-    "main_light_deg",
-    "flux_stops",
+    "dominant_light_deg",
+    "total_power_stops",
 )
 
 
 def measure(
-    stock: Stock, places: int, arc_deg: float, room: float | None, estimator: Estimator
+    store: AssetStore, places: int, arc_deg: float, room: float | None, estimator: Estimator
 ) -> Iterator[dict]:
     """One line a place, number of photos and what is told of the surroundings."""
-    rng, around = np.random.default_rng(15), arc_deg == 360
+    rng, surroundings = np.random.default_rng(15), arc_deg == 360
     for number in range(places):
-        place = draw_place(stock, rng, MOST, arc_deg, room)
+        place = draw_place(store, rng, MOST, arc_deg, room)
         lights = {ALONE: [estimator.from_photo(photo) for photo in place.photos]}
-        told = [] if room is None else [seen(photo) for photo in place.photos]
-        if told:
-            lights[OWN] = [estimator.from_photo(photo) for photo in told]
+        given = [] if room is None else [seen(photo) for photo in place.photos]
+        if given:
+            lights[OWN] = [estimator.from_photo(photo) for photo in given]
         for count in COUNTS:
             chosen = (
-                np.linspace(0, MOST if around else MOST - 1, count, endpoint=not around).round().astype(int)
+                np.linspace(0, MOST if surroundings else MOST - 1, count, endpoint=not surroundings)
+                .round()
+                .astype(int)
             )
             poses = place.map_from_camera[chosen]
             fused = {name: fuse_lights([few[k] for k in chosen], poses) for name, few in lights.items()}
-            if told:
-                fused[GATHERED] = estimate_together(estimator, [told[k] for k in chosen], poses)
+            if given:
+                fused[GATHERED] = estimate_multiview(estimator, [given[k] for k in chosen], poses)
             for name, light in fused.items():
                 line = {"place": number, "photos": count, "surroundings": name}
                 yield line | score(light.radiance, place.radiance)
@@ -69,10 +71,10 @@ def measure(
 def seen(photo: Photo) -> Photo:
     """The photo, told that what it shows beside the object lights it; as it is where that is all black."""
     try:
-        crop_object(replace(photo, around=True))
+        crop_object(replace(photo, surroundings=True))
     except InputError:
         return photo
-    return replace(photo, around=True)
+    return replace(photo, surroundings=True)
 
 
 def main() -> None:
@@ -87,10 +89,10 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     options = parser.parse_args()
     if options.left_out:
-        stock = load_left_out(options.data)
+        store = load_left_out(options.data)
     else:
         own = 0 if options.data else 12
-        stock = load_stock(
+        store = load_asset_store(
             options.data,
             "test",
             extra=False,
@@ -99,19 +101,20 @@ def main() -> None:
             procedural_shapes=own,
         )
     lines = []
-    for line in measure(stock, options.places, options.arc, options.room, Estimator()):
+    for line in measure(store, options.places, options.arc, options.room, Estimator()):
         lines.append(line)
         if options.json:
             print(json.dumps(line), flush=True)
-    for count, told in product(COUNTS, dict.fromkeys(line["surroundings"] for line in lines)):
-        rows = [line for line in lines if line["photos"] == count and line["surroundings"] == told]
+    for count, given in product(COUNTS, dict.fromkeys(line["surroundings"] for line in lines)):
+        rows = [line for line in lines if line["photos"] == count and line["surroundings"] == given]
         means = {name: float(np.mean([row[name] for row in rows if name in row])) for name in SHOWN}
         medians = {
-            name: float(np.median([row[name] for row in rows])) for name in ("main_light_deg", "flux_stops")
+            name: float(np.median([row[name] for row in rows]))
+            for name in ("dominant_light_deg", "total_power_stops")
         }
         print(
             json.dumps(
-                {"photos": count, "surroundings": told, "places": len(rows)}
+                {"photos": count, "surroundings": given, "places": len(rows)}
                 | {name: round(value, 4) for name, value in means.items()}
                 | {f"{name}_median": round(value, 4) for name, value in medians.items()}
             ),

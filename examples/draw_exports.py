@@ -2,7 +2,7 @@
 
     python examples/draw_exports.py [TARGET...]
 
-Three balls (white, rough metal, mirror) before the map, seen along -Z. tests/README.md says what each
+Three spheres (white, rough metal, mirror) before the map, seen along -Z. tests/README.md says what each
 target needs. What cannot run is named and left as it is.
 """
 
@@ -24,7 +24,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.render.balls import ball_images, ball_normals
+from anyprobe.render.spheres import sphere_images, sphere_normals
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs" / "export"
@@ -42,9 +42,9 @@ def draw_mitsuba(radiance: np.ndarray, folder: Path) -> np.ndarray:
 
 
 def draw_blender(radiance: np.ndarray, folder: Path) -> np.ndarray:
-    """The exported script run in a scene of three balls, by Cycles."""
+    """The exported script run in a scene of three spheres, by Cycles."""
     seen = folder / "seen.exr"
-    _run_blender("blender_balls.py", _exported(radiance, "blender", folder, ".py"), seen)
+    _run_blender("blender_spheres.py", _exported(radiance, "blender", folder, ".py"), seen)
     return response(_read_picture(seen))
 
 
@@ -52,19 +52,19 @@ def draw_usd(radiance: np.ndarray, folder: Path) -> np.ndarray:
     """The exported stage, everything in its dome, imported by Blender."""
     seen, stage = folder / "seen.exr", _exported(radiance, "usd", folder, ".usda")
     stage.write_text(stage.read_text().replace('mainLight = "separate"', 'mainLight = "inTheDome"'))
-    _run_blender("blender_balls.py", stage, seen)
+    _run_blender("blender_spheres.py", stage, seen)
     return response(_read_picture(seen))
 
 
 def draw_beside(_: np.ndarray, folder: Path) -> np.ndarray:
-    """The example photo's estimate: our own balls, and below them Blender's."""
+    """The example photo's estimate: our own spheres, and below them Blender's."""
     light = estimate(ROOT / "examples" / "vase.png")
     size = 128
     path = next(p for p in light.export("blender", folder, "vase") if p.suffix == ".py")
-    _run_blender("blender_each_ball.py", path, size, folder / "balls.npy")
-    mask = ball_normals(size)[1][..., None]
-    rows = [list(ball_images(light.radiance, size).values()), list(np.load(folder / "balls.npy"))]
-    return np.vstack([np.hstack([np.where(mask, response(ball), 1.0) for ball in row]) for row in rows])
+    _run_blender("blender_each_sphere.py", path, size, folder / "spheres.npy")
+    mask = sphere_normals(size)[1][..., None]
+    rows = [list(sphere_images(light.radiance, size).values()), list(np.load(folder / "spheres.npy"))]
+    return np.vstack([np.hstack([np.where(mask, response(sphere), 1.0) for sphere in row]) for row in rows])
 
 
 def draw_gltf(radiance: np.ndarray, folder: Path) -> np.ndarray:

@@ -4,7 +4,7 @@
 
 Our own figures under our own maps, with seeds that no training used. Each row: photo, true light, then the
 estimate from the photo alone, with the true normals told, with the true material told, and with both; each light
-as map and as a white and a silver ball.
+as map and as a white and a silver sphere.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.plan import balanced_recipes
-from anyprobe.dataset.stock import Stock, own_map
-from anyprobe.evaluate.methods import TOLD, run_told
-from anyprobe.infer.runtime import Models
-from anyprobe.render.balls import diffuse, silver
+from anyprobe.estimate.runtime import Models
+from anyprobe.evaluate.methods import PRIORS, run_with_priors
 from anyprobe.render.shapes import figure
+from anyprobe.render.spheres import diffuse, silver
 
-TITLES = ("photo", "true light", "from the photo alone", *(f"told {what}" for what in TOLD))
+TITLES = ("photo", "true light", "from the photo alone", *(f"told {what}" for what in PRIORS))
 ROWS, CELL, GAP, TOP = 5, 64, 10, 16
 SEED = 2_000_011
 
@@ -42,12 +42,15 @@ def main(path: Path) -> None:
         )
         for index in range(ROWS)
     ]
-    stock = Stock(maps, shapes)
+    store = AssetStore(maps, shapes)
     models = Models()
     rows = []
-    for recipe in balanced_recipes(stock, ROWS, SEED):
-        pair = render_pair(recipe, stock)
-        lights = [pair.radiance, *(run_told(models, pair, told).radiance for told in (set(), *TOLD.values()))]
+    for recipe in balanced_recipes(store, ROWS, SEED):
+        pair = render_pair(recipe, store)
+        lights = [
+            pair.radiance,
+            *(run_with_priors(models, pair, given).radiance for given in (set(), *PRIORS.values())),
+        ]
         photo = pair.photo[..., :3].reshape(CELL, 2, CELL, 2, 3).mean(axis=(1, 3)) / 255
         rows.append([photo, *(look(radiance) for radiance in lights)])
     widths = [cell.shape[1] for cell in rows[0]]
@@ -67,7 +70,7 @@ def main(path: Path) -> None:
 
 
 def look(radiance: np.ndarray) -> np.ndarray:
-    """A light as one picture [64, 256, 3]: the map, a white ball and a silver ball."""
+    """A light as one picture [64, 256, 3]: the map, a white sphere and a silver sphere."""
     return np.concatenate(
         [response(v).clip(0, 1) for v in (radiance, diffuse(radiance, CELL), silver(radiance, CELL))], axis=1
     )

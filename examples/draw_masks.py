@@ -15,9 +15,9 @@ from PIL import Image, ImageDraw
 
 from anyprobe.core.color import to_bytes
 from anyprobe.dataset.asks import cover_box, unasked_target
+from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.dataset.scenes import draw_scene
 from anyprobe.dataset.sprites import ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
@@ -56,12 +56,12 @@ def main(path: Path) -> None:
 def _column(rgb: np.ndarray, covers: np.ndarray, target: int, kind: int, box) -> np.ndarray:
     """The photo with what is told over the mask that is found, [2 TILE + 3 GAP, TILE + GAP, 3] uint8."""
     on, off = _middle(covers[target]), _middle(np.delete(covers, target, axis=0).sum(axis=0))
-    told = [{}, {"click": [on]}, {"click": [on], "click_off": [off]}, {"box": tuple(map(float, box))}][kind]
-    found = find_mask(read_image(rgb), **told)
-    clicks = told.get("click", ()), told.get("click_off", ())
+    hints = [{}, {"click": [on]}, {"click": [on], "click_off": [off]}, {"box": tuple(map(float, box))}][kind]
+    found = find_mask(read_image(rgb), **hints)
+    clicks = hints.get("click", ()), hints.get("click_off", ())
     given = Image.fromarray(to_bytes(draw_overlay(rgb, np.ones(rgb.shape[:2], np.float32), *clicks)))
-    if "box" in told:
-        ImageDraw.Draw(given).rectangle(told["box"], outline=(26, 255, 102), width=3)
+    if "box" in hints:
+        ImageDraw.Draw(given).rectangle(hints["box"], outline=(26, 255, 102), width=3)
     shown = Image.fromarray(to_bytes(draw_overlay(rgb, found.mask)))
     column = Image.new("RGB", (TILE + GAP, 2 * TILE + 3 * GAP), "white")
     for row, picture in enumerate((given, shown)):

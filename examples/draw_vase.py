@@ -18,14 +18,14 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
-from anyprobe.dataset.procedural_light import room
+from anyprobe.dataset.asset_store import room
 from anyprobe.files.radiance import write_exr
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import NUM_LAMPS, shade
+from anyprobe.render.integrate import NUM_EMITTERS, shade
 from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import frame_object, pixel_rays, see
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 SIZE = 512
 SUPERSAMPLE = 2
@@ -42,7 +42,7 @@ def main(folder: Path) -> None:
     camera = frame_object(mesh, world_from_camera(0.6, 0.2), fov_deg=24.0, margin=1.7, size=side)
     surface = see(mesh, camera)
     map_from_camera = camera.world_from_camera.astype(np.float32)
-    pyramid, u = build_pyramid(light, lamps=NUM_LAMPS), hammersley(96)
+    pyramid, u = build_pyramid(light, emitters=NUM_EMITTERS), hammersley(96)
     n, wo = surface.normals @ map_from_camera.T, surface.wo @ map_from_camera.T
     reflected = np.concatenate(
         [

@@ -1,4 +1,4 @@
-"""A vase on a round table in a room, as a photo and as a 20-second clip with a lamp that moves; no camera needed.
+"""A vase on a round table in a room, as a photo and as a 20-second clip with an emitter that moves; no camera needed.
 
     python examples/table.py photo        # examples/table.png
     python examples/table.py clip         # examples/table.mp4
@@ -25,15 +25,14 @@ from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.room import room
-from anyprobe.dataset.studio import direction_at, soft_cap
+from anyprobe.dataset.sky import direction_at, soft_cap
+from anyprobe.estimate.photo import Photo
 from anyprobe.files.objects import open_object
-from anyprobe.infer.photo import Photo
 from anyprobe.light.environment import shrink
-from anyprobe.relight.compose import lay_over
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage, lay_over
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.picture import draw_mesh
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 HERE = Path(__file__).parent
 DOCS = HERE.parent / "docs"
@@ -45,7 +44,7 @@ TABLE_RADIUS, TABLE_DEPTH = 0.8, 2.4
 PORCELAIN = Material(albedo=np.array([0.60, 0.58, 0.54]), f0=np.full(3, 0.045), alpha=0.2)
 WOOD = np.array([0.42, 0.27, 0.16])
 ROOM_SHARE = 0.45
-LAMP_POWER, LAMP_RADIUS = 14.0, 0.5
+EMITTER_POWER, EMITTER_RADIUS = 14.0, 0.5
 WARM, COLD = np.array([1.25, 1.0, 0.65]), np.array([0.75, 1.0, 1.35])
 
 ANYPROBE = (sys.executable, "-c", "from anyprobe.cli.app import main; main()")
@@ -61,7 +60,7 @@ class Lit:
 
 
 class Table:
-    """The scene at one size; everything that does not change with the lamp is kept."""
+    """The scene at one size; everything that does not change with the emitter is kept."""
 
     def __init__(self, width: int, height: int) -> None:
         self.width, self.height = width, height
@@ -78,14 +77,14 @@ class Table:
         self.fine = ROOM_SHARE * room(np.random.default_rng(29), height=1024)
         self.coarse = shrink(self.fine, 128)
 
-    def lamp(self, azimuth_deg: float) -> np.ndarray:
-        """A white lamp 50 degrees up; azimuth 0 is ahead, 90 to the right: [128, 256, 3]."""
+    def emitter(self, azimuth_deg: float) -> np.ndarray:
+        """A white emitter 50 degrees up; azimuth 0 is ahead, 90 to the right: [128, 256, 3]."""
         d = pixel_directions(self.coarse.shape[0]).astype(np.float64)
-        cap = soft_cap(d, direction_at(np.radians(azimuth_deg), np.radians(50)), LAMP_RADIUS)
-        return np.broadcast_to(LAMP_POWER * cap, self.coarse.shape).astype(np.float32)
+        cap = soft_cap(d, direction_at(np.radians(azimuth_deg), np.radians(50)), EMITTER_RADIUS)
+        return np.broadcast_to(EMITTER_POWER * cap, self.coarse.shape).astype(np.float32)
 
     @cached_property
-    def around(self) -> tuple[np.ndarray, np.ndarray]:
+    def surroundings(self) -> tuple[np.ndarray, np.ndarray]:
         """What is seen past the table [H, W, 3], and the table's albedo [H, W, 3], 0 elsewhere."""
         rows, columns = np.mgrid[0 : 2 * self.height, 0 : 2 * self.width] / 2 + 0.25
         rays = self.stage.view.rays(columns, rows)
@@ -109,8 +108,8 @@ class Table:
 
     @lru_cache(maxsize=4)  # noqa: B019
     def lit(self, azimuth_deg: float | None) -> Lit:
-        """By the lamp alone; by the room alone for None."""
-        light = self.coarse if azimuth_deg is None else self.lamp(azimuth_deg)
+        """By the emitter alone; by the room alone for None."""
+        light = self.coarse if azimuth_deg is None else self.emitter(azimuth_deg)
         stage = self.stage
         drawn = draw_mesh(stage.placement.mesh, stage.window.camera, light, PORCELAIN)
         shadow = stage.shadow(light, 128 if azimuth_deg is None else 48, 256)
@@ -119,16 +118,16 @@ class Table:
         return Lit(drawn=drawn, ground=left.reshape(rows.shape + (3,)) * sky_irradiance(light, stage.view.up))
 
     def draw(self, azimuth_deg: float, color: np.ndarray, gain: float) -> tuple[np.ndarray, np.ndarray]:
-        """The photo [H, W, 3] in display values with a lamp's colour [3], and the vase's coverage [H, W].
+        """The photo [H, W, 3] in display values with an emitter's colour [3], and the vase's coverage [H, W].
 
-        Light adds up: the room's picture and the lamp's are drawn apart.
+        Light adds up: the room's picture and the emitter's are drawn apart.
         """
-        past, albedo = self.around
-        room_lit, lamp_lit = self.lit(None), self.lit(azimuth_deg)
-        ground = room_lit.ground + lamp_lit.ground * color
+        past, albedo = self.surroundings
+        room_lit, emitter_lit = self.lit(None), self.lit(azimuth_deg)
+        ground = room_lit.ground + emitter_lit.ground * color
         picture = response(gain * (past + albedo * ground / np.pi)).astype(np.float32)
         drawn = room_lit.drawn.copy()
-        drawn[..., :3] = gain * (drawn[..., :3] + lamp_lit.drawn[..., :3] * color)
+        drawn[..., :3] = gain * (drawn[..., :3] + emitter_lit.drawn[..., :3] * color)
         cover = np.concatenate([np.ones_like(drawn[..., :3]), drawn[..., 3:]], axis=-1)
         cover = lay_over(np.zeros_like(picture), cover, self.stage.window, self.stage.photo)
         return lay_over(picture, drawn, self.stage.window, self.stage.photo), cover[..., 0]
@@ -139,7 +138,7 @@ class Table:
         return 0.35 / float(luminance(drawn[self.lit(None).drawn[..., 3] == 1]).mean())
 
 
-def lamp(time_s: float) -> tuple[float, np.ndarray]:
+def emitter(time_s: float) -> tuple[float, np.ndarray]:
     """Azimuth and colour: left; round behind the camera to the right; cold; off; on again."""
     azimuth = float(np.interp(time_s, [4, 9], [-100, -260]))  # -260 is 100 degrees to the right
     color = WARM + np.interp(time_s, [11, 13], [0, 1]) * (COLD - WARM)
@@ -149,7 +148,7 @@ def lamp(time_s: float) -> tuple[float, np.ndarray]:
 def photo(path: Path) -> None:
     """RGBA; alpha marks the vase."""
     table = Table(640, 480)
-    picture, cover = table.draw(*lamp(0.0), table.gain(*lamp(0.0)))
+    picture, cover = table.draw(*emitter(0.0), table.gain(*emitter(0.0)))
     Image.fromarray(to_bytes(np.dstack([picture, cover]))).save(path, optimize=True)
 
 
@@ -158,10 +157,10 @@ def clip(path: Path) -> None:
     from anyprobe.video.clip import write_piece
 
     table, rng = Table(*CLIP_SIZE), np.random.default_rng(1)
-    gain = table.gain(*lamp(0.0))
+    gain = table.gain(*emitter(0.0))
     frames = []
     for index in range(FPS * SECONDS):
-        picture, _ = table.draw(*lamp(index / FPS), gain)
+        picture, _ = table.draw(*emitter(index / FPS), gain)
         frames.append((index / FPS, to_bytes(picture + rng.normal(0, 0.006, picture.shape))))
     write_piece(path, frames)
 
@@ -176,7 +175,7 @@ def relit(path: Path) -> None:
         for index in range(FPS * SECONDS):  # neither the vase nor the camera moves
             still.getchannel("A").resize(CLIP_SIZE).save(masks / f"{index:04d}.png")
         command = f"video {HERE / 'table.mp4'} -o {folder} --masks {masks} --fov {LONG_FOV_DEG:g} --every 3"
-        command += f" --object ball --material gold --at 228,183 --size 0.6 --pitch {PITCH_DEG:g}"
+        command += f" --object sphere --material gold --at 228,183 --size 0.6 --pitch {PITCH_DEG:g}"
         subprocess.run([*ANYPROBE, *command.split()], check=True)
         clips = (read_frames(open_clip(one), []) for one in (HERE / "table.mp4", Path(folder) / "relit.mp4"))
         frames = [

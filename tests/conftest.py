@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from support.scenes import ball_photo
+from support.scenes import sphere_photo
 
 from anyprobe.cli.app import main
-from anyprobe.infer import estimate as estimate_module
-from anyprobe.infer.estimate import Estimator
+from anyprobe.estimate import estimator as estimate_module
+from anyprobe.estimate.estimator import Estimator
 
 
 def pytest_configure() -> None:
@@ -44,20 +44,20 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture
 def photo_rgba() -> np.ndarray:
-    """[96, 128, 4] uint8, a shaded ball with alpha."""
-    return ball_photo()
+    """[96, 128, 4] uint8, a shaded sphere with alpha."""
+    return sphere_photo()
 
 
 @pytest.fixture
 def photo_mask(photo_rgba) -> np.ndarray:
-    """[96, 128] uint8, 255 on the ball."""
+    """[96, 128] uint8, 255 on the sphere."""
     return np.ascontiguousarray(photo_rgba[..., 3])
 
 
 @pytest.fixture
 def photo_path(tmp_path, photo_rgba) -> Path:
-    """ball.png with alpha, in a folder of its own."""
-    path = tmp_path / "photos" / "ball.png"
+    """sphere.png with alpha, in a folder of its own."""
+    path = tmp_path / "photos" / "sphere.png"
     path.parent.mkdir()
     Image.fromarray(photo_rgba).save(path)
     return path

@@ -20,12 +20,12 @@ from anyprobe.errors import (
     OutputError,
     ServerBusy,
 )
-from anyprobe.infer.estimate import Estimator, estimate
-from anyprobe.infer.photo import load_photo
-from anyprobe.infer.result import Light
-from anyprobe.infer.several import estimate_together, fuse_lights
-from anyprobe.light.main_light import MainLight
-from anyprobe.scatter.brdf import Material
+from anyprobe.estimate.estimator import Estimator, estimate
+from anyprobe.estimate.multiview import estimate_multiview, fuse_lights
+from anyprobe.estimate.photo import Photo, load_photo
+from anyprobe.estimate.result import Light
+from anyprobe.light.dominant_light import DominantLight
+from anyprobe.scatter.materials import Material
 
 __version__ = "0.1.0"
 
@@ -39,14 +39,15 @@ __all__ = [
     "InvalidMesh",
     "InvalidPhoto",
     "Light",
-    "MainLight",
+    "DominantLight",
     "Material",
     "MissingExtra",
     "ModelError",
     "OutputError",
+    "Photo",
     "ServerBusy",
     "estimate",
-    "estimate_together",
+    "estimate_multiview",
     "fuse_lights",
     "load_photo",
 ]

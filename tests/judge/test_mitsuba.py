@@ -35,7 +35,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid, lookup
 from anyprobe.render.integrate import shade, shading_pyramid
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 
@@ -114,10 +114,10 @@ def test_shadow_free_light_is_not_direct_light(tmp_path):
     at = pixel_centres(SIZE)
     mask = surface_at(scene, at)[0].reshape(SIZE, SIZE)
     at = at[mask.reshape(-1)]
-    stock = their_picture(scene, at, {"type": "direct", "hide_emitters": True})
+    store = their_picture(scene, at, {"type": "direct", "hide_emitters": True})
     assert_same_picture(
         their_picture(scene, at),
-        stock,
+        store,
         mask,
         tolerance=0.0,
         floor=1e-6,
@@ -160,7 +160,7 @@ def test_unfolded_map_is_another(rng, place):
     ],
 )
 def test_blurred_levels_drift(shape, material, place):
-    """128 samples, lamps and all levels under maps of 256 rows: near, but not unbiased."""
+    """128 samples, emitters and all levels under maps of 256 rows: near, but not unbiased."""
     radiance = made_map(place, rows=256)
     scene, sight = scene_for(shape, radiance, paper_bsdf(MATERIALS[material]))
     theirs = trace(scene, sight.at, 4096, 0)[0].mean(axis=1)

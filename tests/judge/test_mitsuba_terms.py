@@ -26,7 +26,7 @@ from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import pixel_rays, see
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 
@@ -54,15 +54,15 @@ def test_paper_bsdf_is_not_mitsubas(mi, rng, alpha):
     wi, wo = pairs(rng)
     black = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=alpha)
     paper = mi.load_dict(paper_bsdf(black, correlated=False))
-    stock = mi.load_dict(perfect_metal(alpha))
+    store = mi.load_dict(perfect_metal(alpha))
     si, ctx, toward = interaction(mi, wi), mi.BSDFContext(), mi.Vector3f(*wo.T.astype(np.float32))
-    ours, theirs = (np.array(b.eval(ctx, si, toward)).T for b in (paper, stock))
+    ours, theirs = (np.array(b.eval(ctx, si, toward)).T for b in (paper, store))
     np.testing.assert_allclose(ours, theirs, rtol=2e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_our_brdf_is_another_function(mi, rng, name):
-    """scatter.brdf.evaluate, direction by direction."""
+    """scatter.materials.evaluate, direction by direction."""
     wi, wo = pairs(rng)
     bsdf = mi.load_dict(paper_bsdf(MATERIALS[name]))
     toward = mi.Vector3f(*wo.T.astype(np.float32))
@@ -122,7 +122,7 @@ def test_film_is_flipped():
 
 @pytest.mark.parametrize(("row", "column"), [(4, 3), (10, 29), (8, 0), (8, 31), (2, 20), (12, 24)])
 def test_bright_texel_is_mirrored_elsewhere(row, column):
-    """One texel of light in a mirror ball: our alpha 0.01, production settings; their smooth conductor."""
+    """One texel of light in a mirror sphere: our alpha 0.01, production settings; their smooth conductor."""
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[row, column] = 1.0
     mesh, camera = sphere(), replace(object_of("sphere")[1], size=64)

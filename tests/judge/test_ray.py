@@ -13,8 +13,7 @@ from support.drawn_pairs import DrawnRenderer
 from support.folders import snapshot
 
 from anyprobe.dataset import render_job
-from anyprobe.dataset.local_engine import WorkerFailed, run_local
-from anyprobe.dataset.ray_engine import run_ray
+from anyprobe.dataset.process_pools import WorkerFailed, run_local, run_ray
 from anyprobe.errors import AnyprobeError, InputError
 
 pytest.importorskip("ray", reason="the package ray is not installed")
@@ -40,7 +39,7 @@ def traced(notes: Path, victim: str, work, shard: int, tell) -> None:
     second = node == victim and any(notes.glob(f"* {node} done"))
     (notes / f"{shard} {node} begun").touch()
 
-    def told(count: int) -> None:
+    def given(count: int) -> None:
         if second and count == 2:
             (notes / "stopped").touch()
             time.sleep(3600)
@@ -51,7 +50,7 @@ def traced(notes: Path, victim: str, work, shard: int, tell) -> None:
     deadline = time.monotonic() + 60
     while shard == 11 and not (notes / "said").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    work(shard, told)
+    work(shard, given)
     (notes / f"{shard} {node} done").touch()
 
 
@@ -84,9 +83,9 @@ def test_node_killed_half_way_costs_nothing(cluster, tmp_path, monkeypatch):
         said.append(line)
         (notes / "said").touch()
 
-    def on_ray(work, tasks, told):
+    def on_ray(work, tasks, given):
         work = partial(traced, notes, victim.node_id, work)
-        run_ray(work, tasks, told, address=cluster.address, say=say)
+        run_ray(work, tasks, given, address=cluster.address, say=say)
 
     job = render_job.begin(tmp_path / "ray", GIVEN, None, DrawnRenderer, resume=False)
     render_job.render_missing(job, on_ray, watch)

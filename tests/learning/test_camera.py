@@ -19,7 +19,6 @@ from anyprobe.dataset.camera import (
     exposure_for_clipping,
     take_photo,
 )
-from anyprobe.dataset.laboratory import CAMERA
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SIZE = 64
@@ -67,7 +66,7 @@ def test_a_sky_that_brightens_upwards_clips_above_the_known_height(share):
     assert exposure_for_clipping(luminance, share) == pytest.approx(np.exp(-2.0 * (1 - 2 * share)), rel=0.01)
 
 
-def test_a_lamp_in_the_dark_gets_a_finite_exposure():
+def test_a_emitter_in_the_dark_gets_a_finite_exposure():
     luminance = np.zeros((32, 64))
     luminance[10, 20] = 7.0
     gain = exposure_for_clipping(luminance, 0.1)
@@ -92,15 +91,6 @@ def test_metering_sets_the_object_or_the_scene_to_its_key():
     assert exposure(by_scene, 5.0, 8.0) * 8.0 == pytest.approx(0.2)
     assert exposure(by_scene, 100.0, 1.0) * 100.0 == pytest.approx(OBJECT_RANGE[1])
     assert exposure(by_scene, 1e-3, 1.0) * 1e-3 == pytest.approx(OBJECT_RANGE[0])
-
-
-def test_the_laboratory_s_camera_sees_the_scene_alone():
-    """However bright or dark the object is in it."""
-    for object_mean in (1e-4, 1.0, 1e4):
-        assert exposure(CAMERA, object_mean, 5.0) == pytest.approx(0.25 / 5.0)
-    radiance = np.full((4, 4, 3), (0.1, 0.2, 0.4), np.float32)
-    photo = take_photo(CAMERA, radiance, np.ones((4, 4), bool), None, np.random.default_rng(0))
-    np.testing.assert_array_equal(photo, to_bytes(response(radiance)))
 
 
 def test_the_clean_shot_is_the_same_shot_without_flaws():
@@ -197,7 +187,7 @@ def test_a_rim_takes_from_what_is_behind_it(rng):
 
 
 def test_the_lens_blurs_light_and_not_display_values(rng):
-    """A lamp of 60 times white stays white three pixels around; of the picture's white little would be left."""
+    """An emitter of 60 times white stays white three pixels around; of the picture's white little would be left."""
     radiance = np.zeros((SIZE, SIZE, 3), np.float32)
     radiance[31, 31] = 60.0
     photo = take_photo(replace(CLEAN, blur_px=1.0), radiance, disc(), radiance, rng)

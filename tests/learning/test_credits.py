@@ -11,7 +11,7 @@ import pytest
 from support.mesh_files import ply
 
 import anyprobe
-from anyprobe.dataset.credits import asset_page
+from anyprobe.dataset.asset_store import asset_page
 from anyprobe.files.radiance import write_hdr
 
 ROOT = Path(__file__).parents[2]

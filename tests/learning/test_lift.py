@@ -17,14 +17,17 @@ from anyprobe.core.latlong import (  # noqa: E402
     pixel_solid_angles,
 )
 from anyprobe.core.response import response  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
-from anyprobe.light.main_light import find_main_light  # noqa: E402
-from anyprobe.nets.lamps import FLUX_FLOOR, Lamps  # noqa: E402
-from anyprobe.nets.lift import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
-from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.nets.sphere_net import _close, _wrap  # noqa: E402
-from anyprobe.render.balls import ball_normals  # noqa: E402
+from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
+from anyprobe.nets.lifting import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
+from anyprobe.nets.light_net import (  # noqa: E402
+    LightNet,
+    _close,
+    _wrap,
+)
+from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402
 
 
@@ -38,12 +41,12 @@ def test_every_pixel_of_a_map_finds_itself():
     assert torch.equal(map_pixel(directions, 64)[0], torch.arange(64 * 128))
 
 
-def test_a_chrome_ball_lifts_to_the_map_it_mirrors():
+def test_a_chrome_sphere_lifts_to_the_map_it_mirrors():
     """Seen from far away: what lands in a pixel of the map is the map there."""
     radiance = draw_map(np.random.default_rng(1), height=64)[0]
-    on_ball, mask = ball_normals(256)
+    on_sphere, mask = sphere_normals(256)
     normals = np.zeros((256, 256, 3), np.float32)
-    normals[mask] = on_ball
+    normals[mask] = on_sphere
     n = planes(normals)
     wo = torch.zeros_like(n)
     wo[:, 2] = 1.0
@@ -109,7 +112,7 @@ def test_the_field_of_view_moves_what_is_lifted():
     for guess in (narrow, wide):
         assert guess.ln_radiance.shape == guess.ln_expected.shape == (1, 3, 64, 128)
         assert guess.confidence_logit.shape == (1, 1, 64, 128)
-        assert guess.told.irradiance.shape == (1, 3, 128, 128)
+        assert guess.features.irradiance.shape == (1, 3, 128, 128)
 
 
 def test_known_normals_take_the_place_of_estimated_ones():
@@ -121,16 +124,16 @@ def test_known_normals_take_the_place_of_estimated_ones():
     known = torch.zeros(1, 3, 64, 64)
     known[:, 0, :, :32], known[:, 2, :, :32] = 0.48, 0.64
     with torch.no_grad():
-        alone, none, told = (
+        alone, none, given = (
             net(photo, angle),
             net(photo, angle, torch.zeros_like(known)),
             net(photo, angle, known),
         )
     assert torch.equal(alone.ln_radiance, none.ln_radiance)
-    torch.testing.assert_close(told.normals[..., :32], known[..., :32] / 0.8)
-    torch.testing.assert_close(told.normals.norm(dim=1), torch.ones(1, 64, 64))
-    assert (told.normals[..., 32:] != known[..., 32:]).any()
-    assert (told.ln_shown - alone.ln_shown).abs().mean() > 1e-4
+    torch.testing.assert_close(given.normals[..., :32], known[..., :32] / 0.8)
+    torch.testing.assert_close(given.normals.norm(dim=1), torch.ones(1, 64, 64))
+    assert (given.normals[..., 32:] != known[..., 32:]).any()
+    assert (given.ln_shown - alone.ln_shown).abs().mean() > 1e-4
 
 
 def test_what_is_known_of_the_map_reaches_all_of_it():
@@ -138,15 +141,15 @@ def test_what_is_known_of_the_map_reaches_all_of_it():
     torch.manual_seed(0)
     net = LightNet().eval()
     photo, angle = torch.rand(1, 4, 128, 128), torch.tensor([[0.1]])
-    around = torch.zeros(1, 4, 64, 128)
+    surroundings = torch.zeros(1, 4, 64, 128)
     with torch.no_grad():
-        alone, none = net(photo, angle), net(photo, angle, None, around)
-        around[..., 28:36, 56:72] = 0.7
-        told = net(photo, angle, None, around)
+        alone, none = net(photo, angle), net(photo, angle, None, surroundings)
+        surroundings[..., 28:36, 56:72] = 0.7
+        given = net(photo, angle, None, surroundings)
     assert torch.equal(alone.ln_radiance, none.ln_radiance)
-    assert torch.equal(alone.normals, told.normals)
-    assert (told.ln_shown != alone.ln_shown)[..., :16].float().mean() > 0.8
-    assert (told.told.irradiance != alone.told.irradiance).float().mean() > 0.8
+    assert torch.equal(alone.normals, given.normals)
+    assert (given.ln_shown != alone.ln_shown)[..., :16].float().mean() > 0.8
+    assert (given.features.irradiance != alone.features.irradiance).float().mean() > 0.8
 
 
 def test_what_is_told_need_not_be_guessed():
@@ -156,7 +159,9 @@ def test_what_is_told_need_not_be_guessed():
     batch = some_batch(2)
     batch.photo[:, 3] = 1.0
     none = learner.losses(batch, 0.0)["normals"]
-    exact = learner.losses(replace(batch, told=torch.eye(3).expand(2, 3, 3)), 0.0)["normals"]
+    exact = learner.losses(replace(batch, given_normals_rotation=torch.eye(3).expand(2, 3, 3)), 0.0)[
+        "normals"
+    ]
     assert none > 0.01
     assert exact == 0.0
 
@@ -167,9 +172,9 @@ def test_nothing_outside_the_mask_is_lifted():
     photo = torch.rand(1, 4, 128, 128)
     photo[:, 3, :, 64:] = 0
     with torch.no_grad():
-        told = net(photo, torch.tensor([[0.1]])).told
-    assert told.weight[..., 32:].abs().max() == 0
-    assert told.irradiance[..., 64:].abs().max() == 0
+        given = net(photo, torch.tensor([[0.1]])).features
+    assert given.weight[..., 32:].abs().max() == 0
+    assert given.irradiance[..., 64:].abs().max() == 0
 
 
 def test_no_seam_shows_where_two_sides_disagree():
@@ -190,39 +195,39 @@ def lobe(direction, width_deg: float) -> torch.Tensor:
     return torch.from_numpy(-0.5 * (angles / width_deg) ** 2)[None, None].float()
 
 
-@pytest.mark.parametrize("place", ["expected", "drawn"])
-def test_lamps_send_the_flux_they_are_given(place):
-    flux = torch.tensor([[2.0, 1.0, 0.5]])
+@pytest.mark.parametrize("place", ["expected", "mode"])
+def test_emitters_send_the_power_they_are_given(place):
+    power = torch.tensor([[2.0, 1.0, 0.5]])
     for logit in (lobe((1, 1, -1), 5.0), lobe((0, 0, 1), 40.0), torch.zeros(1, 1, 64, 128)):
-        radiance = getattr(Lamps(4), place)(torch.log(flux + FLUX_FLOOR), logit)
+        radiance = getattr(EmitterHead(4), place)(torch.log(power + POWER_FLOOR), logit)
         angles = torch.from_numpy(pixel_solid_angles(64)).float()
-        torch.testing.assert_close((radiance * angles).sum((2, 3)), flux, rtol=1e-4, atol=0)
+        torch.testing.assert_close((radiance * angles).sum((2, 3)), power, rtol=1e-4, atol=0)
 
 
-def test_less_than_no_flux_is_no_lamp():
-    assert Lamps(4).drawn(torch.full((1, 3), -9.0), lobe((0, 1, 0), 5.0)).abs().max() == 0
+def test_less_than_no_power_is_no_emitter():
+    assert EmitterHead(4).mode(torch.full((1, 3), -9.0), lobe((0, 1, 0), 5.0)).abs().max() == 0
 
 
 @pytest.mark.parametrize("direction", [(1, 1, -1), (0.02, 0.3, 1), (-1, -0.2, 0.1), (0, 1, 0.3)])
-def test_a_lamp_is_drawn_where_it_is_likely(direction):
+def test_a_emitter_is_drawn_where_it_is_likely(direction):
     """Also across the seam behind the camera; and smaller than the doubt about it."""
-    lamps, ln_flux, logit = Lamps(4), torch.zeros(1, 3), lobe(direction, 20.0)
+    emitters, ln_power, logit = EmitterHead(4), torch.zeros(1, 3), lobe(direction, 20.0)
     drawn, expected = (
-        place(ln_flux, logit)[0].permute(1, 2, 0).numpy() for place in (lamps.drawn, lamps.expected)
+        place(ln_power, logit)[0].permute(1, 2, 0).numpy() for place in (emitters.mode, emitters.expected)
     )
-    found = find_main_light(drawn)
+    found = find_dominant_light(drawn)
     assert np.degrees(np.arccos(found.direction @ direction / np.linalg.norm(direction))) < 4.0
     assert drawn.max() > 2 * expected.max()
 
 
-@pytest.mark.parametrize("place", ["expected", "drawn"])
-def test_lamps_turn_with_the_map(place):
+@pytest.mark.parametrize("place", ["expected", "mode"])
+def test_emitters_turn_with_the_map(place):
     """By whole columns of what is weighed; across the seam as anywhere."""
     logit = torch.maximum(lobe((0.3, 0.2, -1), 15.0), lobe((-0.4, 0.1, -1), 10.0) - 0.5)
-    place, ln_flux = getattr(Lamps(4), place), torch.zeros(1, 3)
-    there = place(ln_flux, logit)
+    place, ln_power = getattr(EmitterHead(4), place), torch.zeros(1, 3)
+    there = place(ln_power, logit)
     for columns in (8, 56, 64, 72):
-        turned = place(ln_flux, logit.roll(columns, dims=3))
+        turned = place(ln_power, logit.roll(columns, dims=3))
         torch.testing.assert_close(turned, there.roll(columns, dims=3), rtol=1e-3, atol=1e-5)
 
 
@@ -232,32 +237,32 @@ def test_of_two_likely_places_the_one_with_neighbours_is_drawn():
         1.5 * lobe((0, 0, -1), 4.0).exp()
         + sum(lobe((np.sin(a), 0.0, np.cos(a)), 4.0).exp() for a in (-0.5, -0.25, 0.0, 0.25, 0.5))
     )
-    lamps, ln_flux = Lamps(4), torch.zeros(1, 3)
+    emitters, ln_power = EmitterHead(4), torch.zeros(1, 3)
     expected, drawn = (
-        find_main_light(place(ln_flux, logit)[0].permute(1, 2, 0).numpy()).direction
-        for place in (lamps.expected, lamps.drawn)
+        find_dominant_light(place(ln_power, logit)[0].permute(1, 2, 0).numpy()).direction
+        for place in (emitters.expected, emitters.mode)
     )
     assert expected[2] < -0.9
     assert drawn[2] > 0.9
 
 
 def test_losses_above_white_are_least_at_the_truth():
-    """Flux: zero there. Place: the entropy of the true distribution, and more anywhere else."""
+    """Power: zero there. Place: the entropy of the true distribution, and more anywhere else."""
     learner = Lift(LiftConfig(), "cpu")
     logit = lobe((1, 0.5, -1), 8.0)
-    ln_flux = torch.log(torch.tensor([[3.0, 2.0, 1.0]]) + FLUX_FLOOR)
-    above = learner.nets["light"].lamps.expected(ln_flux, logit)
+    ln_power = torch.log(torch.tensor([[3.0, 2.0, 1.0]]) + POWER_FLOOR)
+    above = learner.nets["light"].emitters.expected(ln_power, logit)
 
-    def losses(ln_flux, logit):
-        guess = SimpleNamespace(ln_flux=ln_flux, lamp_logit=logit)
+    def losses(ln_power, logit):
+        guess = SimpleNamespace(ln_power=ln_power, emitter_logit=logit)
         batch = SimpleNamespace(ln_radiance=torch.log(above + 1.0))
         return learner._above_white(guess, batch)
 
     logit.requires_grad_(True)
-    truth = losses(ln_flux, logit)
-    truth["lamps"].backward()
+    truth = losses(ln_power, logit)
+    truth["emitters"].backward()
     assert logit.grad.abs().max() < 1e-6
-    assert truth["flux"].item() == pytest.approx(0.0, abs=1e-4)
-    assert losses(ln_flux + 0.5, logit)["flux"].item() == pytest.approx(0.5, abs=1e-4)
+    assert truth["power"].item() == pytest.approx(0.0, abs=1e-4)
+    assert losses(ln_power + 0.5, logit)["power"].item() == pytest.approx(0.5, abs=1e-4)
     for other in (lobe((1, 0.5, -1), 16.0), lobe((1, 0.5, -1), 4.0), lobe((-1, 0.5, -1), 8.0)):
-        assert losses(ln_flux, other)["lamps"] > truth["lamps"] + 0.05
+        assert losses(ln_power, other)["emitters"] > truth["emitters"] + 0.05

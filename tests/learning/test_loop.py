@@ -17,21 +17,25 @@ from typer.testing import CliRunner  # noqa: E402
 
 from anyprobe.cli.app import app  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError, OutputError  # noqa: E402
-from anyprobe.infer.runtime import Models  # noqa: E402
+from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.config import LightConfig, designs, lift, normals, paper  # noqa: E402
-from anyprobe.train.design_methods import read_run  # noqa: E402
-from anyprobe.train.journal import run_folder  # noqa: E402
+from anyprobe.train.config import (  # noqa: E402
+    LightConfig,
+    lift,
+    normals,
+    paper,
+    smoke,
+)
+from anyprobe.train.init_weights import init_weights_id, load_init_weights, mean_checkpoint, save_init_weights  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
+from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
-from anyprobe.train.runs import smoke  # noqa: E402
-from anyprobe.train.start import load_start, mean_checkpoint, save_start, start_id  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -166,10 +170,10 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
     onnx = pytest.importorskip("onnx", reason="needs the train extra")
     kept = tmp_path / "start.pt"
     path = run(tmp_path / "a", steps=1, named=normals)
-    save_start(path, kept)
+    save_init_weights(path, kept)
     begun = run(tmp_path / "b", steps=1, named=normals, start=kept)
 
-    def told(checkpoint) -> dict[str, str]:
+    def hints(checkpoint) -> dict[str, str]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # torch's exporter warns about itself
             export_onnx.export(checkpoint, tmp_path / "weights")
@@ -180,8 +184,8 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
             name: found[name] for name in ("start", "assets", "mean_with", "mean_with_pairs") if name in found
         }
 
-    assert told(path) == {"start": "nothing"}
-    assert told(begun) == {"start": hashlib.sha256(kept.read_bytes()).hexdigest()[:16]}
+    assert hints(path) == {"start": "nothing"}
+    assert hints(begun) == {"start": hashlib.sha256(kept.read_bytes()).hexdigest()[:16]}
     stored = torch.load(path, weights_only=True)
     mean = {"mean_with": {"start": "0123456789abcdef", "pairs": 823040}}
     for name, more in (
@@ -192,23 +196,23 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
         ("unknown", {"origin": {}, "mean_with": {"start": "0123456789abcdef", "pairs": None}}),
     ):
         torch.save(stored | more, tmp_path / f"{name}.pt")
-    assert told(tmp_path / "mean.pt") == {
+    assert hints(tmp_path / "mean.pt") == {
         "start": "fedcba9876543210",
         "assets": "2 maps and 3 shapes (00112233)",
         "mean_with": "0123456789abcdef",
         "mean_with_pairs": "823040",
     }
-    assert told(tmp_path / "unknown.pt") == {"mean_with": "0123456789abcdef"}
+    assert hints(tmp_path / "unknown.pt") == {"mean_with": "0123456789abcdef"}
 
 
 def test_a_run_begins_from_kept_weights(run, tmp_path):
     """Half of the size, within half floats; a checkpoint goes before; others' weights are refused."""
     kept = tmp_path / "start.pt"
     checkpoint = run(tmp_path / "a", steps=4, named=lift)
-    save_start(checkpoint, kept)
+    save_init_weights(checkpoint, kept)
     assert kept.stat().st_size < 0.25 * checkpoint.stat().st_size
     learner = Lift(lift().lift, "cpu")
-    load_start(learner.nets, kept)
+    load_init_weights(learner.nets, kept)
     trained = torch.load(checkpoint, weights_only=True)["nets"]
     for name, value in learner.nets.state_dict().items():
         torch.testing.assert_close(value, trained[name], rtol=1e-3, atol=1e-6)
@@ -226,34 +230,6 @@ def test_a_run_begins_from_kept_weights(run, tmp_path):
         run(tmp_path / "d", steps=2, named=paper, start=kept)
 
 
-def test_designs_are_kept_to_be_scored_and_begun_from(run, tmp_path, monkeypatch):
-    """Half as large or less, with what they have seen and their log; they become no graphs."""
-    monkeypatch.chdir(tmp_path)
-    checkpoint = run(tmp_path / "a", steps=3, named=designs)
-    (tmp_path / "runs").mkdir()
-    checkpoint.parent.rename(tmp_path / "runs" / "designs")
-    result = CliRunner().invoke(app, ["weights", "kept", "designs"])
-    assert result.exit_code == 0, result.output
-    kept = tmp_path / "kept" / "checkpoint.pt"
-    assert kept.stat().st_size < 0.25 * (tmp_path / "runs" / "designs" / "checkpoint.pt").stat().st_size
-    assert (tmp_path / "kept" / "log.csv").read_text().startswith("step,pairs,")
-    trained, smaller = (load_nets(path) for path in (tmp_path / "runs" / "designs" / "checkpoint.pt", kept))
-    for name, value in smaller.state_dict().items():
-        torch.testing.assert_close(value, trained.state_dict()[name], rtol=1e-3, atol=1e-6)
-    assert read_run(kept) == read_run(tmp_path / "runs" / "designs" / "checkpoint.pt")
-    begun = load_nets(run(tmp_path / "b", steps=1, named=designs, start=kept)).state_dict()
-    weight = "direct.head.weight"
-    assert (begun[weight] - trained.state_dict()[weight]).abs().max() < 0.01
-    refused = CliRunner().invoke(app, ["weights", "other", "designs", "--start", "a.pt"])
-    assert "--start: expected a run that becomes graphs, got designs" in str(refused.exception)
-    assert not (tmp_path / "other").exists()
-    kept.parent.rename(tmp_path / "b" / "designs-dry-kept")
-    (tmp_path / "b" / "designs-dry").rename(tmp_path / "b" / "other")
-    (tmp_path / "b" / "designs-dry-kept").rename(tmp_path / "b" / "designs-dry")
-    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
-        run(tmp_path / "b", steps=8, named=designs)
-
-
 @pytest.mark.parametrize(
     "asked",
     [
@@ -261,7 +237,6 @@ def test_designs_are_kept_to_be_scored_and_begun_from(run, tmp_path, monkeypatch
         ("train", "mask", "--device", "cuda"),
         ("train", "mask", "--no-compile"),
         ("weights", "to", "mask", "--mean-map", "a.exr"),
-        ("weights", "to", "designs", "--data", "data"),
     ],
 )
 def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch):
@@ -276,10 +251,10 @@ def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch
 def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):
     kept, weight = tmp_path / "start.pt", "light.normals.head.weight"
     checkpoint = run(tmp_path / "a", steps=4, named=normals)
-    save_start(checkpoint, kept)
+    save_init_weights(checkpoint, kept)
     learned = torch.load(checkpoint, weights_only=True)["nets"][weight]
     learner = Lift(lift().lift, "cpu")
-    load_start(learner.nets, kept)
+    load_init_weights(learner.nets, kept)
     torch.testing.assert_close(learner.nets.state_dict()[weight], learned, rtol=1e-3, atol=1e-6)
     assert set(export_onnx.graphs_of(load_nets(checkpoint))) == {"light"}
 
@@ -291,7 +266,7 @@ def test_no_checkpoint_is_one_clear_line(tmp_path):
 
 def test_the_mean_of_a_run_and_what_it_began_from(run, tmp_path):
     kept, other = tmp_path / "start.pt", tmp_path / "normals.pt"
-    save_start(run(tmp_path / "a", steps=4, named=lift), kept)
+    save_init_weights(run(tmp_path / "a", steps=4, named=lift), kept)
     checkpoint = run(tmp_path / "b", steps=4, named=lift, start=kept)
     mean = mean_checkpoint(checkpoint, kept, tmp_path / "mean.pt")
     before, after, both = (
@@ -305,11 +280,11 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, tmp_path):
             moved += int((one != two).any())
     assert moved > 100
     assert both["config"] == after["config"]
-    assert both["mean_with"] == {"start": start_id(kept), "pairs": None}
+    assert both["mean_with"] == {"start": init_weights_id(kept), "pairs": None}
     whole = torch.load(mean_checkpoint(checkpoint, checkpoint, tmp_path / "same.pt"), weights_only=True)
-    assert whole["mean_with"] == {"start": start_id(checkpoint), "pairs": 16}
+    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 16}
     assert "light" in load_nets(mean)
-    save_start(run(tmp_path / "c", steps=2), other)
+    save_init_weights(run(tmp_path / "c", steps=2), other)
     with pytest.raises(ModelError, match="normals.pt: expected weights of this run.*got another network's"):
         mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
     assert not (tmp_path / "none.pt").exists()

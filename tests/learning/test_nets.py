@@ -4,9 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.nets.hdr_net import HdrNet  # noqa: E402
-from anyprobe.nets.illumination_net import IlluminationNet  # noqa: E402
-from anyprobe.nets.irradiance_net import IrradianceNet  # noqa: E402
+from anyprobe.nets.paper_nets import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():

@@ -10,9 +10,9 @@ from support.some_batch import some_batch  # noqa: E402
 from torch.nn import functional as F  # noqa: E402
 
 from anyprobe.core.frames import rotation_x  # noqa: E402
+from anyprobe.nets.lifting import given_or_estimated  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
-from anyprobe.nets.normals_net import told_or_guessed  # noqa: E402
-from anyprobe.train.normals import Normals, normals_loss  # noqa: E402
+from anyprobe.train.lift import Normals, normals_loss  # noqa: E402
 
 
 def facing(count: int = 2) -> torch.Tensor:
@@ -53,7 +53,7 @@ def test_guesses_are_unit_and_face_the_eye_before_anything_is_learned():
     net = LightNet().eval()
     torch.nn.init.zeros_(net.normals.head.weight)
     torch.nn.init.zeros_(net.normals.head.bias)
-    slope, wo = net.eye(torch.tensor([[0.5]]))
+    slope, wo = net.camera_rays(torch.tensor([[0.5]]))
     with torch.no_grad():
         n = net.normals(torch.rand(1, 4, 128, 128), slope, wo)
     torch.testing.assert_close(n, wo)
@@ -61,14 +61,14 @@ def test_guesses_are_unit_and_face_the_eye_before_anything_is_learned():
 
 
 def test_where_normals_are_told_is_told_too():
-    told = torch.zeros(1, 3, 64, 64)
-    told[:, 0, :10] = 2.0
-    normals, known = told_or_guessed(told, facing(1))
+    given = torch.zeros(1, 3, 64, 64)
+    given[:, 0, :10] = 2.0
+    normals, known = given_or_estimated(given, facing(1))
     assert known[:, :, :10].all()
     assert not known[:, :, 10:].any()
     assert (normals[:, 0, :10] == 1).all()
     assert torch.equal(normals[:, :, 10:], facing(1)[:, :, 10:])
-    assert not told_or_guessed(None, facing(1))[1].any()
+    assert not given_or_estimated(None, facing(1))[1].any()
 
 
 def test_only_normals_learn():

@@ -8,15 +8,15 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.frames import rotation_y  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, response  # noqa: E402
-from anyprobe.dataset.surroundings import (  # noqa: E402
+from anyprobe.dataset.seen_surroundings import (  # noqa: E402
     MOST_OTHERS,
     _shown,
     draw_frame,
     gather,
-    photo_around,
+    photo_surroundings,
     unsteady,
 )
-from anyprobe.infer.surroundings import see_around  # noqa: E402
+from anyprobe.estimate.surroundings import visible_surroundings  # noqa: E402
 
 
 def tone(light: torch.Tensor) -> torch.Tensor:
@@ -55,14 +55,14 @@ def test_training_sees_what_the_estimator_sees():
     width, height, slope = 320, 240, np.tan(np.radians(60) / 2)
     half = slope * np.array([1.0, height / width])
     frame = np.array([[-half[0], half[0], -half[1], half[1]]])
-    shown = photo_around(light, mask, torch.tensor([tan_half]), frame, tone)[0].permute(1, 2, 0).numpy()
+    shown = photo_surroundings(light, mask, torch.tensor([tan_half]), frame, tone)[0].permute(1, 2, 0).numpy()
     x = (np.arange(width) + 0.5) / width * 2 - 1
     y = 1 - (np.arange(height) + 0.5) / height * 2
     rays = np.stack([*np.meshgrid(half[0] * x, half[1] * y), np.full((height, width), -1.0)], axis=-1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     photo = response(0.4 + 0.3 * np.sin(2 * rays + 1)).astype(np.float32)
     image = np.concatenate([np.zeros((128, 128, 3)), mask[0].permute(1, 2, 0).numpy()], axis=-1)
-    expected = see_around(photo, 60.0, np.eye(3), image.astype(np.float32), tan_half)
+    expected = visible_surroundings(photo, 60.0, np.eye(3), image.astype(np.float32), tan_half)
     assert np.abs(shown[..., 3] - expected[..., 3]).mean() < 0.001
     both = np.minimum(shown[..., 3], expected[..., 3]) > 0.99
     assert both.sum() > 100
@@ -70,7 +70,7 @@ def test_training_sees_what_the_estimator_sees():
 
 
 def test_an_empty_frame_shows_nothing():
-    assert not photo_around(waves(), disc(), torch.tensor([0.1]), np.zeros((1, 4)), tone).any()
+    assert not photo_surroundings(waves(), disc(), torch.tensor([0.1]), np.zeros((1, 4)), tone).any()
 
 
 def test_surroundings_are_a_little_off():
@@ -92,7 +92,7 @@ def test_other_photos_show_more_of_the_same_map():
     light, mask = waves().expand(count, 3, 64, 128), disc().expand(count, 1, 128, 128)
     angles = torch.full((count,), tan_half)
     frames = np.stack([draw_frame(rng, tan_half) for _ in range(count)])
-    own = photo_around(light, mask, angles, frames, tone)
+    own = photo_surroundings(light, mask, angles, frames, tone)
     chosen = np.arange(count) % 2 == 0
     all_seen = gather(own, light, mask, angles, chosen, rng, tone)
     assert torch.equal(all_seen[~chosen], own[~chosen])

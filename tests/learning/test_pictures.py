@@ -15,15 +15,19 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
 
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.train import loop  # noqa: E402
-from anyprobe.train.config import designs, lift, normals, paper  # noqa: E402
-from anyprobe.train.journal import side_by_side  # noqa: E402
+from anyprobe.train.config import (  # noqa: E402
+    lift,
+    normals,
+    paper,
+    smoke,
+)
+from anyprobe.train.logger import side_by_side  # noqa: E402
 from anyprobe.train.loop import LEARNERS, make_learner, train  # noqa: E402
-from anyprobe.train.runs import smoke  # noqa: E402
 
 SHOWN = (paper, lift, normals)
 
@@ -166,9 +170,3 @@ def test_a_row_is_a_pair_and_pictures_stand_side_by_side():
         np.testing.assert_allclose(row[:, :, 4:], low[pair], atol=0.51 / 255)
         means = high[pair].reshape(3, 4, 2, 4, 2).mean(dim=(2, 4))
         np.testing.assert_allclose(row[:, :, :4], means, atol=0.51 / 255)
-
-
-def test_designs_have_no_pictures(run, tmp_path):
-    folder = run(tmp_path, designs, steps=1)
-    assert not list(folder.glob("pictures.*"))
-    assert events(folder) == {}

@@ -6,26 +6,28 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.dataset import room as rooms
+from anyprobe.dataset.asset_store import draw_map, room, sky, studio
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.procedural_light import draw_map, room, sky, studio
 from anyprobe.dataset.sky import (
     REC709_FROM_XYZ,
     clear_sky,
     daylight,
+    direction_at,
     horizontal_irradiance,
     matching_functions,
     scattered_irradiance,
     sky_radiance,
+    soft_box,
+    soft_cap,
     sun_irradiance,
     zenith_luminance,
 )
-from anyprobe.dataset.studio import direction_at, soft_box, soft_cap
 from anyprobe.dataset.variants import (
     add_lamp,
     blend,
     draw_variant,
-    move_main_light,
-    split_main_light,
+    move_dominant_light,
+    split_dominant_light,
     turn,
     white_balance,
 )
@@ -168,7 +170,7 @@ def test_zenith_is_bluer_than_the_horizon(turbidity):
 
 
 @pytest.mark.parametrize("elevation_deg", [12.0, 45.0, 80.0])
-def test_sun_flux_does_not_depend_on_the_height(elevation_deg):
+def test_sun_power_does_not_depend_on_the_height(elevation_deg):
     sun = direction_at(2.0, np.radians(elevation_deg))
     truth = sun_irradiance(np.radians(elevation_deg), 2.5)
     for height in (64, 128, 256):
@@ -300,7 +302,7 @@ def test_patches_take_a_rectangles_whole_area():
         np.testing.assert_allclose(areas @ painted, 4 * 0.77 * 0.33 * np.array([1, 2, 3]), rtol=1e-9)
 
 
-def test_sun_through_a_window_keeps_its_flux():
+def test_sun_through_a_window_keeps_its_power():
     """What falls on floor and walls is what came in: the window's area times its cosine."""
     window = rooms.Rectangle(wall=5, centre=np.array([-0.4, 0.3]), extent=np.array([0.8, 0.6]))
     points, areas = rooms.patch_points(HALF, 60), rooms.patch_areas(HALF, 60)
@@ -390,12 +392,12 @@ def test_blend_is_linear(maps):
 
 
 @pytest.mark.parametrize("radius_deg", [2.0, 12.0, 30.0])
-def test_lamp_adds_its_flux_where_it_is(radius_deg):
+def test_lamp_adds_its_power_where_it_is(radius_deg):
     base = np.full((64, 128, 3), 0.2)
-    flux = np.array([3.0, 2.0, 1.0])
+    power = np.array([3.0, 2.0, 1.0])
     direction = direction_at(2.6, 0.8)
-    added = add_lamp(base, direction, np.radians(radius_deg), flux) - base
-    np.testing.assert_allclose(integral(added), flux, rtol=1e-4)
+    added = add_lamp(base, direction, np.radians(radius_deg), power) - base
+    np.testing.assert_allclose(integral(added), power, rtol=1e-4)
     centroid = np.einsum("hwc,h,hwd->d", added, pixel_solid_angles(64)[:, 0], pixel_directions(64))
     assert angle_deg(centroid / np.linalg.norm(centroid), direction) < 1.0
     assert added.min() >= 0
@@ -407,10 +409,10 @@ def test_white_balance_scales_channels(maps):
     )
 
 
-def test_main_light_comes_apart_from_its_room():
+def test_dominant_light_comes_apart_from_its_room():
     """The two parts add up to the map; what is left has the surround's level where the lamp was."""
     radiance = lamp(128, 1.0, 0.4, 7.0)
-    rest, light, direction = split_main_light(radiance)
+    rest, light, direction = split_dominant_light(radiance)
     np.testing.assert_allclose(rest + light, radiance, rtol=1e-6)
     assert angle_deg(direction, direction_at(1.0, 0.4)) < 1.0
     assert rest.max() < 0.8
@@ -421,12 +423,12 @@ def test_main_light_comes_apart_from_its_room():
 
 @pytest.mark.parametrize("radius_deg", [1.5, 7.0, 20.0])
 @pytest.mark.parametrize("target", [(0.3, 0.2), (-2.9, 1.2), (3.1, -0.4)])
-def test_moved_light_is_there_with_its_flux(radius_deg, target):
+def test_moved_light_is_there_with_its_power(radius_deg, target):
     radiance, goal = lamp(128, 1.0, 0.4, radius_deg), direction_at(*target)
-    moved = move_main_light(radiance, goal)
+    moved = move_dominant_light(radiance, goal)
     np.testing.assert_allclose(integral(moved), integral(radiance), rtol=0.02)
-    _, light, _ = split_main_light(radiance)
-    rest, again, there = split_main_light(moved)
+    _, light, _ = split_dominant_light(radiance)
+    rest, again, there = split_dominant_light(moved)
     assert angle_deg(there, goal) < 1.5
     near = pixel_directions(128) @ goal > np.cos(np.radians(radius_deg + 4))
     assert near[np.unravel_index(np.argmax(luminance(moved)), near.shape)]
@@ -439,7 +441,7 @@ def test_moved_panel_stays_upright():
     """A wide panel is as wide after: turns about +Y and tilts about a level axis do not roll it."""
     d = pixel_directions(128).astype(np.float64)
     panel = soft_box(d, direction_at(0.8, 0.2), np.array([0.35, 0.1])) * np.full(3, 20.0) + 0.3
-    moved = move_main_light(panel, direction_at(-1.5, 0.5))
+    moved = move_dominant_light(panel, direction_at(-1.5, 0.5))
     wanted = soft_box(d, direction_at(-1.5, 0.5), np.array([0.35, 0.1]))[..., 0] > 0
     lit = moved[..., 0] > 10
     assert (lit & wanted).sum() / (lit | wanted).sum() > 0.7
@@ -447,10 +449,10 @@ def test_moved_panel_stays_upright():
 
 def test_even_light_has_nothing_to_move():
     even = np.full((64, 128, 3), 0.7, np.float32)
-    np.testing.assert_array_equal(move_main_light(even, UP), even)
-    assert split_main_light(even) is None
+    np.testing.assert_array_equal(move_dominant_light(even, UP), even)
+    assert split_dominant_light(even) is None
     wide = add_lamp(even, UP, np.radians(60.0), np.full(3, 9.0))
-    assert split_main_light(wide) is None
+    assert split_dominant_light(wide) is None
 
 
 def no_old_map(radiance: np.ndarray, maps: list[np.ndarray]) -> bool:

@@ -8,18 +8,18 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from support.some_pair import ball_pair  # noqa: E402
+from support.some_pair import sphere_pair  # noqa: E402
 
 from anyprobe.errors import ModelError  # noqa: E402
-from anyprobe.infer.runtime import LIFT_INPUTS, Models, weights_folder  # noqa: E402
+from anyprobe.estimate.runtime import LIFT_INPUTS, Models, weights_folder  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.quantize import EXACT, difference, lift_examples, quantize  # noqa: E402
+from anyprobe.train.export_onnx import EXACT, difference, lift_examples, quantize  # noqa: E402
 
 
 @pytest.fixture(scope="module")
 def pairs():
-    return [ball_pair(seed) for seed in range(6)]
+    return [sphere_pair(seed) for seed in range(6)]
 
 
 @pytest.fixture(scope="module")
@@ -79,10 +79,10 @@ def test_the_same_answers_but_for_their_steps(graphs, pairs):
 def test_steps_that_change_too_much_are_refused(graphs, pairs, tmp_path, monkeypatch):
     """With nothing left behind, and the bound is on what is told of them."""
     source = graphs / "float" / "light.onnx"
-    told = difference(source, graphs / "int8" / "light.onnx", lift_examples(pairs))
-    assert 0 < told < 0.02
+    given = difference(source, graphs / "int8" / "light.onnx", lift_examples(pairs))
+    assert 0 < given < 0.02
     assert difference(source, source, lift_examples(pairs[:2])) == 0
-    monkeypatch.setattr("anyprobe.train.quantize.TOLERANCE", 0.5 * told)
+    monkeypatch.setattr("anyprobe.train.export_onnx.INT8_TOLERANCE", 0.5 * given)
     with pytest.raises(ModelError, match="expected 8 bits to change maps by .* got 0.0"):
         quantize(source, tmp_path / "light.onnx", lift_examples(pairs))
     assert list(tmp_path.iterdir()) == []
@@ -105,11 +105,11 @@ def test_half_the_size(graphs):
 
 
 def test_examples_are_told_nothing_normals_surroundings_and_both():
-    told = Counter()
-    for example in lift_examples(4 * [ball_pair(1)]):
+    given = Counter()
+    for example in lift_examples(4 * [sphere_pair(1)]):
         assert tuple(example) == LIFT_INPUTS
-        told[bool(example["known_normals"].any()), bool(example["around"].any())] += 1
-    assert told == {(False, False): 1, (True, False): 1, (False, True): 1, (True, True): 1}
+        given[bool(example["given_normals"].any()), bool(example["around"].any())] += 1
+    assert given == {(False, False): 1, (True, False): 1, (False, True): 1, (True, True): 1}
 
 
 def test_without_examples_nothing_is_written(graphs, tmp_path):

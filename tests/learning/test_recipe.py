@@ -11,11 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anyprobe.core.color import luminance
 from anyprobe.core.response import MEAN_CURVE, inverse_response
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.laboratory import CAMERA, MATERIALS, material_of
-from anyprobe.dataset.material import SPECULAR_BELOW
 from anyprobe.dataset.pair import (
     _draw,
     fibonacci_viewpoint,
@@ -26,7 +24,6 @@ from anyprobe.dataset.pair import (
 )
 from anyprobe.dataset.plan import balanced_recipes, full_plan
 from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
-from anyprobe.dataset.stock import Stock, load_stock
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import rotate
 from anyprobe.render.mesh import make_mesh
@@ -44,15 +41,15 @@ def _map(map_id: str, indoor: bool, radiance: np.ndarray) -> MapAsset:
 
 
 @pytest.fixture(scope="module")
-def stock() -> Stock:
-    """Three maps (one indoor) and two balls."""
+def store() -> AssetStore:
+    """Three maps (one indoor) and two spheres."""
     rng = np.random.default_rng(3)
     maps = [
         _map(f"{i:08x}", i == 0, np.exp(rng.normal(0, 1, (64, 128, 3))).astype(np.float32)) for i in range(3)
     ]
-    return Stock(
+    return AssetStore(
         maps,
-        [ShapeAsset(id=f"{i:08x}", name=f"ball{i}", licence="own", mesh=sphere(16)) for i in range(2)],
+        [ShapeAsset(id=f"{i:08x}", name=f"sphere{i}", licence="own", mesh=sphere(16)) for i in range(2)],
     )
 
 
@@ -96,8 +93,8 @@ def test_every_field_changes_the_name_and_the_random_numbers() -> None:
 
 
 @pytest.mark.parametrize(("kind", "count"), [("object", 2 * 3 * 8 * 23), ("map", 3 * 23 * 5)])
-def test_a_plan_has_every_combination_once(stock, kind, count) -> None:
-    plan = full_plan(stock, kind)
+def test_a_plan_has_every_combination_once(store, kind, count) -> None:
+    plan = full_plan(store, kind)
     combinations = Counter(
         (r.map_id, r.shape_id, r.material, r.view) for r in map(plan.recipe, range(plan.count))
     )
@@ -106,8 +103,8 @@ def test_a_plan_has_every_combination_once(stock, kind, count) -> None:
         plan.recipe(count)
 
 
-def test_the_start_of_a_plan_is_a_fair_sample(stock) -> None:
-    plan = full_plan(stock)
+def test_the_start_of_a_plan_is_a_fair_sample(store) -> None:
+    plan = full_plan(store)
     start = [plan.recipe(i) for i in range(plan.count // 8)]
     fair = Counter(r.material % 2 for r in start)
     assert abs(fair[0] - fair[1]) <= 1
@@ -117,10 +114,10 @@ def test_the_start_of_a_plan_is_a_fair_sample(stock) -> None:
         assert all(0.5 * expected < count < 1.6 * expected for count in counts.values()), counts
 
 
-def test_the_test_set_is_balanced(stock) -> None:
-    recipes = balanced_recipes(stock, 48)
+def test_the_test_set_is_balanced(store) -> None:
+    recipes = balanced_recipes(store, 48)
     assert Counter(r.material % 2 for r in recipes) == {0: 24, 1: 24}
-    assert Counter(stock.maps[r.map_id].indoor for r in recipes) == {True: 24, False: 24}
+    assert Counter(store.maps[r.map_id].indoor for r in recipes) == {True: 24, False: 24}
     assert set(Counter(r.shape_id for r in recipes).values()) == {24}
     assert digest(recipes) != digest(recipes[::-1])
 
@@ -129,9 +126,9 @@ def test_the_test_set_is_balanced(stock) -> None:
 def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
     """Rendered anew in two processes with another number of threads: bit for bit."""
     script = (
-        "import hashlib; from anyprobe.dataset.stock import load_stock;"
+        "import hashlib; from anyprobe.dataset.asset_store import load_asset_store;"
         "from anyprobe.dataset.plan import full_plan; from anyprobe.dataset.pair import render_pair;"
-        "stock = load_stock(None, 'train', procedural_maps=1, procedural_shapes=1);"
+        "stock = load_asset_store(None, 'train', procedural_maps=1, procedural_shapes=1);"
         f"pair = render_pair(full_plan(stock, conditions={conditions}).recipe(3), stock);"
         "parts = (pair.photo, pair.irradiance, pair.radiance, pair.map_from_camera, pair.gain);"
         "print(hashlib.sha256(b''.join(p.tobytes() for p in parts)).hexdigest())"
@@ -149,11 +146,11 @@ def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
     assert printed[0] == printed[1]
 
 
-def test_some_curve_of_the_family_carries_ln_radiance_to_the_ldr_map(stock) -> None:
+def test_some_curve_of_the_family_carries_ln_radiance_to_the_ldr_map(store) -> None:
     """y = (1 + s) x^n / (x^n + s) says n ln x = ln(s y / (1 + s - y)): a line for the right s."""
-    plan = full_plan(stock, "map")
+    plan = full_plan(store, "map")
     for index in range(6):
-        pair = render_map_pair(plan.recipe(index), stock)
+        pair = render_map_pair(plan.recipe(index), store)
         assert pair.ldr.dtype == np.uint8
         assert pair.ln_radiance.dtype == np.float16
         unclipped = (pair.ldr > 20) & (pair.ldr < 240)
@@ -168,40 +165,40 @@ def test_some_curve_of_the_family_carries_ln_radiance_to_the_ldr_map(stock) -> N
         assert 0.4 <= exponent <= 1.6
 
 
-def test_exposures_of_map_pairs_span_two_stops(stock) -> None:
+def test_exposures_of_map_pairs_span_two_stops(store) -> None:
     """The five exposure numbers differ by their fifths of 0.5 to 2.0 around 5 to 15 % clipped."""
-    plan = full_plan(stock, "map")
+    plan = full_plan(store, "map")
     clipped = {number: [] for number in range(5)}
     for index in range(0, plan.count, 3):
         recipe = plan.recipe(index)
-        pair = render_map_pair(recipe, stock)
+        pair = render_map_pair(recipe, store)
         clipped[recipe.material].append((pair.ldr == 255).mean())
     means = [np.mean(clipped[number]) for number in range(5)]
     assert means == sorted(means)
     assert 0.02 < means[0] < means[2] < means[4] < 0.5
 
 
-def test_the_stored_rotation_and_gain_give_the_map(stock) -> None:
+def test_the_stored_rotation_and_gain_give_the_map(store) -> None:
     """radiance = gain * map seen from the camera: what a shard says in numbers."""
-    pair = render_pair(full_plan(stock).recipe(0), stock)
-    again = rotate(stock.maps[pair.recipe.map_id].radiance, pair.map_from_camera.T)
+    pair = render_pair(full_plan(store).recipe(0), store)
+    again = rotate(store.maps[pair.recipe.map_id].radiance, pair.map_from_camera.T)
     np.testing.assert_allclose(pair.radiance, again * pair.gain, rtol=1e-6)
 
 
-def test_the_shot_is_told_without_taking_the_photo(stock) -> None:
+def test_the_shot_is_told_without_taking_the_photo(store) -> None:
     """By its white balance: a pair's gain is one exposure times that."""
     for index in range(4):
-        recipe = full_plan(stock).recipe(index)
-        gain, balance = render_pair(recipe, stock).gain, shot_of(recipe).white_balance
+        recipe = full_plan(store).recipe(index)
+        gain, balance = render_pair(recipe, store).gain, shot_of(recipe).white_balance
         np.testing.assert_allclose(gain / gain.mean(), balance / balance.mean(), rtol=1e-6)
     assert np.ptp(balance) > 1e-3
 
 
 def test_photo_and_map_have_one_exposure() -> None:
     """In a white world an object sends back its albedo times the map, up to the camera's curve."""
-    white = Stock(
+    white = AssetStore(
         [_map("0" * 8, False, np.ones((64, 128, 3), np.float32))],
-        [ShapeAsset(id="0" * 8, name="ball", licence="own", mesh=sphere(16))],
+        [ShapeAsset(id="0" * 8, name="sphere", licence="own", mesh=sphere(16))],
     )
     plan = full_plan(white)
     for index in range(8):
@@ -213,28 +210,9 @@ def test_photo_and_map_have_one_exposure() -> None:
         assert (ratio < 1.6).all()
 
 
-def test_a_laboratory_changes_the_material_and_the_camera_alone(stock) -> None:
-    recipe = full_plan(stock).recipe(1)
-    drawn, fixed = render_pair(recipe, stock), render_pair(recipe, stock, laboratory=True)
-    assert fixed.material is MATERIALS[recipe.material]
-    np.testing.assert_array_equal(fixed.map_from_camera, drawn.map_from_camera)
-    np.testing.assert_array_equal(fixed.normals, drawn.normals)
-    np.testing.assert_allclose(fixed.radiance / fixed.gain, drawn.radiance / drawn.gain, rtol=1e-5)
-    assert not np.array_equal(fixed.photo, drawn.photo)
-    log_mean = np.exp(np.log(luminance(fixed.radiance)).mean())
-    assert log_mean == pytest.approx(CAMERA.scene_key, rel=1e-3)
-
-
-def test_a_laboratory_s_materials_are_what_recipes_number() -> None:
-    for number, material in enumerate(MATERIALS):
-        assert (material.alpha >= SPECULAR_BELOW) == bool(number & 1)
-        assert (material.albedo.max() == 0) == bool(number & 2)
-        assert material_of(material.alpha) is material
-
-
-def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:
+def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(store) -> None:
     clean, worldly = (
-        [render_pair(full_plan(stock, conditions=c).recipe(i), stock) for i in range(count)]
+        [render_pair(full_plan(store, conditions=c).recipe(i), store) for i in range(count)]
         for c, count in ((0, 4), (1, 24))
     )
     for pair in clean:
@@ -246,7 +224,7 @@ def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(stock) -> None:
 
 def test_own_assets_depend_on_seed_and_split_alone() -> None:
     first, again, other, held_out = (
-        load_stock(None, split, procedural_maps=0, procedural_shapes=3, seed=seed)
+        load_asset_store(None, split, procedural_maps=0, procedural_shapes=3, seed=seed)
         for split, seed in (("train", 5), ("train", 5), ("train", 6), ("test", 5))
     )
     assert list(first.shapes) == list(again.shapes)
@@ -255,9 +233,9 @@ def test_own_assets_depend_on_seed_and_split_alone() -> None:
         np.testing.assert_array_equal(one.mesh.positions, two.mesh.positions)
 
 
-def test_an_asset_that_is_not_there_is_one_line(stock) -> None:
+def test_an_asset_that_is_not_there_is_one_line(store) -> None:
     with pytest.raises(InputError, match="map 00c0ffee: expected one of the 3 maps given"):
-        render_pair(RECIPE, stock)
+        render_pair(RECIPE, store)
 
 
 BOX = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
@@ -271,10 +249,10 @@ def box(*size: float) -> ShapeAsset:
     return ShapeAsset(id="0b0b0b0b", name="box", licence="own", mesh=make_mesh(BOX * size, BOX_FACES))
 
 
-def test_a_card_seen_edge_on_is_seen_from_aside(stock) -> None:
+def test_a_card_seen_edge_on_is_seen_from_aside(store) -> None:
     """No pixel's centre is on it from there: the photo shows its front."""
     card = box(1.0, 1.0, 0.001)
-    own = Stock(stock.maps.values(), [card])
+    own = AssetStore(store.maps.values(), [card])
     plan = full_plan(own)
 
     def is_empty(recipe: Recipe) -> bool:
@@ -290,11 +268,11 @@ def test_a_card_seen_edge_on_is_seen_from_aside(stock) -> None:
         assert pair.photo[pair.photo[..., 3] > 0].std() > 1
 
 
-def test_a_pole_thinner_than_a_pixel_is_too_thin(stock) -> None:
+def test_a_pole_thinner_than_a_pixel_is_too_thin(store) -> None:
     """And one line, if it is rendered all the same. One and a half pixels wide it is seen."""
     pole = box(0.004, 1.0, 0.004)
     assert is_too_thin(pole.mesh)
-    own = Stock(stock.maps.values(), [pole])
+    own = AssetStore(store.maps.values(), [pole])
     upright = replace(full_plan(own).recipe(0), view=0)  # seen level, it stands between two columns of pixels
     with pytest.raises(InvalidMesh, match="box: expected a shape that 128 pixels can show"):
         render_pair(upright, own)
@@ -316,16 +294,16 @@ def test_viewpoints_are_spread_evenly_over_the_upper_hemisphere() -> None:
     assert apart.min() > 0.6 * 2 * np.arccos(1 - 1 / VIEWPOINTS)
 
 
-def test_material_numbers_say_what_the_material_is(stock) -> None:
+def test_material_numbers_say_what_the_material_is(store) -> None:
     for material in range(8):
-        pair = render_pair(replace(full_plan(stock).recipe(0), material=material), stock)
+        pair = render_pair(replace(full_plan(store).recipe(0), material=material), store)
         assert (pair.material.alpha >= 0.5) == (not pair.specular) == bool(material & 1)
         assert (np.max(pair.material.albedo) == 0) == bool(material & 2)
 
 
 def test_another_renderer_takes_the_same_photo():
     """It is given mesh, camera, material and the map about the mesh: drawn with these, the picture is the pair's."""
-    own = load_stock(None, "test", procedural_maps=1, procedural_shapes=1)
+    own = load_asset_store(None, "test", procedural_maps=1, procedural_shapes=1)
     recipe = replace(RECIPE, map_id=next(iter(own.maps)), shape_id=next(iter(own.shapes)), conditions=0)
     ours = render_pair(recipe, own)
     drawn = render_pair(recipe, own, draw_mesh)

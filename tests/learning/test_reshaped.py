@@ -7,10 +7,10 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
-from anyprobe.dataset.reshaped import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
+from anyprobe.dataset.shape_augment import draw_reshaping, join_some, reshape, reshape_some  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.surface import pixel_rays  # noqa: E402
 
@@ -26,8 +26,8 @@ def both(surfaces):
     return torch.from_numpy(surfaces.normals).float(), torch.from_numpy(surfaces.tan_half)
 
 
-def ball_rho(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """ln depth of a ball that more than fills the picture: radius 2 around (0.1, -0.1, -3)."""
+def sphere_rho(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """ln depth of a sphere that more than fills the picture: radius 2 around (0.1, -0.1, -3)."""
     ray, centre = np.stack([x, y, -np.ones_like(x)], axis=-1), np.array([0.1, -0.1, -3.0])
     a, b = (ray**2).sum(axis=-1), ray @ centre
     return np.log((b - np.sqrt(b**2 - a * (centre @ centre - 4.0))) / a)
@@ -48,7 +48,7 @@ def test_what_comes_out_are_the_normals_of_the_surface_whose_depth_was_changed()
     """Against points in space: rolled, drawn out, deeper and with waves."""
     x = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * TAN_HALF
     x, y = np.meshgrid(x, -x)
-    before = torch.from_numpy(normals_of(ball_rho, x, y).astype(np.float32)).permute(2, 0, 1)[None]
+    before = torch.from_numpy(normals_of(sphere_rho, x, y).astype(np.float32)).permute(2, 0, 1)[None]
     change = draw_reshaping(np.ones((1, SIZE, SIZE), bool), np.random.default_rng(1))
     change = replace(  # a part of the picture, so that nothing comes from outside it
         change, old_from_new=change.old_from_new * 0.4, offset=torch.tensor([[0.1, -0.15]])
@@ -60,7 +60,7 @@ def test_what_comes_out_are_the_normals_of_the_surface_whose_depth_was_changed()
 
     def rho(x, y):
         old = np.stack([x, y], axis=-1) @ linear.T + offset
-        result = steeper * ball_rho(old[..., 0], old[..., 1])
+        result = steeper * sphere_rho(old[..., 0], old[..., 1])
         for (slope, speed), phase in zip(
             change.waves[0].double().numpy(), change.phases[0].numpy(), strict=True
         ):
@@ -137,8 +137,8 @@ def test_batches_take_them_and_depend_on_their_number_alone():
     light = [draw_map(np.random.default_rng(3), height=64)[0]]
     drawn = build_surfaces([], SurfaceConfig(views=1, procedural=2))
 
-    def source(reshaped: float, joined: float = 0.0) -> PairSource:
-        config = PairConfig(batch=4, group=2, pool=2, reuse=4, reshaped=reshaped, joined=joined)
+    def source(shape_augment: float, joined: float = 0.0) -> PairSource:
+        config = PairConfig(batch=4, group=2, pool=2, reuse=4, shape_augment=shape_augment, joined=joined)
         return PairSource(Illuminator(light, compiled=False), drawn, config)
 
     straight = source(1.0)

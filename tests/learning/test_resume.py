@@ -15,17 +15,16 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.dataset.asks import Batch  # noqa: E402
+from anyprobe.dataset.asset_store import AssetStore  # noqa: E402
 from anyprobe.dataset.catalog import MapAsset  # noqa: E402
-from anyprobe.dataset.stock import Stock  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.masks.propose import SIZE  # noqa: E402
 from anyprobe.train import loop, mask_run  # noqa: E402
-from anyprobe.train.config import normals  # noqa: E402
+from anyprobe.train.checkpoint import agreed, differing  # noqa: E402
+from anyprobe.train.config import normals, smoke  # noqa: E402
+from anyprobe.train.dataloader import name_assets  # noqa: E402
+from anyprobe.train.init_weights import save_init_weights  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, train_mask  # noqa: E402
-from anyprobe.train.resume import agreed, differing  # noqa: E402
-from anyprobe.train.runs import smoke  # noqa: E402
-from anyprobe.train.start import save_start  # noqa: E402
-from anyprobe.train.supply import name_assets  # noqa: E402
 
 CONFIG = smoke(normals(), 4)
 PAIRS = SimpleNamespace(batch=lambda step: some_batch())
@@ -43,9 +42,9 @@ def changed(path, **parts):
     torch.save({name: value for name, value in stored.items() if value is not None}, path)
 
 
-def some_stock(*ids):
+def some_store(*ids):
     dark = np.ones((8, 16, 3), np.float32)
-    return Stock([MapAsset(name=one, id=one, licence="own", indoor=True, radiance=dark) for one in ids])
+    return AssetStore([MapAsset(name=one, id=one, licence="own", indoor=True, radiance=dark) for one in ids])
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +87,8 @@ def test_another_run_does_not_go_on_from_a_checkpoint(begun, case):
 
 def test_a_team_of_another_size_does_not_go_on(tmp_path):
     path = go(tmp_path, stop_after=1)
-    assert torch.load(path, weights_only=True)["origin"] == {"team": 1, "start": None}
-    changed(path, origin={"team": 2, "start": None})
+    assert torch.load(path, weights_only=True)["origin"] == {"processes": 1, "start": None}
+    changed(path, origin={"processes": 2, "start": None})
     with pytest.raises(InputError, match="as many processes as 2, as the run began, got 1"):
         go(tmp_path)
 
@@ -97,8 +96,8 @@ def test_a_team_of_another_size_does_not_go_on(tmp_path):
 def test_start_is_for_the_run_that_began_from_it(tmp_path):
     """The command that began a run goes on with it; other weights, or none, do not."""
     weights, others = tmp_path / "start.pt", tmp_path / "others.pt"
-    save_start(go(tmp_path / "a", stop_after=1), weights)
-    save_start(go(tmp_path / "a", stop_after=2), others)
+    save_init_weights(go(tmp_path / "a", stop_after=1), weights)
+    save_init_weights(go(tmp_path / "a", stop_after=2), others)
     path = go(tmp_path / "b", stop_after=1, start=weights)
     assert torch.load(go(tmp_path / "b", stop_after=2, start=weights), weights_only=True)["step"] == 2
     assert torch.load(go(tmp_path / "b", stop_after=3), weights_only=True)["step"] == 3
@@ -117,12 +116,12 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
 def test_other_assets_do_not_go_on(tmp_path, monkeypatch):
     """They are known before shapes are drawn; where pairs are at hand, nobody asks."""
     monkeypatch.setattr(loop, "open_batches", lambda *args: iter([some_batch()] * 4))
-    monkeypatch.setattr(loop, "load_assets", lambda light, data, with_shapes: some_stock("0a", "0b"))
+    monkeypatch.setattr(loop, "load_assets", lambda light, data, with_shapes: some_store("0a", "0b"))
     path = go(tmp_path, pairs=None, stop_after=1)
-    assert torch.load(path, weights_only=True)["origin"]["assets"] == name_assets(some_stock("0a", "0b"))
+    assert torch.load(path, weights_only=True)["origin"]["assets"] == name_assets(some_store("0a", "0b"))
     go(tmp_path, stop_after=2)
     go(tmp_path, pairs=None, stop_after=3)
-    monkeypatch.setattr(loop, "load_assets", lambda light, data, with_shapes: some_stock("0a", "0c"))
+    monkeypatch.setattr(loop, "load_assets", lambda light, data, with_shapes: some_store("0a", "0c"))
     with pytest.raises(
         InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run began, got 2"
     ):
@@ -136,9 +135,7 @@ def test_an_older_checkpoint_goes_on_exactly(tmp_path):
     straight = torch.load(go(tmp_path / "a"), weights_only=True)
     path = go(tmp_path / "b", stop_after=2)
     config = asdict(CONFIG)
-    for part, name in (("pairs", "laboratory"), ("pairs", "every"), ("light", "extra"), ("lift", "queries")):
-        del config[part][name]
-    del config["irradiance_learns"]
+    del config["pairs"]["merged_surroundings"], config["light"]["extra"]
     config["name"] = "before"
     changed(path, origin=None, pairs=None, config=json.dumps(config))
     resumed = torch.load(go(tmp_path / "b"), weights_only=True)
@@ -172,8 +169,11 @@ def test_a_setting_that_is_not_stored_had_its_default():
 
 
 def test_what_is_known_of_a_run_stays_known(tmp_path):
-    assert agreed(tmp_path, {}, {"team": 2}) == {"team": 2}
-    assert agreed(tmp_path, {"team": 2, "start": None}, {"team": 2}) == {"team": 2, "start": None}
+    assert agreed(tmp_path, {}, {"processes": 2}) == {"processes": 2}
+    assert agreed(tmp_path, {"processes": 2, "start": None}, {"processes": 2}) == {
+        "processes": 2,
+        "start": None,
+    }
 
 
 def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):
@@ -198,7 +198,7 @@ def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):
     with pytest.raises(ModelError, match="got no file"):
         ask(start=tmp_path / "none.pt")
     changed(path, origin={"start": None, "assets": "9 maps"})
-    monkeypatch.setattr(mask_run, "load_assets", lambda light, data: some_stock("0a"))
+    monkeypatch.setattr(mask_run, "load_assets", lambda light, data: some_store("0a"))
     with pytest.raises(InputError, match="expected --data with 9 maps, as the run began, got 1 maps"):
         ask(scenes=None)
     changed(path, optimizer=None)

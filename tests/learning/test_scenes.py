@@ -13,9 +13,9 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 
 from anyprobe.dataset.asks import HINTS, SceneSource, ask, unasked_target  # noqa: E402
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.backdrops import TexturePool  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.retakes import retake  # noqa: E402
 from anyprobe.dataset.scenes import GREY, SIZE, Scene, draw_scene  # noqa: E402
 from anyprobe.dataset.sprites import ViewSource  # noqa: E402

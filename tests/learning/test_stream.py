@@ -13,8 +13,8 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import Batch, PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.stream import stream  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.train.dataloader import stream  # noqa: E402
 
 
 def open_source(seed: int) -> PairSource:

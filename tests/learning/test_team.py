@@ -11,7 +11,7 @@ from torch import nn  # noqa: E402
 from torch.multiprocessing import spawn  # noqa: E402
 
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.train.team import Team  # noqa: E402
+from anyprobe.train.distributed import ProcessGroup  # noqa: E402
 
 
 def work(rank: int, port: int, folder: str) -> None:
@@ -20,19 +20,22 @@ def work(rank: int, port: int, folder: str) -> None:
         RANK=str(rank), WORLD_SIZE="2", LOCAL_RANK=str(rank), MASTER_ADDR="127.0.0.1", MASTER_PORT=str(port)
     )
     torch.set_num_threads(1)
-    team = Team()
+    processes = ProcessGroup()
     torch.manual_seed(7)  # the same weights
     net = nn.Sequential(nn.Linear(3, 2), nn.BatchNorm1d(2))
     torch.manual_seed(rank)  # other pairs
     net(torch.rand(5, 3)).square().sum().backward()
     own = [p.grad.clone() for p in net.parameters()]
     own_mean = net[1].running_mean.clone()
-    asked = [team.average_gradients(net.parameters(), ask) for ask in (team.is_first, not team.is_first)]
-    team.average_statistics(net)
+    asked = [
+        processes.average_gradients(net.parameters(), ask)
+        for ask in (processes.is_first, not processes.is_first)
+    ]
+    processes.average_statistics(net)
     mean = net[1].running_mean.clone()
     gradients = [p.grad.clone() for p in net.parameters()]
     torch.save((own, gradients, own_mean, mean, asked), f"{folder}/{rank}.pt")
-    team.leave()
+    processes.leave()
 
 
 def test_two_processes_agree_on_gradients_statistics_and_when_to_save(tmp_path):
@@ -40,25 +43,25 @@ def test_two_processes_agree_on_gradients_statistics_and_when_to_save(tmp_path):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     spawn(work, (port, str(tmp_path)), nprocs=2)
-    told = [torch.load(tmp_path / f"{rank}.pt", weights_only=True) for rank in range(2)]
-    assert not torch.equal(told[0][0][0], told[1][0][0])
+    given = [torch.load(tmp_path / f"{rank}.pt", weights_only=True) for rank in range(2)]
+    assert not torch.equal(given[0][0][0], given[1][0][0])
     for rank in range(2):
-        for one, other, averaged in zip(told[0][0], told[1][0], told[rank][1], strict=True):
+        for one, other, averaged in zip(given[0][0], given[1][0], given[rank][1], strict=True):
             torch.testing.assert_close(averaged, (one + other) / 2)
-        torch.testing.assert_close(told[rank][3], (told[0][2] + told[1][2]) / 2)
-        assert told[rank][4] == [True, False]  # the first process decides
+        torch.testing.assert_close(given[rank][3], (given[0][2] + given[1][2]) / 2)
+        assert given[rank][4] == [True, False]  # the first process decides
 
 
 def test_one_process_is_a_team_of_its_own(monkeypatch):
     for name in ("RANK", "WORLD_SIZE"):
         monkeypatch.delenv(name, raising=False)
-    team = Team()
-    assert team.is_first
-    assert team.device == "cpu"
+    processes = ProcessGroup()
+    assert processes.is_first
+    assert processes.device == "cpu"
     net = nn.Linear(2, 1)
     net(torch.ones(1, 2)).sum().backward()
     before = net.weight.grad.clone()
-    assert team.average_gradients(net.parameters(), True)
+    assert processes.average_gradients(net.parameters(), True)
     assert torch.equal(net.weight.grad, before)
 
 
@@ -74,13 +77,13 @@ def test_processes_speak_as_the_device_that_they_train_on_can(monkeypatch, kind,
     monkeypatch.setenv("WORLD_SIZE", "2")
     monkeypatch.setattr(torch.cuda, "is_available", lambda: gpu)
     monkeypatch.setattr(torch.distributed, "init_process_group", asked.append)
-    assert Team(kind).device == device
+    assert ProcessGroup(kind).device == device
     assert asked == [backend]
 
 
 def test_a_device_that_is_not_there_is_one_clear_line(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(InputError, match="--device gpu: expected one of cpu, cuda, got another"):
-        Team("gpu")
+        ProcessGroup("gpu")
     with pytest.raises(InputError, match="--device cuda: expected a GPU that torch can use, found none"):
-        Team("cuda")
+        ProcessGroup("cuda")

@@ -8,7 +8,7 @@ import pytest
 
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.errors import InputError
-from anyprobe.evaluate.test_set import FROZEN, read_recipes, write_recipes
+from anyprobe.evaluate.test_sets import FROZEN, read_recipes, write_recipes
 
 RECIPES = [
     Recipe(kind="object", map_id="00000001", shape_id="00000002", material=3, view=k, seed=k)

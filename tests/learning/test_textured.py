@@ -10,12 +10,12 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import pair as pair_module  # noqa: E402
 from anyprobe.dataset import pairs  # noqa: E402
+from anyprobe.dataset.asset_store import load_asset_store  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.material import METALS, draw_material  # noqa: E402
 from anyprobe.dataset.pair import render_pair  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.plan import full_plan  # noqa: E402
-from anyprobe.dataset.stock import load_stock  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.dataset.textured import (  # noqa: E402
     MOST_ALBEDO,
@@ -32,16 +32,16 @@ from anyprobe.dataset.textured import (  # noqa: E402
 from anyprobe.dataset.textures import smooth_noise  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.render.picture import draw_mesh  # noqa: E402
-from anyprobe.scatter.brdf import Material  # noqa: E402
+from anyprobe.scatter.materials import Material  # noqa: E402
 
 SIZE, RADIUS = 128, 0.85
 X, Y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, 1 - (np.arange(SIZE) + 0.5) / SIZE * 2)
 REACH = np.hypot(X, Y) / RADIUS
-"""Distance from the picture's centre in the radius of `ball` and `disc`."""
+"""Distance from the picture's centre in the radius of `sphere` and `disc`."""
 
 
-def ball() -> np.ndarray:
-    """Normals [S, S, 3] of a ball seen from afar."""
+def sphere() -> np.ndarray:
+    """Normals [S, S, 3] of a sphere seen from afar."""
     z = np.sqrt(np.maximum(1 - REACH**2, 0))
     return (np.stack([X / RADIUS, Y / RADIUS, z], axis=-1) * (REACH < 1)[..., None]).astype(np.float32)
 
@@ -52,8 +52,8 @@ def disc() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def stock():
-    return load_stock(None, "test", procedural_maps=2, procedural_shapes=2)
+def store():
+    return load_asset_store(None, "test", procedural_maps=2, procedural_shapes=2)
 
 
 @pytest.fixture
@@ -64,9 +64,9 @@ def few_samples(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def source(stock):
+def source(store):
     """A source of the same pairs by any further settings."""
-    illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
+    illuminator = Illuminator([asset.radiance for asset in store.maps.values()], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
 
     def make(**settings) -> PairSource:
@@ -77,8 +77,8 @@ def source(stock):
     return make
 
 
-def test_pixels_are_located_where_the_ball_is():
-    points, inside = locate(ball()), REACH < 0.95
+def test_pixels_are_located_where_the_sphere_is():
+    points, inside = locate(sphere()), REACH < 0.95
     np.testing.assert_allclose(points[..., 0], X, atol=1e-6)
     np.testing.assert_allclose(points[..., 1], Y, atol=1e-6)
     error = points[..., 2] - RADIUS * np.sqrt(np.maximum(1 - REACH**2, 0))
@@ -96,7 +96,7 @@ def test_a_roof_is_located_as_deep_as_it_is_steep():
         assert np.ptp(error[REACH < 0.9]) < 0.1 * np.ptp(depth[REACH < 0.9])
 
 
-def test_patterns_draw_together_towards_the_edge_of_a_ball_and_not_of_a_disc():
+def test_patterns_draw_together_towards_the_edge_of_a_sphere_and_not_of_a_disc():
     """A pixel there is longer on the surface: 2.3 times at nine tenths of the radius."""
 
     def steeper(normals: np.ndarray) -> float:
@@ -110,7 +110,7 @@ def test_patterns_draw_together_towards_the_edge_of_a_ball_and_not_of_a_disc():
         return edge / middle
 
     RINGS = ((0.1, 0.4), (0.85, 0.95))
-    assert steeper(ball()) > 1.4 * steeper(disc())
+    assert steeper(sphere()) > 1.4 * steeper(disc())
 
 
 def test_a_pattern_is_as_coarse_on_a_plane_that_faces_any_way():
@@ -132,7 +132,7 @@ def test_a_pattern_is_as_coarse_on_a_plane_that_faces_any_way():
 def test_textures_are_mild_and_mostly_grey():
     inside, contrasts, colored = REACH < 1, [], 0
     for seed in range(80):
-        factor = draw_factor(ball(), np.random.default_rng(seed))
+        factor = draw_factor(sphere(), np.random.default_rng(seed))
         assert factor.dtype == np.float32
         assert (factor[~inside] == 1).all()
         np.testing.assert_allclose(factor[inside].mean(axis=0), 1.0, rtol=1e-4)
@@ -146,7 +146,7 @@ def test_textures_are_mild_and_mostly_grey():
 def test_the_second_material_covers_what_it_says_with_a_border_of_a_pixel():
     inside, shares = REACH < 1, []
     for seed in range(60):
-        share = draw_share(ball(), np.random.default_rng(seed))
+        share = draw_share(sphere(), np.random.default_rng(seed))
         assert share.min() >= 0
         assert share.max() <= 1
         assert not share[~inside].any()
@@ -180,7 +180,7 @@ def test_paint_changes_a_dielectrics_albedo_and_less_of_a_metals_mirror():
 def test_a_pixel_shows_the_material_that_it_has(source):
     """Against the same surface of each material alone: upper left, upper right and below."""
     lit = source()._pool(0)[:2]
-    normals = torch.from_numpy(ball()).permute(2, 0, 1).expand(2, 3, SIZE, SIZE)
+    normals = torch.from_numpy(sphere()).permute(2, 0, 1).expand(2, 3, SIZE, SIZE)
     wo = pairs.pixel_wo(torch.full((2, 1, 1, 1), 0.2), SIZE)
     rng = np.random.default_rng(0)
     some = [draw_material(rng, lit[0].alpha, metal) for metal in (False, True, False)]
@@ -230,7 +230,7 @@ def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
 
 def test_about_a_share_of_objects_is_painted_and_the_rest_left_as_it_is():
     material = Material(albedo=np.full(3, 0.7, np.float32), f0=np.full(3, 0.04, np.float32), alpha=0.3)
-    normals = np.stack([np.moveaxis(ball(), -1, 0)] * 40)
+    normals = np.stack([np.moveaxis(sphere(), -1, 0)] * 40)
     normals[0] = 0.0  # nothing of it is seen
     for shares in ((0.5, 0.0), (0.0, 0.5)):
         painted = paint_some([material] * 40, normals, np.random.default_rng(2), *shares)
@@ -241,12 +241,12 @@ def test_about_a_share_of_objects_is_painted_and_the_rest_left_as_it_is():
         assert {bool(np.ptp(one.f0) == 0) for one in changed} == {shares[0] > 0}
 
 
-def test_a_textured_pair_is_the_same_every_time_and_asks_for_the_same_light(stock, few_samples):
+def test_a_textured_pair_is_the_same_every_time_and_asks_for_the_same_light(store, few_samples):
     """At the same exposure: all but the photo, and in it the mask."""
-    plan = full_plan(stock, conditions=1)
+    plan = full_plan(store, conditions=1)
     for index in (3, 400):
         plain, first, second = (
-            render_pair(plan.recipe(index), stock, textured=textured) for textured in (False, True, True)
+            render_pair(plan.recipe(index), store, textured=textured) for textured in (False, True, True)
         )
         np.testing.assert_array_equal(first.photo, second.photo)
         assert not np.array_equal(first.photo, plain.photo)
@@ -256,7 +256,7 @@ def test_a_textured_pair_is_the_same_every_time_and_asks_for_the_same_light(stoc
         np.testing.assert_array_equal(first.material.albedo, plain.material.albedo)
 
 
-def test_pairs_show_textures_second_materials_and_both(stock, few_samples, monkeypatch):
+def test_pairs_show_textures_second_materials_and_both(store, few_samples, monkeypatch):
     """A third each; the second material has an alpha of its own, and leaves the first where it is not."""
     calls = []
 
@@ -278,11 +278,11 @@ def test_pairs_show_textures_second_materials_and_both(stock, few_samples, monke
     monkeypatch.setattr(pair_module, "shade_surface", spy_on_alpha)
     for name in ("draw_factor", "draw_share", "draw_alpha"):
         spy(name)
-    plan, kinds = full_plan(stock), []
+    plan, kinds = full_plan(store), []
     for index in range(0, 15 * 25, 25):
         calls.clear()
         shaded.clear()
-        textured = render_pair(plan.recipe(index), stock, textured=True)
+        textured = render_pair(plan.recipe(index), store, textured=True)
         (_, alpha), *changes = calls
         kinds.append(tuple(name for name, _ in changes if name != "draw_alpha"))
         if kinds[-1] == ("draw_share",):
@@ -291,7 +291,7 @@ def test_pairs_show_textures_second_materials_and_both(stock, few_samples, monke
             assert other != alpha == textured.material.alpha
             assert shaded == [alpha, other]
             share = next(value for name, value in changes if name == "draw_share")
-            plain = render_pair(plan.recipe(index), stock)
+            plain = render_pair(plan.recipe(index), store)
             first = (share == 0) & (plain.photo[..., 3] > 0)
             assert first.mean() > 0.1
             np.testing.assert_array_equal(textured.photo[first], plain.photo[first])
@@ -300,6 +300,6 @@ def test_pairs_show_textures_second_materials_and_both(stock, few_samples, monke
     assert all(3 <= kinds.count(kind) <= 7 for kind in set(kinds))
 
 
-def test_another_renderer_is_not_asked_for_textures(stock):
+def test_another_renderer_is_not_asked_for_textures(store):
     with pytest.raises(InputError, match="textured: expected objects shaded here"):
-        render_pair(full_plan(stock).recipe(0), stock, draw_mesh, textured=True)
+        render_pair(full_plan(store).recipe(0), store, draw_mesh, textured=True)

@@ -70,17 +70,17 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(
     assert sidecar["priors"] == {"surroundings": 0}
     of_package = expected.sidecar()
     assert sidecar["confidence"] == pytest.approx(of_package["confidence"], abs=0.01)
-    assert sidecar["well_exposed_fraction"] == pytest.approx(expected.told, abs=0.01)
+    assert sidecar["well_exposed_fraction"] == pytest.approx(expected.well_exposed_fraction, abs=0.01)
     assert seen["hidden"].startswith("The background of this photo is one colour")
     with Image.open(vase_photo) as picture:
         click = (MIDDLE[0] * picture.width, MIDDLE[1] * picture.height)
     opaque = estimator(vase_photo, click=[click], surroundings="photo")
     coverage = json.loads(Path(seen["background"]["json"]).read_text())["priors"]["surroundings"]
-    assert coverage == pytest.approx(opaque.sidecar()["known"]["surroundings"], abs=3e-3)
+    assert coverage == pytest.approx(opaque.sidecar()["priors"]["surroundings"], abs=3e-3)
     found = read_radiance(Path(seen["background"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
-    soft = estimator.with_lamps("spread")(vase_photo, click=[click])
+    soft = estimator.with_emitters("expected")(vase_photo, click=[click])
     found = read_radiance(Path(seen["soft"]["exr"]))
     # by masks that both cut out anew, around the same click: they differ by some pixels of the edge
     assert np.abs(response(found) - response(soft.radiance)).mean() < 0.02

@@ -163,7 +163,7 @@ def test_empty_vite_project_gives_pythons_spheres(built_site, estimator):
 @pytest.mark.parametrize("name", ["fiber", "babylon"])
 def test_example_draws_the_light_from_its_side(built_site, estimator, name):
     seen = look(built_site, f"{name}.html")
-    direction = estimator(VASE, fov_deg=FOV_DEG).main_light().direction
+    direction = estimator(VASE, fov_deg=FOV_DEG).dominant_light().direction
     assert np.dot(seen["direction"], direction) > np.cos(np.radians(5))
     page = pixels(seen["drawn"])
     bright = page[..., :3].mean(axis=-1) * page[..., 3]
@@ -178,7 +178,9 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built_site, estimat
         frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
     video = write_y4m(tmp_path / "camera.y4m", [frame])
     seen = look(built_site, "webxr.html", arguments={"click": True}, flags=camera_flags(video))
-    expected = estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).main_light().direction
+    expected = (
+        estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).dominant_light().direction
+    )
     assert np.dot(seen["direction"], expected) > np.cos(np.radians(15))
     lit, default = pixels(seen["drawn"]), pixels(seen["clicked"])
     assert np.abs(lit - default)[..., :3].mean() > 0.002  # estimationend brings the default light back

@@ -9,9 +9,9 @@ from support.page_masks import can_run, page_masks
 torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("cv2", reason="needs the box extra")
 
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.backdrops import TexturePool  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
 from anyprobe.dataset.sprites import ViewSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.evaluate.mask_scenes import drawn_cases  # noqa: E402

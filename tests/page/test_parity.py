@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 from support.parity_case import write_parity_case
 
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.runtime import bundled_models
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.runtime import bundled_models
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.scatter.albedo import albedo_table, directional_albedo
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 
 N = np.array([0.0, 0.0, 1.0])
 

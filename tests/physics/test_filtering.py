@@ -65,11 +65,11 @@ def test_lit_upper_half_lights_the_lower():
 
 
 def test_blur_turns_towards_the_wrong_side():
-    """The irradiance of a small lamp is largest where the normal points at it, and 0 behind."""
+    """The irradiance of a small emitter is largest where the normal points at it, and 0 behind."""
     for row, column in ((20, 100), (40, 0), (3, 64)):
-        lamp = np.zeros((64, 128, 3), np.float32)
-        lamp[row, column] = 1
-        lit = irradiance_map(lamp)[..., 0]
+        emitter = np.zeros((64, 128, 3), np.float32)
+        emitter[row, column] = 1
+        lit = irradiance_map(emitter)[..., 0]
         cosine = pixel_directions(64) @ pixel_directions(64)[row, column]
         expected = np.maximum(cosine, 0) * pixel_solid_angles(64)[row, 0]
         np.testing.assert_allclose(lit, expected, atol=1e-4 * expected.max() + 1e-9)
@@ -92,17 +92,17 @@ def test_blur_knows_where_the_pole_is():
 
 def test_sharper_is_blurrier():
     """Growing sharpness approaches the map; a lone pixel keeps ever more of itself."""
-    lamp = np.zeros((32, 64, 3), np.float32)
-    lamp[10, 7] = 1
-    kept = [blur_cosine_power(lamp, s)[10, 7, 0] for s in (1.0, 8.0, 64.0, 512.0, 40000.0)]
+    emitter = np.zeros((32, 64, 3), np.float32)
+    emitter[10, 7] = 1
+    kept = [blur_cosine_power(emitter, s)[10, 7, 0] for s in (1.0, 8.0, 64.0, 512.0, 40000.0)]
     assert (np.diff(kept) > 0).all()
     assert kept[-1] > 0.99
 
 
 def test_cap_reaches_beyond_its_radius():
-    lamp = np.zeros((64, 128, 3), np.float32)
-    lamp[2, 5] = 1
-    spread = blur_cap(lamp, np.radians(10.0))[..., 0] > 1e-6
+    emitter = np.zeros((64, 128, 3), np.float32)
+    emitter[2, 5] = 1
+    spread = blur_cap(emitter, np.radians(10.0))[..., 0] > 1e-6
     angle = np.degrees(np.arccos(np.clip(pixel_directions(64) @ pixel_directions(64)[2, 5], -1, 1)))
     assert spread[angle < 9.9].all()
     assert not spread[angle > 10.1].any()

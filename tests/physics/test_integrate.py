@@ -8,7 +8,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.core.sampling import hammersley, square_to_ggx_normal
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade, shade_diffuse, shade_specular
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 
 ALPHAS = (0.01, 0.05, 0.3, 0.6, 1.0)
 VIEWS_DEG = (0.0, 30.0, 60.0, 80.0, 89.0)

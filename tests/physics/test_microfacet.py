@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.frames import normalize
-from anyprobe.scatter.brdf import Material, evaluate
+from anyprobe.scatter.materials import Material, evaluate
 from anyprobe.scatter.microfacet import (
     f0_from_ior,
     ggx_distribution,

@@ -76,8 +76,8 @@ def test_fold_has_a_jump(lod):
             d[:, axis], d[:, 1], d[:, 2 - axis] = sign * out, down, tilt
             sides.append(lookup(pyramid, normalize(d), np.full(40, float(lod))))
         np.testing.assert_allclose(sides[0], sides[1], atol=3e-4)
-    around = np.linspace(0, 2 * np.pi, 33)
-    d = normalize(np.stack([1e-4 * np.cos(around), -np.ones(33), 1e-4 * np.sin(around)], axis=-1))
+    surroundings = np.linspace(0, 2 * np.pi, 33)
+    d = normalize(np.stack([1e-4 * np.cos(surroundings), -np.ones(33), 1e-4 * np.sin(surroundings)], axis=-1))
     read = lookup(pyramid, d, np.full(33, float(lod)))
     np.testing.assert_allclose(read, np.broadcast_to(read[0], read.shape), atol=1e-3)
 
@@ -85,8 +85,10 @@ def test_fold_has_a_jump(lod):
 def test_equator_has_a_jump():
     """The inner fold |s| + |t| = 1, where upper and lower half meet."""
     pyramid = build_pyramid(linear_map(), side=32)
-    around = np.linspace(0, 2 * np.pi, 65)
-    d = [np.stack([np.cos(around), np.full(65, y), np.sin(around)], axis=-1) for y in (1e-4, -1e-4)]
+    surroundings = np.linspace(0, 2 * np.pi, 65)
+    d = [
+        np.stack([np.cos(surroundings), np.full(65, y), np.sin(surroundings)], axis=-1) for y in (1e-4, -1e-4)
+    ]
     a, b = (lookup(pyramid, normalize(v), np.zeros(65)) for v in d)
     np.testing.assert_allclose(a, b, atol=3e-4)
 

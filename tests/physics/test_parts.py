@@ -5,7 +5,7 @@ import pytest
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.render.mesh import make_mesh
-from anyprobe.render.parts import CREASE_DEG, extruded, part
+from anyprobe.render.shapes import CREASE_DEG, extruded, part
 from anyprobe.render.surface import frame_object, see
 
 

@@ -8,18 +8,18 @@ import pytest
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.infer.photo import Photo
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import integral, shrink
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.render.balls import ball_normals, silver
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import sphere
+from anyprobe.render.spheres import silver, sphere_normals
 from anyprobe.render.surface import frame_object
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 HEIGHT = 1024
 RADIUS_DEG = 0.53
-"""Twice the sun's in half the rows of a common map: as many pixels, of one brightness, more than there are lamps."""
+"""Twice the sun's in half the rows of a common map: as many pixels, of one brightness, more than there are emitters."""
 
 
 @pytest.fixture(scope="module")
@@ -36,34 +36,36 @@ def suns() -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.15, 0.5])
-def test_glint_of_a_drawn_ball_is_as_strong_wherever_the_sun_stands(suns, alpha):
-    """Its sum over the ball does not depend on half a degree; at alpha 0.05 lamps are pixels, else patches."""
-    ball = sphere(32)
-    camera = frame_object(ball, np.eye(3), 20.0, size=48)
+def test_glint_of_a_drawn_sphere_is_as_strong_wherever_the_sun_stands(suns, alpha):
+    """Its sum over the sphere does not depend on half a degree; at alpha 0.05 emitters are pixels, else patches."""
+    unit_sphere = sphere(32)
+    camera = frame_object(unit_sphere, np.eye(3), 20.0, size=48)
     material = Material(albedo=np.zeros(3), f0=np.full(3, 0.9), alpha=alpha)
-    sums = [luminance(draw_mesh(ball, camera, sun, material)[..., :3]).sum() for sun in suns]
+    sums = [luminance(draw_mesh(unit_sphere, camera, sun, material)[..., :3]).sum() for sun in suns]
     np.testing.assert_allclose(sums, np.mean(sums), rtol=0.03)
 
 
-def test_silver_ball_is_as_bright_wherever_the_sun_stands(suns):
+def test_silver_sphere_is_as_bright_wherever_the_sun_stands(suns):
     """And in however many rows."""
     sums = [luminance(silver(light)).sum() for sun in suns for light in (sun, shrink(sun, 64))]
     np.testing.assert_allclose(sums, np.mean(sums), rtol=0.03)
 
 
 def test_material_is_found_under_a_large_map(suns):
-    """A photo of a ball of paper under the sun: its albedo, told apart from the light's strength."""
-    n, mask = ball_normals(48)
-    ball = sphere(64)
+    """A photo of a sphere of paper under the sun: its albedo, told apart from the light's strength."""
+    n, mask = sphere_normals(48)
+    unit_sphere = sphere(64)
     paper = Material(albedo=np.array([0.6, 0.3, 0.1]), f0=np.full(3, 0.045), alpha=0.8)
     for sun in suns[:2]:
-        picture = draw_mesh(ball, frame_object(ball, np.eye(3), 8.0, margin=1.0, size=48), sun, paper)
+        picture = draw_mesh(
+            unit_sphere, frame_object(unit_sphere, np.eye(3), 8.0, margin=1.0, size=48), sun, paper
+        )
         photo = Photo(
             rgb=response(picture[..., :3]).astype(np.float32),
             mask=(mask & (picture[..., 3] == 1)).astype(np.float32),
             long_fov_deg=8.0,
             fov_source="given",
-            name="ball",
+            name="sphere",
             warnings=(),
         )
         found = material_from_photo(photo, sun)

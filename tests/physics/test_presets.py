@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InputError
-from anyprobe.scatter.presets import DULL, MATERIALS, told_material
+from anyprobe.scatter.materials import DULL, MATERIALS, given_material
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])
 def test_one_number_or_three_are_an_albedo(albedo):
-    found = told_material(albedo=albedo)
+    found = given_material(albedo=albedo)
     np.testing.assert_allclose(found.albedo, [0.18] * 3, rtol=1e-6)
     assert found.alpha == MATERIALS[DULL].alpha
-    assert told_material() is None
+    assert given_material() is None
 
 
 @pytest.mark.parametrize(
@@ -22,5 +22,5 @@ def test_one_number_or_three_are_an_albedo(albedo):
 )
 def test_other_albedo_is_one_line(albedo, word):
     with pytest.raises(InputError, match="albedo: expected one number or three") as caught:
-        told_material(albedo=albedo)
+        given_material(albedo=albedo)
     assert word in str(caught.value)

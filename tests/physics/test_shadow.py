@@ -1,4 +1,4 @@
-"""What a mesh leaves of the ground's light: closed forms for a ball, lamps and places."""
+"""What a mesh leaves of the ground's light: closed forms for a sphere, emitters and places."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ UP = np.array([0.0, 1.0, 0.0])
 FOOT = np.array([0.3, -2.0, -4.0])
 
 
-def ball(up: np.ndarray = UP) -> Mesh:
-    """A ball of RADIUS that touches the ground at FOOT."""
+def unit_sphere(up: np.ndarray = UP) -> Mesh:
+    """A sphere of RADIUS that touches the ground at FOOT."""
     mesh = sphere(24)
     return Mesh(
         positions=mesh.positions * RADIUS + FOOT + RADIUS * up, faces=mesh.faces, normals=mesh.normals
     )
 
 
-def lamp_map(direction, color=(60.0, 60.0, 60.0), radius_deg: float = 4.0) -> np.ndarray:
+def emitter_map(direction, color=(60.0, 60.0, 60.0), radius_deg: float = 4.0) -> np.ndarray:
     toward = np.asarray(direction, float) / np.linalg.norm(direction)
     inside = pixel_directions(64) @ toward > np.cos(np.radians(radius_deg))
     return (inside[..., None] * np.asarray(color)).astype(np.float32)
 
 
-def around(shadow: GroundShadow, distance: float, count: int = 64) -> np.ndarray:
+def surroundings(shadow: GroundShadow, distance: float, count: int = 64) -> np.ndarray:
     """Points of the ground on a circle around FOOT."""
     angle = np.arange(count) * 2 * np.pi / count
     circle = np.cos(angle)[:, None] * shadow.side + np.sin(angle)[:, None] * shadow.across
@@ -39,26 +39,26 @@ def around(shadow: GroundShadow, distance: float, count: int = 64) -> np.ndarray
 
 @pytest.mark.parametrize("distance", [0.6, 1.0, 2.0])
 @pytest.mark.parametrize("tilt", [0.0, 0.4])
-def test_ball_under_an_even_sky_hides_its_form_factor(distance, tilt):
-    """A ball of radius r, all above the horizon, seen from D away at height h, hides (h / D) (r / D)^2."""
+def test_sphere_under_an_even_sky_hides_its_form_factor(distance, tilt):
+    """A sphere of radius r, all above the horizon, seen from D away at height h, hides (h / D) (r / D)^2."""
     up = rotation_x(tilt) @ UP
     even = np.ones((32, 64, 3), np.float32)
-    shadow = GroundShadow(ball(up), FOOT, RADIUS, up, even, count=1024, grid=128)
+    shadow = GroundShadow(unit_sphere(up), FOOT, RADIUS, up, even, count=1024, grid=128)
     squared = (distance * RADIUS) ** 2 + RADIUS**2
-    hidden = 1 - shadow.at(around(shadow, distance * RADIUS)).mean()
+    hidden = 1 - shadow.at(surroundings(shadow, distance * RADIUS)).mean()
     assert hidden == pytest.approx(RADIUS**3 / squared**1.5, rel=0.05)
 
 
 def test_point_of_contact_is_black():
-    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, np.ones((32, 64, 3), np.float32))
+    shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, np.ones((32, 64, 3), np.float32))
     assert shadow.at(FOOT[None]).max() < 0.1
 
 
 @pytest.mark.parametrize("direction", [(1, 1, 0), (-1, 2, 1), (0.2, 1, -1.0)])
 def test_small_light_throws_the_shadow_where_its_rays_land(direction):
     toward = np.asarray(direction) / np.linalg.norm(direction)
-    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, lamp_map(toward))
-    centre = FOOT + RADIUS * UP - RADIUS / toward[1] * toward  # of the ball, along the ray to the ground
+    shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, emitter_map(toward))
+    centre = FOOT + RADIUS * UP - RADIUS / toward[1] * toward  # of the sphere, along the ray to the ground
     across = np.cross(toward, UP) / np.linalg.norm(np.cross(toward, UP))
     assert shadow.at(centre[None]).max() < 0.02
     assert shadow.at((centre + 0.8 * RADIUS * across)[None]).max() < 0.05
@@ -68,20 +68,20 @@ def test_small_light_throws_the_shadow_where_its_rays_land(direction):
 
 
 def test_wider_light_throws_a_softer_shadow():
-    """The width of the edge of a far shadow grows with the lamp."""
+    """The width of the edge of a far shadow grows with the emitter."""
     toward = np.array([1.0, 0.7, 0.0]) / np.linalg.norm([1.0, 0.7, 0.0])
     partly = []
     for radius_deg in (3.0, 12.0):
-        shadow = GroundShadow(ball(), FOOT, RADIUS, UP, lamp_map(toward, radius_deg=radius_deg))
+        shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, emitter_map(toward, radius_deg=radius_deg))
         partly.append(((shadow.ratio > 0.1) & (shadow.ratio < 0.9)).sum())
     assert partly[1] > 2 * partly[0]
 
 
 def test_shadow_has_the_other_lights_color():
-    """A red lamp and a blue one: where the red one is hidden, blue is left."""
+    """A red emitter and a blue one: where the red one is hidden, blue is left."""
     red, blue = np.array([1.0, 1, 0]), np.array([-1.0, 1, 0])
-    light = lamp_map(red, (60, 0, 0)) + lamp_map(blue, (0, 0, 60))
-    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, light, count=512)
+    light = emitter_map(red, (60, 0, 0)) + emitter_map(blue, (0, 0, 60))
+    shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, light, count=512)
     left = shadow.at((FOOT + RADIUS * UP - RADIUS * red)[None])[0]
     assert left[0] < 0.05
     assert left[2] > 0.95
@@ -100,7 +100,7 @@ def test_directions_share_the_irradiance(rng):
 
 
 def test_black_map_throws_no_shadow():
-    shadow = GroundShadow(ball(), FOOT, RADIUS, UP, np.zeros((16, 32, 3), np.float32))
+    shadow = GroundShadow(unit_sphere(), FOOT, RADIUS, UP, np.zeros((16, 32, 3), np.float32))
     assert shadow.ratio.min() == 1
 
 

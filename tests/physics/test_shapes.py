@@ -36,7 +36,7 @@ def test_every_edge_joins_two_faces(family):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_faces_look_outwards(family):
-    """The volume by the divergence theorem is positive, and no more than the unit ball's."""
+    """The volume by the divergence theorem is positive, and no more than the unit sphere's."""
     for seed in SEEDS:
         mesh = draw(family, seed)
         normals, areas = geometry(mesh)
@@ -101,7 +101,7 @@ def test_polyhedron_normals_are_smooth():
 
 
 def test_polyhedron_has_flat_faces():
-    """Most of the surface looks in a few directions; a ball's spreads over all of them."""
+    """Most of the surface looks in a few directions; a sphere's spreads over all of them."""
 
     def in_few(mesh: Mesh) -> float:
         normals, areas = geometry(mesh)
@@ -126,12 +126,12 @@ def test_every_family_is_drawn():
     assert {len(draw_shape(rng).positions) for _ in range(24)} == counts
 
 
-def test_a_ball_drawn_out_is_an_ellipsoid():
+def test_a_sphere_drawn_out_is_an_ellipsoid():
     """x = M s with |s| = 1: a normal there is along M^-T s, wherever the mesh puts its vertices."""
     matrix = np.array([[1.4, 0.2, 0.0], [0.1, 0.8, -0.3], [0.0, 0.1, 0.6]])
-    ball = sphere(48)
-    mesh = transformed(ball, matrix)
-    expected = ball.positions[ball.faces] @ np.linalg.inv(matrix)
+    unit_sphere = sphere(48)
+    mesh = transformed(unit_sphere, matrix)
+    expected = unit_sphere.positions[unit_sphere.faces] @ np.linalg.inv(matrix)
     expected /= np.linalg.norm(expected, axis=2, keepdims=True)
     assert (mesh.normals * expected).sum(axis=2).min() > 0.999
     assert np.linalg.norm(mesh.positions, axis=1).max() == pytest.approx(1.0)
@@ -141,14 +141,14 @@ def test_a_ball_drawn_out_is_an_ellipsoid():
 
 
 def test_waves_turn_normals_as_they_turn_the_surface():
-    """x -> x + 0.2 sin(3 y) shears a ball: its normal s becomes (s_x, s_y - 0.6 cos(3 y) s_x, s_z)."""
-    ball = sphere(64)
-    mesh = waved(ball, np.array([[0.2, 0.0, 0.0]]), np.array([[0.0, 3.0, 0.0]]), np.zeros(1))
-    s = ball.positions[ball.faces].astype(np.float64)
+    """x -> x + 0.2 sin(3 y) shears a sphere: its normal s becomes (s_x, s_y - 0.6 cos(3 y) s_x, s_z)."""
+    unit_sphere = sphere(64)
+    mesh = waved(unit_sphere, np.array([[0.2, 0.0, 0.0]]), np.array([[0.0, 3.0, 0.0]]), np.zeros(1))
+    s = unit_sphere.positions[unit_sphere.faces].astype(np.float64)
     expected = s - 0.6 * np.cos(3 * s[..., 1:2]) * s[..., :1] * [0.0, 1.0, 0.0]
     expected /= np.linalg.norm(expected, axis=2, keepdims=True)
     assert (mesh.normals * expected).sum(axis=2).min() > 0.999
-    moved = ball.positions + 0.2 * np.sin(3 * ball.positions[:, 1:2]) * [1.0, 0.0, 0.0]
+    moved = unit_sphere.positions + 0.2 * np.sin(3 * unit_sphere.positions[:, 1:2]) * [1.0, 0.0, 0.0]
     moved -= (moved.max(axis=0) + moved.min(axis=0)) / 2
     np.testing.assert_allclose(mesh.positions, moved / np.linalg.norm(moved, axis=1).max(), atol=1e-5)
 

@@ -22,9 +22,9 @@ def from_all_sides(mesh, size=48):
 
 
 def test_mesh_wound_inwards_looks_like_the_same_wound_outwards():
-    ball = sphere(48)
-    inward = replace(ball, faces=ball.faces[:, ::-1], normals=-ball.normals[:, ::-1])
-    for out, turned in zip(from_all_sides(ball), from_all_sides(inward), strict=True):
+    unit_sphere = sphere(48)
+    inward = replace(unit_sphere, faces=unit_sphere.faces[:, ::-1], normals=-unit_sphere.normals[:, ::-1])
+    for out, turned in zip(from_all_sides(unit_sphere), from_all_sides(inward), strict=True):
         np.testing.assert_array_equal(turned.mask, out.mask)
         np.testing.assert_allclose(turned.normals, out.normals, atol=1e-6)
 
@@ -41,10 +41,10 @@ def test_card_has_two_sides():
 
 
 def test_open_bowl_shows_its_inside():
-    """Seen into, half a ball has normals towards its middle: n = -x, from the eye's side."""
-    ball = sphere(64)
-    below = (ball.positions[ball.faces][:, :, 1] <= 1e-6).all(axis=1)
-    bowl = replace(ball, faces=ball.faces[below], normals=ball.normals[below])
+    """Seen into, half a sphere has normals towards its middle: n = -x, from the eye's side."""
+    unit_sphere = sphere(64)
+    below = (unit_sphere.positions[unit_sphere.faces][:, :, 1] <= 1e-6).all(axis=1)
+    bowl = replace(unit_sphere, faces=unit_sphere.faces[below], normals=unit_sphere.normals[below])
     surface = see(bowl, frame_object(bowl, world_from_camera(0.0, 1.2), 10.0, size=64))
     middle = surface.normals[np.nonzero(surface.mask.reshape(-1))[0] == 32 * 64 + 32]
     up = np.array([0.0, 1.0, 0.0]) @ world_from_camera(0.0, 1.2)
@@ -54,13 +54,15 @@ def test_open_bowl_shows_its_inside():
 
 def test_few_pixels_of_backs_stay_as_they_are():
     """Through a crack in a closed mesh one sees the back of its other side: normals there go to the silhouette."""
-    ball = sphere(96)
-    camera = frame_object(ball, np.eye(3), 25.0, size=64)
-    whole = see(ball, camera)
-    toward = ball.positions[ball.faces].mean(axis=1) @ [0.6, 0.0, 0.8]
+    unit_sphere = sphere(96)
+    camera = frame_object(unit_sphere, np.eye(3), 25.0, size=64)
+    whole = see(unit_sphere, camera)
+    toward = unit_sphere.positions[unit_sphere.faces].mean(axis=1) @ [0.6, 0.0, 0.8]
 
     def without(cut):
-        left = replace(ball, faces=ball.faces[toward < cut], normals=ball.normals[toward < cut])
+        left = replace(
+            unit_sphere, faces=unit_sphere.faces[toward < cut], normals=unit_sphere.normals[toward < cut]
+        )
         surface = see(left, camera)
         np.testing.assert_array_equal(surface.mask, whole.mask)
         inner = (surface.normals != whole.normals).any(axis=1)
@@ -76,7 +78,7 @@ def test_few_pixels_of_backs_stay_as_they_are():
 
 @pytest.mark.parametrize("size", [63, 127])
 @pytest.mark.parametrize("rows", [16, 24, 48])
-def test_ball_straight_ahead_has_no_holes(rows, size):
+def test_sphere_straight_ahead_has_no_holes(rows, size):
     """With an odd number of pixels its edges run exactly through their centres."""
     camera = Camera(world_from_camera=np.eye(3), position=np.array([0.0, 0.0, 5.0]), tan_half=0.25, size=size)
     for row in see(sphere(rows), camera).mask:

@@ -8,23 +8,23 @@ import pytest
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.light.filtering import blur_cap
-from anyprobe.light.temporal import OFFSET, Smoothing, Steadied, step
-from anyprobe.render.balls import ball_normals, silver
+from anyprobe.light.temporal import OFFSET, FilterState, Smoothing, step
+from anyprobe.render.spheres import silver, sphere_normals
 
-HEIGHT, BALL = 16, 12
+HEIGHT, SPHERE = 16, 12
 FRAME_NOISE = 0.05
-"""Of ln radiance; a silver ball's colours then tremble by about one degree."""
+"""Of ln radiance; a silver sphere's colours then tremble by about one degree."""
 
 
-def lamp_map(direction) -> np.ndarray:
-    """[16, 32, 3]: a warm lamp 30 degrees across in a blue room."""
+def emitter_map(direction) -> np.ndarray:
+    """[16, 32, 3]: a warm emitter 30 degrees across in a blue room."""
     d = pixel_directions(HEIGHT)
     toward = np.asarray(direction, float) / np.linalg.norm(direction)
-    lamp = (d @ toward > np.cos(np.radians(15)))[..., None] * np.array([20.0, 16.0, 12.0])
-    return (np.array([0.3, 0.35, 0.45]) + lamp).astype(np.float32)
+    emitter = (d @ toward > np.cos(np.radians(15)))[..., None] * np.array([20.0, 16.0, 12.0])
+    return (np.array([0.3, 0.35, 0.45]) + emitter).astype(np.float32)
 
 
-LEFT, RIGHT = lamp_map([-1, 1, 0.5]), lamp_map([1, 1, 0.5])
+LEFT, RIGHT = emitter_map([-1, 1, 0.5]), emitter_map([1, 1, 0.5])
 
 
 def noisy(radiance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -33,7 +33,7 @@ def noisy(radiance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return radiance * np.exp(FRAME_NOISE / blobs.std() * blobs)
 
 
-def run(frames, dts) -> list[Steadied]:
+def run(frames, dts) -> list[FilterState]:
     state, states = None, []
     for frame, dt in zip(frames, dts, strict=True):
         state = step(state, frame, dt)
@@ -42,10 +42,10 @@ def run(frames, dts) -> list[Steadied]:
 
 
 def tremble(maps: list[np.ndarray]) -> float:
-    """Root mean square over time of the silver ball's colour angle [degrees] from its mean in time."""
-    balls = np.array([silver(one, BALL) for one in maps])
-    inside = ball_normals(BALL)[1]
-    angles = [color_angle_deg(ball, balls.mean(axis=0), inside) for ball in balls]
+    """Root mean square over time of the silver sphere's colour angle [degrees] from its mean in time."""
+    spheres = np.array([silver(one, SPHERE) for one in maps])
+    inside = sphere_normals(SPHERE)[1]
+    angles = [color_angle_deg(sphere, spheres.mean(axis=0), inside) for sphere in spheres]
     return float(np.sqrt(np.mean(np.square(angles))))
 
 
@@ -60,11 +60,11 @@ def test_still_scene_is_still(rng, fps):
 
 @pytest.mark.parametrize("fps", [10, 15, 30])
 @pytest.mark.parametrize("still_before_s", [0.5, 4.0])
-def test_moved_lamp_is_followed_within_half_a_second(rng, fps, still_before_s):
+def test_moved_emitter_is_followed_within_half_a_second(rng, fps, still_before_s):
     before = round(still_before_s * fps)
     frames = [noisy(LEFT, rng) for _ in range(before)] + [noisy(RIGHT, rng) for _ in range(fps // 2)]
-    shown = silver(run(frames, [1 / fps] * len(frames))[-1].radiance, BALL)
-    left, right = silver(LEFT, BALL), silver(RIGHT, BALL)
+    shown = silver(run(frames, [1 / fps] * len(frames))[-1].radiance, SPHERE)
+    left, right = silver(LEFT, SPHERE), silver(RIGHT, SPHERE)
     assert np.linalg.norm(shown - right) < 0.1 * np.linalg.norm(left - right)
 
 

@@ -22,7 +22,7 @@ from anyprobe.render.mesh import make_mesh
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import frame_object, see
 
-BALL = sphere(rows=6)
+SPHERE = sphere(rows=6)
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 CUBE_FACES = np.array(
     [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
@@ -78,8 +78,8 @@ def test_every_format_gives_the_same_triangles(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["ascii.ply", "a.stl"])
 def test_repeated_vertices_stay_smooth(tmp_path, name):
-    """A ball whose faces share no vertex has the normals of one whose faces do."""
-    corners = BALL.positions[BALL.faces].reshape(-1, 3)
+    """A sphere whose faces share no vertex has the normals of one whose faces do."""
+    corners = SPHERE.positions[SPHERE.faces].reshape(-1, 3)
     (tmp_path / name).write_bytes(WRITERS[name](corners, np.arange(len(corners)).reshape(-1, 3)))
     mesh = read_mesh(tmp_path / name)
     round_ones = np.linalg.norm(mesh.positions[mesh.faces], axis=2) > 0.999
@@ -121,9 +121,9 @@ def test_stray_vertex_does_not_make_the_shape_small(tmp_path, name):
 
 
 def test_normals_in_small_portions_are_the_same(monkeypatch):
-    whole = mesh_module.corner_normals(BALL.positions, BALL.faces)
+    whole = mesh_module.corner_normals(SPHERE.positions, SPHERE.faces)
     monkeypatch.setattr(mesh_module, "PAIRS_AT_ONCE", 7)  # some vertices have more
-    np.testing.assert_array_equal(mesh_module.corner_normals(BALL.positions, BALL.faces), whole)
+    np.testing.assert_array_equal(mesh_module.corner_normals(SPHERE.positions, SPHERE.faces), whole)
 
 
 # Meshes that are not
@@ -188,7 +188,7 @@ def test_mesh_that_cannot_be_drawn(tmp_path, name, data, word):
 @pytest.mark.parametrize("name", [name for name in WRITERS if name != "a.obj"])
 def test_cut_file(tmp_path, name, share):
     """However much of it came; an OBJ cut between two faces is a whole OBJ of fewer faces."""
-    data = WRITERS[name](BALL.positions, BALL.faces)
+    data = WRITERS[name](SPHERE.positions, SPHERE.faces)
     message = refusal(tmp_path / name, data[: int(len(data) * share)])
     if name in ("a.glb", "a.stl"):
         assert f"expected {len(data):,} bytes as its header says, got {int(len(data) * share):,}" in message

@@ -6,14 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset import stock
+from anyprobe.dataset import asset_store
 from anyprobe.errors import InputError, ModelError
-from anyprobe.evaluate.calibrate import calibrate
-from anyprobe.evaluate.calibration import CLOSE, Calibration, fit_logit, to_logit
+from anyprobe.evaluate.calibration import CLOSE, Calibration, calibrate, fit_logit, to_logit
 
 
 def maps(rng, confidence, chance):
@@ -174,7 +173,7 @@ def test_weight_decides_whom_a_fit_believes(rng):
 
 def test_a_model_that_boasts_is_told_by_how_much(rng):
     """Right where its claim of 0.9, 0.5 or 0.1 comes true in 0.6, 0.3 or 0.05 of the pixels."""
-    pairs = [ball_pair(seed) for seed in range(3)]
+    pairs = [sphere_pair(seed) for seed in range(3)]
     truths = [response(pair.radiance) for pair in pairs]
     answers = []
     for truth in truths:
@@ -196,7 +195,7 @@ def test_a_model_without_confidence_cannot_be_calibrated():
             return SimpleNamespace(confidence=None)
 
     with pytest.raises(ModelError, match="paper: expected a model that tells its confidence"):
-        calibrate(Silent(), [ball_pair(1)])
+        calibrate(Silent(), [sphere_pair(1)])
 
 
 def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
@@ -205,10 +204,12 @@ def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
 
     made = {True: assets("ab"), False: assets("abcd")}
     monkeypatch.setattr(
-        stock, "load_stock", lambda data, split, commercial_only: stock.Stock(*2 * [made[commercial_only]])
+        asset_store,
+        "load_asset_store",
+        lambda data, split, commercial_only: asset_store.AssetStore(*2 * [made[commercial_only]]),
     )
-    left = stock.load_left_out(Path("data"))
+    left = asset_store.load_left_out(Path("data"))
     assert (list(left.maps), list(left.shapes)) == (["c"], ["c", "d"])  # d: its lights are made up
     made[False] = made[True]
     with pytest.raises(InputError, match="0 maps and 0 shapes"):
-        stock.load_left_out(Path("data"))
+        asset_store.load_left_out(Path("data"))

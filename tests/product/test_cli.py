@@ -15,7 +15,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 from support.folders import names, snapshot
-from support.scenes import ball_photo
+from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.files import atomic
@@ -25,10 +25,10 @@ SUFFIXES = {".exr", ".hdr", ".json", ".png"}
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
 
 
-def save_ball(path: str | Path, center=(64, 48), alpha: bool = True) -> Path:
+def save_sphere(path: str | Path, center=(64, 48), alpha: bool = True) -> Path:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    rgba = Image.fromarray(ball_photo(center))
+    rgba = Image.fromarray(sphere_photo(center))
     (rgba if alpha else rgba.convert("RGB")).save(path)
     return path
 
@@ -36,7 +36,7 @@ def save_ball(path: str | Path, center=(64, 48), alpha: bool = True) -> Path:
 def save_mask(path: str | Path, center=(64, 48)) -> Path:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.ascontiguousarray(ball_photo(center)[..., 3])).save(path)
+    Image.fromarray(np.ascontiguousarray(sphere_photo(center)[..., 3])).save(path)
     return path
 
 
@@ -55,7 +55,7 @@ def shell(*arguments: object, code: str = "", **options) -> subprocess.Completed
 
 
 def test_four_files_that_agree(work, command):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     outcome = command("estimate", "vase.png", "-o", "out")
     assert outcome.status == 0, outcome.err
     assert outcome.out == ""
@@ -66,7 +66,9 @@ def test_four_files_that_agree(work, command):
     assert (np.abs(hdr - light.radiance) <= light.radiance.max(axis=-1, keepdims=True) / 255).all()
     sidecar = json.loads((work / "out" / "vase.json").read_text())
     np.testing.assert_allclose(sidecar["sh9"], light.sh9(), atol=1e-6)
-    np.testing.assert_allclose(sidecar["main_light"]["direction"], light.main_light().direction, atol=1e-6)
+    np.testing.assert_allclose(
+        sidecar["dominant_light"]["direction"], light.dominant_light().direction, atol=1e-6
+    )
     assert sidecar["photo"] == "vase.png"
     with OpenEXR.File("out/vase.exr", header_only=True) as file:
         header = file.header()
@@ -81,16 +83,16 @@ def test_four_files_that_agree(work, command):
 
 
 def test_results_go_to_the_folder_light_by_default(work, command):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     assert command("estimate", "vase.png").status == 0
     assert names("light") == results("vase")
 
 
 def test_older_results_are_replaced(work, command):
-    save_ball("vase.png", center=(40, 40))
+    save_sphere("vase.png", center=(40, 40))
     assert command("estimate", "vase.png").status == 0
     first = snapshot(work / "light")
-    save_ball("vase.png", center=(80, 56))
+    save_sphere("vase.png", center=(80, 56))
     assert command("estimate", "vase.png").status == 0
     second = snapshot(work / "light")
     assert set(first) == set(second) == results("vase")
@@ -98,9 +100,9 @@ def test_older_results_are_replaced(work, command):
 
 
 def test_json_lines_and_nothing_else(work, command):
-    save_ball("a.png")
+    save_sphere("a.png")
     Image.new("RGB", (128, 96), "grey").save("b.png")  # nothing to be found
-    save_ball("c.png", center=(40, 50))
+    save_sphere("c.png", center=(40, 50))
     outcome = command("estimate", "a.png", "b.png", "c.png", "-o", "out", "--json")
     assert outcome.status == 2
     a, b, c = (json.loads(line, parse_constant=pytest.fail) for line in outcome.out.splitlines())
@@ -115,7 +117,7 @@ def test_json_lines_and_nothing_else(work, command):
 
 
 def test_quiet_says_nothing_but_errors(work, command):
-    save_ball("a.png")
+    save_sphere("a.png")
     outcome = command("estimate", "a.png", "-q")
     assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
     Image.new("RGB", (128, 96), "grey").save("b.png")  # nothing to be found
@@ -127,14 +129,14 @@ def test_quiet_says_nothing_but_errors(work, command):
 
 
 def test_one_bad_photo_does_not_stop_the_others(work, command):
-    save_ball("first.png")
+    save_sphere("first.png")
     (work / "second.png").write_text("no photo")
-    save_ball("third.png")
+    save_sphere("third.png")
     outcome = command("estimate", "first.png", "second.png", "third.png", "-o", "out")
     assert outcome.status == 2
     assert names("out") == results("first", "third")
     table = outcome.err.splitlines()
-    assert "main light" in table[0]
+    assert "dominant light" in table[0]
     assert [row.split()[0] for row in table[1:4]] == ["first.png", "second.png", "third.png"]
     assert "failed" in table[2]
     assert "out/third" in table[3]
@@ -144,10 +146,10 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
 
 
 def test_folders_and_files_together(work, command):
-    save_ball("many/a.png")
-    save_ball("many/b.webp", center=(40, 48))
+    save_sphere("many/a.png")
+    save_sphere("many/b.webp", center=(40, 48))
     (work / "many" / "notes.txt").write_text("not a photo")
-    save_ball("single.tif")
+    save_sphere("single.tif")
     assert command("estimate", "many", "single.tif", "many/a.png", "-o", "out").status == 0
     assert names("out") == results("a", "b", "single")
 
@@ -155,7 +157,7 @@ def test_folders_and_files_together(work, command):
 def test_masks_from_a_folder_by_stem(work, command):
     centers = {"left": (40, 48), "right": (90, 50)}
     for stem, center in centers.items():
-        save_ball(f"photos/{stem}.png", center, alpha=False)
+        save_sphere(f"photos/{stem}.png", center, alpha=False)
     save_mask("masks/left.png", centers["left"])
     save_mask("masks/right_mask.webp", centers["right"])
     save_mask("masks/leftover.png", centers["right"])
@@ -167,8 +169,8 @@ def test_masks_from_a_folder_by_stem(work, command):
 
 
 def test_mask_missing_from_the_folder_fails_that_photo_alone(work, command):
-    save_ball("photos/a.png")
-    save_ball("photos/b[1].png", alpha=False)
+    save_sphere("photos/a.png")
+    save_sphere("photos/b[1].png", alpha=False)
     save_mask("masks/b[1].png")
     outcome = command("estimate", "photos", "--mask", "masks", "-o", "out")
     assert outcome.status == 2
@@ -177,7 +179,7 @@ def test_mask_missing_from_the_folder_fails_that_photo_alone(work, command):
 
 
 def test_masks_beside_the_photos_are_no_photos(work, command):
-    save_ball("photos/a.jpg", alpha=False)
+    save_sphere("photos/a.jpg", alpha=False)
     save_mask("photos/a_mask.png")
     assert command("estimate", "photos", "--mask", "photos", "-o", "out").status == 0
     assert names("out") == results("a")
@@ -185,15 +187,15 @@ def test_masks_beside_the_photos_are_no_photos(work, command):
 
 def test_one_mask_serves_every_photo(work, command):
     for stem in "ab":
-        save_ball(f"{stem}.png", alpha=False)
+        save_sphere(f"{stem}.png", alpha=False)
     save_mask("mask.png")
     assert command("estimate", "a.png", "b.png", "--mask", "mask.png", "-o", "out").status == 0
     assert names("out") == results("a", "b")
 
 
 def test_two_photos_of_one_name(work, command):
-    save_ball("one/vase.png", center=(40, 48))
-    save_ball("two/vase.jpg", alpha=False)
+    save_sphere("one/vase.png", center=(40, 48))
+    save_sphere("two/vase.jpg", alpha=False)
     outcome = command("estimate", "one/vase.png", "two/vase.jpg", "-o", "out", "--json")
     assert outcome.status == 2
     first, second = map(json.loads, outcome.out.splitlines())
@@ -205,7 +207,7 @@ def test_two_photos_of_one_name(work, command):
 def test_odd_names_reach_table_and_files(work, command):
     stems = ["[bold]vase[red]", ":smile:", "-o", "ünï", "two words", "line\nbreak"]
     for stem in stems:
-        save_ball(f"photos/{stem}.png")
+        save_sphere(f"photos/{stem}.png")
     (work / "photos" / "also\nbroken.png").write_text("no photo")
     outcome = command("estimate", "photos", "-o", "out")
     assert outcome.status == 2
@@ -220,7 +222,7 @@ def test_odd_names_reach_table_and_files(work, command):
 
 
 def test_result_never_replaces_an_input(work, command):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     before = snapshot(work)
     for folder in (".", work, "../" + work.name):
         assert "would replace vase.png" in command("estimate", "vase.png", "-o", folder).complaint
@@ -228,10 +230,10 @@ def test_result_never_replaces_an_input(work, command):
 
 
 def test_result_never_replaces_another_photo_or_a_mask(work, command):
-    save_ball("vase.jpg", alpha=False)
-    save_ball("vase.png")
+    save_sphere("vase.jpg", alpha=False)
+    save_sphere("vase.png")
     save_mask("pot.png")
-    save_ball("pot.jpg", alpha=False)
+    save_sphere("pot.jpg", alpha=False)
     before = snapshot(work)
     outcome = command("estimate", "vase.jpg", "vase.png", "-o", ".", "--mask", "pot.png")
     assert outcome.status == 2
@@ -246,7 +248,7 @@ def test_result_never_replaces_another_photo_or_a_mask(work, command):
 
 @pytest.mark.parametrize("folder", ["file", "file/deeper", "/proc/nowhere"])
 def test_output_folder_that_cannot_be_written(work, command, folder):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     (work / "file").write_text("a file")
     before = snapshot(work)
     assert folder in command("estimate", "vase.png", "-o", folder).complaint
@@ -255,7 +257,7 @@ def test_output_folder_that_cannot_be_written(work, command, folder):
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
 def test_read_only_output_folder(work, command):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     (work / "out").mkdir(mode=0o500)
     assert "Permission denied" in command("estimate", "vase.png", "-o", "out").complaint
     assert names("out") == set()
@@ -263,7 +265,7 @@ def test_read_only_output_folder(work, command):
 
 @pytest.mark.parametrize("suffix", sorted(SUFFIXES))
 def test_folder_in_the_place_of_a_result(work, command, suffix):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     (work / "out" / f"vase{suffix}").mkdir(parents=True)
     for other in SUFFIXES - {suffix}:
         (work / "out" / f"vase{other}").write_text("older")
@@ -279,7 +281,7 @@ def no_space(*args, **kwargs):
 
 @pytest.mark.parametrize("where", ["mkdir", "scratch", "hdr", "json", "png", 0, 4, 7])
 def test_disk_full_leaves_what_was_there(work, command, monkeypatch, where):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     if where != "mkdir":
         (work / "out").mkdir()
         (work / "out" / "other.exr").write_text("older")
@@ -311,7 +313,7 @@ def test_disk_full_leaves_what_was_there(work, command, monkeypatch, where):
 
 
 def test_failed_result_leaves_the_older_one(work, command, monkeypatch):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     assert command("estimate", "vase.png", "-o", "out").status == 0
     before, rename = snapshot(work), os.replace
 
@@ -326,7 +328,7 @@ def test_failed_result_leaves_the_older_one(work, command, monkeypatch):
 
 
 def test_what_the_system_forbids_is_one_line(work, command, monkeypatch):
-    save_ball("vase.png")
+    save_sphere("vase.png")
 
     def forbidden(path):
         raise PermissionError(errno.EACCES, "Permission denied", str(path))
@@ -339,7 +341,7 @@ def test_what_the_system_forbids_is_one_line(work, command, monkeypatch):
 @pytest.mark.parametrize("limit", [0, 9_000, 60_000])
 def test_real_write_that_stops_halfway(work, limit):
     """The system itself refuses bytes: at once, within the map, within the preview."""
-    save_ball("vase.png")
+    save_sphere("vase.png")
     code = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, -1))"
     ended = shell("estimate", "vase.png", "-o", "out", code=code)
     assert ended.returncode == 2, ended.stderr
@@ -371,8 +373,8 @@ except anyprobe.OutputError:
 
 @pytest.mark.parametrize("moment", ["outputs.draw_preview", "os.replace"])
 def test_interrupt_leaves_no_temporary_files(work, moment):
-    save_ball("a.png")
-    save_ball("b.png")
+    save_sphere("a.png")
+    save_sphere("b.png")
     code = f"""
 import os, signal
 from anyprobe.infer import outputs
@@ -395,7 +397,7 @@ interrupted.count = {1 if moment == "outputs.draw_preview" else 9}
 
 
 def test_exit_status_for_real(work):
-    save_ball("vase.png")
+    save_sphere("vase.png")
     good = shell("estimate", "vase.png", "-o", "out", "--json")
     assert good.returncode == 0, good.stderr
     assert json.loads(good.stdout)["photo"] == "vase.png"

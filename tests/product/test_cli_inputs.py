@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.where import read_where, where_for
+from anyprobe.cli.options import read_where, where_for
 from anyprobe.core.response import response
 from anyprobe.files.names import natural_order
 from anyprobe.files.radiance import read_radiance
@@ -146,8 +146,8 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
     (line,) = (one for one in outcome.err.splitlines() if one.startswith("anyprobe: "))
     assert line.startswith("anyprobe: photos/b.png: mask: expected white on the object, got an empty mask")
     if not together:
-        told = [json.loads(one) for one in outcome.out.splitlines()]
-        assert line == f"anyprobe: {told[1]['error']}"
+        given = [json.loads(one) for one in outcome.out.splitlines()]
+        assert line == f"anyprobe: {given[1]['error']}"
     (work / "photos" / "b.png").write_text("no photo")
     said = command("estimate", "photos", "--mask", "masks", "-o", "out", "-q", *poses).complaint
     assert said.startswith("anyprobe: b.png: expected an image")
@@ -163,27 +163,27 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--box", "0,0,500,500"), "128"),
         (("--fov", "400"), "1 to 170 degrees"),
         (("--fov", "nan"), "1 to 170 degrees"),
-        (("--box", "20,10,110,90", "--mask", "photos/ball.png"), "expected one of them"),
-        (("--not", "20,10", "--mask", "photos/ball.png"), "--not: expected --click, --box or neither"),
-        (("--near", "0", "--mask", "photos/ball.png"), "--near: expected --depth"),
+        (("--box", "20,10,110,90", "--mask", "photos/sphere.png"), "expected one of them"),
+        (("--not", "20,10", "--mask", "photos/sphere.png"), "--not: expected --click, --box or neither"),
+        (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
         (("--far", "3"), "--far: expected --depth"),
-        (("--lamps", "bright"), "lamps 'bright': expected one of drawn, spread"),
-        (("--lamps", "spread", "--model", "paper"), "got paper; use lift"),
+        (("--emitters", "bright"), "emitters 'bright': expected one of drawn, spread"),
+        (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
     ],
 )
 def test_senseless_option(work, command, photo_path, arguments, word):
     before = snapshot(work)
-    assert word in command("estimate", "photos/ball.png", "-o", "out", *arguments).complaint
+    assert word in command("estimate", "photos/sphere.png", "-o", "out", *arguments).complaint
     assert snapshot(work) == before
 
 
-def test_lamps_are_drawn_or_spread(work, command, photo_path):
+def test_emitters_are_drawn_or_spread(work, command, photo_path):
     """Spread, the same light is nowhere as bright."""
-    for lamps in ("drawn", "spread"):
-        command("estimate", photo_path, "-o", lamps, "--lamps", lamps)
-    lights = {lamps: read_radiance(work / lamps / "ball.exr") for lamps in ("drawn", "spread")}
-    assert lights["spread"].max() < 0.7 * lights["drawn"].max()
-    assert json.loads((work / "spread" / "ball.json").read_text())["lamps"] == "spread"
+    for emitters in ("mode", "expected"):
+        command("estimate", photo_path, "-o", emitters, "--emitters", emitters)
+    lights = {emitters: read_radiance(work / emitters / "sphere.exr") for emitters in ("mode", "expected")}
+    assert lights["expected"].max() < 0.7 * lights["mode"].max()
+    assert json.loads((work / "expected" / "sphere.json").read_text())["emitters"] == "expected"
 
 
 @pytest.mark.parametrize("option", ["--calibrated", "--int8"])
@@ -209,7 +209,7 @@ def test_box_cuts_the_object_out(work, command, photo_rgba):
     outcome = command("estimate", "photo.png", "--box", "24,8,104,88", "--json")
     assert outcome.status == 0, outcome.err
     crop = json.loads(outcome.out)["crop"]
-    assert crop["center_px"] == pytest.approx([64, 48], abs=3)  # the ball, not the box's surroundings
+    assert crop["center_px"] == pytest.approx([64, 48], abs=3)  # the sphere, not the box's surroundings
     assert crop["side_px"] == pytest.approx(1.1 * 64, abs=6)
 
 
@@ -239,7 +239,7 @@ def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path)
     np.testing.assert_array_equal(maps["grey"], maps["grey_twin"])
     np.testing.assert_array_equal(maps["sixteen"], maps["grey"])
     assert np.abs(maps["grey"] - maps["plain"]).max() > 1e-3
-    # as shown: a lamp's radiance is a matter of a few bits
+    # as shown: an emitter's radiance is a matter of a few bits
     shown = {name: response(radiance) for name, radiance in maps.items()}
     for name, twin in (("cmyk", "plain"), ("animated", "palette")):  # of the animation the first frame
         off = np.abs(shown[name] - shown[twin])
@@ -290,7 +290,7 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
     assert f"{word} almost everywhere" in warned[0]
     (sidecar,) = (work / "out").glob("*.json")
     written = json.loads(sidecar.read_text())
-    assert written["told"] < 0.05
+    assert written["well_exposed_fraction"] < 0.05
     assert written["confidence"] < 0.05
     assert word in written["warnings"][0]
 
@@ -298,8 +298,8 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
 def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
     (work / "panoramas").mkdir()
     (work / "panoramas" / "room.hdr").touch()
-    told = read_where(None, None, None, None, None, None, None) | {"surroundings": Path("panoramas")}
-    assert where_for(Path("room.jpg"), told)["surroundings"] == Path("panoramas/room.hdr")
+    given = read_where(None, None, None, None, None, None, None) | {"surroundings": Path("panoramas")}
+    assert where_for(Path("room.jpg"), given)["surroundings"] == Path("panoramas/room.hdr")
 
 
 def test_names_are_ordered_whatever_digits_they_have():

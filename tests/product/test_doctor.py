@@ -12,7 +12,7 @@ import pytest
 import anyprobe
 from anyprobe.cli import doctor
 from anyprobe.errors import ModelError
-from anyprobe.infer.runtime import DEFAULT_MODEL, file_hashes
+from anyprobe.estimate.runtime import DEFAULT_MODEL, file_hashes
 
 
 def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
@@ -29,7 +29,7 @@ def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
         assert provider in providers
     for stage, digest in file_hashes(DEFAULT_MODEL).items():
         assert f"model {DEFAULT_MODEL}/{stage} sha256 {digest}" in lines
-    assert lines[-1] == "self-test: main light 4 degrees off, 123 ms a photo"
+    assert lines[-1] == "self-test: dominant light 4 degrees off, 123 ms a photo"
 
 
 def test_doctor_says_which_extras_are_absent(command, monkeypatch):
@@ -49,7 +49,7 @@ def test_failed_self_test_is_one_line_and_status_2(command, monkeypatch):
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 90.0))
     outcome = command("doctor")
     assert outcome.status == 2
-    assert outcome.err.startswith("anyprobe: self-test: expected the main light within")
+    assert outcome.err.startswith("anyprobe: self-test: expected the dominant light within")
     assert outcome.err.count("\n") == 1
     assert "sha256" in outcome.out
 
@@ -66,18 +66,18 @@ def test_unknown_model(command):
     ("found", "expected"), [((-0.6, 0.6, 0.53), 0), ((0.6, 0.6, 0.53), 73.8), ((0.6, -0.6, -0.53), 180)]
 )
 def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
-    """A model that always sees one lamp is as wrong as that lamp is far from the drawn one."""
-    inside = doctor._lamp(np.asarray(found) / np.linalg.norm(found))
+    """A model that always sees one emitter is as wrong as that emitter is far from the drawn one."""
+    inside = doctor._emitter(np.asarray(found) / np.linalg.norm(found))
     light = anyprobe.Light(radiance=inside)
-    monkeypatch.setattr("anyprobe.infer.estimate.Estimator", lambda model: lambda photo: light)
+    monkeypatch.setattr("anyprobe.estimate.estimator.Estimator", lambda model: lambda photo: light)
     assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
 
 
 def test_self_test_passes_with_the_bundled_model(command):
-    """The one test here that needs trained weights: a lamp at the upper left, found within 45 degrees."""
+    """The one test here that needs trained weights: an emitter at the upper left, found within 45 degrees."""
     outcome = command("doctor")
     last = outcome.out.splitlines()[-1]
-    match = re.fullmatch(r"self-test: main light (\d+) degrees off, (\d+) ms a photo", last)
+    match = re.fullmatch(r"self-test: dominant light (\d+) degrees off, (\d+) ms a photo", last)
     assert match, last
     assert int(match[1]) <= 45
     assert int(match[2]) < 5000

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.errors import InputError, MissingExtra
-from anyprobe.infer import engines
-from anyprobe.infer.runtime import Models
+from anyprobe.estimate import runtime
+from anyprobe.estimate.runtime import Models
 
 
 @pytest.fixture(scope="module")
 def crops():
-    return [ball_pair(seed).crop for seed in range(6)]
+    return [sphere_pair(seed).crop for seed in range(6)]
 
 
 def test_openvino_says_what_onnx_runtime_says_from_many_threads(crops):
@@ -73,9 +73,9 @@ def test_cuda_is_refused_where_there_is_none_and_never_replaced_in_silence(monke
             return ["CUDAExecutionProvider", "CPUExecutionProvider"][0 if self.has_gpu else 1 :]
 
     monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: ["CUDAExecutionProvider"])
-    monkeypatch.setattr(engines.onnxruntime, "InferenceSession", Session)
+    monkeypatch.setattr(runtime.onnxruntime, "InferenceSession", Session)
     with pytest.raises(InputError, match="expected an NVIDIA GPU"):
-        engines._open_cuda(Path("light.onnx"))
+        runtime._open_cuda(Path("light.onnx"))
     Session.has_gpu = True
-    assert isinstance(engines._open_cuda(Path("light.onnx")), Session)
+    assert isinstance(runtime._open_cuda(Path("light.onnx")), Session)
     assert asked == [["CUDAExecutionProvider", "CPUExecutionProvider"]] * 2

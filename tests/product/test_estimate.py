@@ -11,17 +11,17 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
-from support.scenes import ball_photo
+from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Outputs, bundled_models
 from anyprobe.files.radiance import exr_attributes, read_radiance
-from anyprobe.infer.runtime import DEFAULT_MODEL, Outputs, bundled_models
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
-from anyprobe.light.main_light import find_main_light
 from anyprobe.light.reconstruct import reconstruct
 
 FOV_DEG = 70.0
@@ -30,11 +30,11 @@ FOCAL_PX = WIDTH / 2 / np.tan(np.radians(FOV_DEG / 2))
 
 
 def photo_at(x: int, y: int) -> np.ndarray:
-    return ball_photo((x, y), DIAMETER, HEIGHT, WIDTH)
+    return sphere_photo((x, y), DIAMETER, HEIGHT, WIDTH)
 
 
-def lamp_map(direction, level: float = 50.0) -> np.ndarray:
-    """[64, 128, 3]: a lamp 12 degrees across in a dim room."""
+def emitter_map(direction, level: float = 50.0) -> np.ndarray:
+    """[64, 128, 3]: an emitter 12 degrees across in a dim room."""
     direction = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
     inside = pixel_directions(64) @ direction > np.cos(np.radians(6))
     return np.where(inside, level, 0.1)[..., None].repeat(3, axis=-1).astype(np.float32)
@@ -67,12 +67,12 @@ def test_light_has_the_promised_shape(photo_path):
     assert np.isfinite(light.radiance).all()
     assert light.radiance.min() >= 0
     assert light.sh9().shape == (9, 3)
-    main = light.main_light()
+    main = light.dominant_light()
     assert np.linalg.norm(main.direction) == pytest.approx(1, abs=1e-5)
     assert main.color.shape == main.irradiance.shape == (3,)
     assert light.confidence.shape == (height, 2 * height)
     assert 0 <= light.confidence.min() <= light.confidence.max() <= 1
-    assert 0 <= light.told <= 1
+    assert 0 <= light.well_exposed_fraction <= 1
     assert light.warnings == ()
 
 
@@ -137,7 +137,7 @@ def test_black_or_white_object_warns_and_is_not_trusted(photo_rgba, estimator, v
     light = estimator(photo_rgba)
     assert len(light.warnings) == 1
     assert "\n" not in light.warnings[0]
-    assert light.told < 0.05
+    assert light.well_exposed_fraction < 0.05
 
 
 def test_errors_are_the_callers_value_errors(estimator):
@@ -191,7 +191,7 @@ def test_object_in_the_corner_gives_the_same_map_turned(named, central, kind):
     np.testing.assert_allclose(light.stages["photo"], central.stages["photo"], atol=1e-5)
     np.testing.assert_allclose(light.camera_from_crop, turned(kind), atol=1e-9)
     expected = rotate(central.radiance, turned(kind))
-    # as displayed: a lamp's edge, many times white, is another number wherever it is read between pixels
+    # as displayed: an emitter's edge, many times white, is another number wherever it is read between pixels
     found, expected, wrong = (
         response(radiance)
         for radiance in (light.radiance, expected, rotate(central.radiance, turned(kind).T))
@@ -199,13 +199,15 @@ def test_object_in_the_corner_gives_the_same_map_turned(named, central, kind):
     np.testing.assert_allclose(found, expected, atol=share)
     assert np.abs(found - expected).mean() < share / 10
     assert np.abs(found - wrong).mean() > 5 * np.abs(found - expected).mean()
-    lamp, seen = (find_main_light(radiance).direction for radiance in (light.radiance, central.radiance))
-    assert np.degrees(np.arccos(np.clip(lamp @ turned(kind) @ seen, -1, 1))) < 3.0
+    emitter, seen = (
+        find_dominant_light(radiance).direction for radiance in (light.radiance, central.radiance)
+    )
+    assert np.degrees(np.arccos(np.clip(emitter @ turned(kind) @ seen, -1, 1))) < 3.0
 
 
-def with_lamp_in_crop(estimator, direction):
-    """An estimator whose networks always see a lamp in one direction of the crop's frame."""
-    radiance = lamp_map(direction)
+def with_emitter_in_crop(estimator, direction):
+    """An estimator whose networks always see an emitter in one direction of the crop's frame."""
+    radiance = emitter_map(direction)
     display = np.where(radiance > 1, 1.0, 0.2).astype(np.float32)
     outputs = Outputs(
         radiance=reconstruct(display, np.log(radiance)),
@@ -242,18 +244,18 @@ B = np.arctan(51 / FOCAL_PX)
         ("lower right", (51, 83, 0), (51, 83, 0)),
     ],
 )
-def test_lamp_of_the_crop_lands_where_the_pinhole_says(estimator, kind, in_crop, in_camera):
+def test_emitter_of_the_crop_lands_where_the_pinhole_says(estimator, kind, in_crop, in_camera):
     right, up = OFFSETS[kind]
     photo = photo_at(WIDTH // 2 + right, HEIGHT // 2 - up)
-    light = with_lamp_in_crop(estimator, in_crop)(photo, fov_deg=FOV_DEG)
+    light = with_emitter_in_crop(estimator, in_crop)(photo, fov_deg=FOV_DEG)
     assert_points_at(light.radiance, in_camera)
-    main = light.main_light().direction
+    main = light.dominant_light().direction
     assert main @ (np.asarray(in_camera) / np.linalg.norm(in_camera)) > np.cos(np.radians(2))
 
 
 def test_longer_focal_length_turns_less(estimator):
     corner = photo_at(WIDTH - 45, HEIGHT // 2)
-    fake = with_lamp_in_crop(estimator, (0, 0, -1))
+    fake = with_emitter_in_crop(estimator, (0, 0, -1))
     angles = [
         np.degrees(np.arctan2(*bright_direction(fake(corner, fov_deg=fov).radiance)[[0, 2]] * (1, -1)))
         for fov in (30, 65, 100)
@@ -283,20 +285,20 @@ def test_exif_focal_length_equals_the_field_of_view(tmp_path, estimator):
 # Light: rotate, save
 
 
-def test_rotation_moves_the_main_light_as_it_says():
-    light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
-    before = light.main_light().direction
+def test_rotation_moves_the_dominant_light_as_it_says():
+    light = anyprobe.Light(radiance=emitter_map((0.3, 0.4, -0.8)))
+    before = light.dominant_light().direction
     turns = (rotation_y(0.7), rotation_x(-0.5), rotation_z(1.9), rotation_y(2.5) @ rotation_x(0.8))
     for turn in turns:
-        after = light.rotate(turn).main_light().direction
+        after = light.rotate(turn).dominant_light().direction
         assert after @ (turn @ before) > np.cos(np.radians(1.5))
-    np.testing.assert_array_equal(light.radiance, lamp_map((0.3, 0.4, -0.8)))  # a new one each time
+    np.testing.assert_array_equal(light.radiance, emitter_map((0.3, 0.4, -0.8)))  # a new one each time
 
 
 def test_a_turned_light_says_how(tmp_path):
     """Back in the camera's frame it says nothing of it again."""
     turn = rotation_y(0.7) @ rotation_x(-0.5)
-    light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
+    light = anyprobe.Light(radiance=emitter_map((0.3, 0.4, -0.8)))
     turned = light.rotate(rotation_x(-0.5)).rotate(rotation_y(0.7))
     np.testing.assert_allclose(turned.sidecar()["map_from_camera"], turn, atol=1e-6)
     assert "looks along -Z" in light.sidecar()["frame"] == turned.rotate(turn.T).sidecar()["frame"]
@@ -308,7 +310,7 @@ def test_a_turned_light_says_how(tmp_path):
 
 
 def test_a_light_stays_what_it_is():
-    mine = lamp_map((0.3, 0.4, -0.8))
+    mine = emitter_map((0.3, 0.4, -0.8))
     sure = np.full(mine.shape[:2], 0.5, np.float32)
     light = anyprobe.Light(radiance=mine, confidence=sure)
     mine[:], sure[:] = -5, -5
@@ -337,12 +339,12 @@ def test_rotation_and_back():
 @pytest.mark.parametrize("matrix", [np.diag([1, 1, -1]), 2 * np.eye(3), np.eye(4), np.full((3, 3), np.nan)])
 def test_rotation_that_is_none_is_refused(matrix):
     with pytest.raises(anyprobe.InputError, match="rotation") as caught:
-        anyprobe.Light(radiance=lamp_map((0, 1, 0))).rotate(matrix)
+        anyprobe.Light(radiance=emitter_map((0, 1, 0))).rotate(matrix)
     assert "\n" not in str(caught.value)
 
 
 def test_rotated_light_has_rotated_harmonics():
-    light = anyprobe.Light(radiance=lamp_map((0.3, 0.4, -0.8)))
+    light = anyprobe.Light(radiance=emitter_map((0.3, 0.4, -0.8)))
     turn = rotation_y(0.7) @ rotation_x(0.3)
     order_1 = [3, 1, 2]  # x, y, z
     np.testing.assert_allclose(
@@ -361,8 +363,8 @@ def test_saved_maps_read_back(tmp_path, estimator, photo_rgba):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["light.exr", "light.hdr"]
 
 
-def test_lamp_beyond_half_float_is_kept(tmp_path):
-    light = anyprobe.Light(radiance=lamp_map((0, 1, -1), level=2e5))
+def test_emitter_beyond_half_float_is_kept(tmp_path):
+    light = anyprobe.Light(radiance=emitter_map((0, 1, -1), level=2e5))
     np.testing.assert_array_equal(read_radiance(light.save(tmp_path / "sun.exr")), light.radiance)
 
 
@@ -374,7 +376,7 @@ def test_light_in_front_is_saved_in_the_centre(tmp_path):
         ((0, 1, -1), 15.5, 63.5),
     ):
         for suffix in ("exr", "hdr"):
-            path = anyprobe.Light(radiance=lamp_map(direction)).save(tmp_path / f"light.{suffix}")
+            path = anyprobe.Light(radiance=emitter_map(direction)).save(tmp_path / f"light.{suffix}")
             rows, columns = np.nonzero(read_radiance(path)[..., 0] > 1)
             assert (rows.mean(), columns.mean()) == pytest.approx((row, column), abs=0.6)
 
@@ -383,7 +385,7 @@ def test_light_in_front_is_saved_in_the_centre(tmp_path):
 def test_light_that_cannot_be_saved(tmp_path, name):
     (tmp_path / "light.exr").write_bytes(b"old")
     with pytest.raises(anyprobe.OutputError):
-        anyprobe.Light(radiance=lamp_map((0, 1, 0))).save(tmp_path / name)
+        anyprobe.Light(radiance=emitter_map((0, 1, 0))).save(tmp_path / name)
     assert [p.name for p in tmp_path.iterdir()] == ["light.exr"]
     assert (tmp_path / "light.exr").read_bytes() == b"old"
 
@@ -397,9 +399,9 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     assert "exposure units" in sidecar["scale"]
     assert sidecar["exposure_ev"] == 0
     np.testing.assert_allclose(sidecar["sh9"], light.sh9(), atol=1e-6)
-    main = light.main_light()
+    main = light.dominant_light()
     for key in ("direction", "color", "irradiance"):
-        np.testing.assert_allclose(sidecar["main_light"][key], getattr(main, key), atol=1e-6)
+        np.testing.assert_allclose(sidecar["dominant_light"][key], getattr(main, key), atol=1e-6)
     assert set(sidecar["seconds"]) == {"load", "networks", "turn"}
     assert all(0 <= seconds < 60 for seconds in sidecar["seconds"].values())
     assert sidecar["model"] == estimator.model_id
@@ -409,7 +411,7 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     areas = pixel_solid_angles(light.radiance.shape[0])
     mean = float((light.confidence * areas).sum() / (areas.sum() * light.radiance.shape[1]))
     assert sidecar["confidence"] == pytest.approx(mean, abs=1e-4)
-    assert sidecar["told"] == pytest.approx(light.told, abs=1e-4)
+    assert sidecar["well_exposed_fraction"] == pytest.approx(light.well_exposed_fraction, abs=1e-4)
     assert sidecar["warnings"] == []
-    assert sidecar["photo"] == "ball.png"
+    assert sidecar["photo"] == "sphere.png"
     np.testing.assert_allclose(sidecar["camera_from_crop"], light.camera_from_crop, atol=1e-6)

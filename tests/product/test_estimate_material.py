@@ -6,26 +6,26 @@ import inspect
 
 import numpy as np
 import pytest
-from support.scenes import ball_photo
+from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.infer.estimate import as_material
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.scatter.presets import MATERIALS, told_material
+from anyprobe.estimate.estimator import as_material
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.scatter.materials import MATERIALS, given_material
 
 
-def through(entry: str, estimator, rgba: np.ndarray, **told):
+def through(entry: str, estimator, rgba: np.ndarray, **given):
     """The light of one photo, by one of the ways to ask for it."""
     if entry == "estimate":
-        return anyprobe.estimate(rgba, **told)
+        return anyprobe.estimate(rgba, **given)
     if entry == "call":
-        return estimator(rgba, **told)
+        return estimator(rgba, **given)
     photo = load_photo(rgba)
     if entry == "from_photo":
-        return estimator.from_photo(photo, **told)
+        return estimator.from_photo(photo, **given)
     if entry == "from_crop":
-        return estimator.from_crop(photo, crop_object(photo), **told)
-    return anyprobe.estimate_together(estimator, [photo], [np.eye(3)], **told)
+        return estimator.from_crop(photo, crop_object(photo), **given)
+    return anyprobe.estimate_multiview(estimator, [photo], [np.eye(3)], **given)
 
 
 @pytest.fixture(scope="module")
@@ -33,23 +33,23 @@ def expected(estimator) -> list[tuple[dict, anyprobe.Light]]:
     """What is told, and the light of the Material that it means."""
     means = [
         ({"material": "chrome"}, MATERIALS["chrome"]),
-        ({"albedo": 0.18}, told_material(albedo=0.18)),
-        ({"material": "plastic", "albedo": [0.2, 0.3, 0.4]}, told_material("plastic", (0.2, 0.3, 0.4))),
+        ({"albedo": 0.18}, given_material(albedo=0.18)),
+        ({"material": "plastic", "albedo": [0.2, 0.3, 0.4]}, given_material("plastic", (0.2, 0.3, 0.4))),
     ]
-    return [(told, estimator(ball_photo(), material=material)) for told, material in means]
+    return [(given, estimator(sphere_photo(), material=material)) for given, material in means]
 
 
 @pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_crop", "together"])
 def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expected, entry):
-    for told, light in expected:
-        found = through(entry, estimator, photo_rgba, **told)
+    for given, light in expected:
+        found = through(entry, estimator, photo_rgba, **given)
         np.testing.assert_allclose(found.radiance, light.radiance, rtol=1e-5)  # fused in logarithms
-        assert found.info["known"] == light.info["known"]
+        assert found.info["priors"] == light.info["priors"]
 
 
 @pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_crop", "together"])
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("given", "words"),
     [
         ({"material": 0.18}, ("material: expected a Material or one of chrome,", "got float", "albedo=")),
         ({"material": "wood"}, ("material: expected one of chrome,", "'wood'")),
@@ -59,9 +59,9 @@ def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expecte
         ({"material": MATERIALS["matte"], "albedo": 0.2}, ("albedo: ", "got a Material")),
     ],
 )
-def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry, told, words):
+def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry, given, words):
     with pytest.raises(anyprobe.InputError) as refused:
-        through(entry, estimator, photo_rgba, **told)
+        through(entry, estimator, photo_rgba, **given)
     assert "\n" not in str(refused.value)
     for word in words:
         assert word in str(refused.value)
@@ -96,13 +96,13 @@ def test_a_material_is_refused_before_any_photo_is_loaded(estimator):
         yield
 
     with pytest.raises(anyprobe.InputError, match="'wood'"):
-        anyprobe.estimate_together(estimator, never(), [], material="wood")
+        anyprobe.estimate_multiview(estimator, never(), [], material="wood")
 
 
 def test_who_takes_a_material_takes_an_albedo():
     entries = (
         anyprobe.estimate,
-        anyprobe.estimate_together,
+        anyprobe.estimate_multiview,
         anyprobe.Estimator.__call__,
         anyprobe.Estimator.from_photo,
         anyprobe.Estimator.from_crop,

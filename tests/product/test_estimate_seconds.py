@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from anyprobe.infer import photo as photo_module
-from anyprobe.infer.several import estimate_together
+from anyprobe.estimate import photo as photo_module
+from anyprobe.estimate.multiview import estimate_multiview
 
 SLOW_S = 0.3
 pytestmark = pytest.mark.usefixtures("networks_opened_once", "slow_masks")
@@ -20,9 +20,9 @@ def slow_masks(monkeypatch) -> None:
     """Finding an object takes SLOW_S longer."""
     find_mask = photo_module.find_mask
 
-    def slowly(*told, **where):
+    def slowly(*given, **where):
         time.sleep(SLOW_S)
-        return find_mask(*told, **where)
+        return find_mask(*given, **where)
 
     monkeypatch.setattr(photo_module, "find_mask", slowly)
 
@@ -43,7 +43,7 @@ def test_the_command_counts_from_the_photo_s_opening(work, command, photo_path, 
 def test_no_time_counts_twice(estimator, photo_path):
     start = time.perf_counter()
     photos = (photo_module.load_photo(photo_path) for _ in range(3))
-    light = estimate_together(estimator, photos, [np.eye(3)] * 3)
+    light = estimate_multiview(estimator, photos, [np.eye(3)] * 3)
     seconds = light.info["seconds"]
     assert seconds["load"] >= 3 * SLOW_S
     assert sum(seconds.values()) < time.perf_counter() - start + 0.01  # rounded
@@ -58,8 +58,8 @@ def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, count
     from anyprobe.serve.app import create_app
 
     files = [("photo", (f"{k}.png", photo_path.read_bytes())) for k in range(count)]
-    told = {"poses": json.dumps([np.eye(3).tolist()] * count)} if count > 1 else {}
+    given = {"poses": json.dumps([np.eye(3).tolist()] * count)} if count > 1 else {}
     with TestClient(create_app(estimator)) as client:
-        answer = client.post("/v1/fuse" if count > 1 else "/v1/estimate", files=files, data=told)
+        answer = client.post("/v1/fuse" if count > 1 else "/v1/estimate", files=files, data=given)
     assert answer.status_code == 200, answer.text
     assert answer.json()["seconds"]["load"] >= count * SLOW_S

@@ -6,12 +6,12 @@ import json
 
 import pytest
 from support.folders import snapshot
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.dataset import catalog
 from anyprobe.dataset import pair as pair_module
-from anyprobe.dataset.stock import own_map, own_shape
-from anyprobe.evaluate import methods, protocol
+from anyprobe.dataset.asset_store import own_map, own_shape
+from anyprobe.evaluate import methods, scoring
 
 ASSETS = ("--hdri", "h", "--meshes", "m", "--pairs", "4")
 ALPHAS = (0.05, 0.6, 0.2, 0.9)
@@ -19,13 +19,13 @@ ALPHAS = (0.05, 0.6, 0.2, 0.9)
 
 @pytest.fixture
 def rendered(monkeypatch) -> list[dict]:
-    """How each pair was asked for; balls in turn indoors and out, shiny and dull."""
+    """How each pair was asked for; spheres in turn indoors and out, shiny and dull."""
     calls = []
 
-    def render_pair(recipe, stock, trace=None, laboratory=False, textured=False):
+    def render_pair(recipe, store, trace=None, laboratory=False, textured=False):
         calls.append({"trace": trace, "textured": textured, "conditions": recipe.conditions})
         k = len(calls) - 1
-        return ball_pair(k, ALPHAS[k % 4], indoor=bool(k // 2 % 2), material=k % 2)
+        return sphere_pair(k, ALPHAS[k % 4], indoor=bool(k // 2 % 2), material=k % 2)
 
     monkeypatch.setattr(pair_module, "render_pair", render_pair)
     monkeypatch.setattr(catalog, "load_maps", lambda folder, report: [own_map(1, 1)])
@@ -35,8 +35,8 @@ def rendered(monkeypatch) -> list[dict]:
 
 @pytest.fixture
 def scored_quickly(monkeypatch) -> None:
-    """Every figure 1: the balls that most are of take a second a pair."""
-    monkeypatch.setattr(protocol, "score", lambda estimate, truth: dict.fromkeys(protocol.METRICS, 1.0))
+    """Every figure 1: the spheres that most are of take a second a pair."""
+    monkeypatch.setattr(scoring, "score", lambda estimate, truth: dict.fromkeys(scoring.METRICS, 1.0))
 
 
 def written(folder) -> dict:
@@ -49,7 +49,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
     assert ended.status == 0, ended.err
     assert [call["conditions"] for call in rendered] == [1] * 4
     scores = written(work)["scores"]
-    assert list(scores) == ["lift", "lift, lamps spread", "mean map", "chrome ball"]
+    assert list(scores) == ["lift", "lift, emitters expected", "mean map", "chrome sphere"]
     groups = list(scores["lift"])
     assert {"all", "specular", "diffuse", "indoor", "outdoor", "alpha 0-0.1", "alpha 0.75-1"} <= set(groups)
     tables, printed = ended.out.split("confidence, in brackets")
@@ -71,34 +71,31 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
 
 def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
     """Two of the five things that are: the others take as long again."""
-    monkeypatch.setattr(methods, "TOLD", {name: methods.TOLD[name] for name in ("normals", "surroundings")})
-    ended = command("evaluate", *ASSETS, "--told", "--textured")
+    monkeypatch.setattr(methods, "TOLD", {name: methods.PRIORS[name] for name in ("normals", "surroundings")})
+    ended = command("evaluate", *ASSETS, "--priors", "--textured")
     assert [call["textured"] for call in rendered] == [True] * 4
-    told, alone = written(work)["confidence_told"], written(work)["confidence"]
-    assert written(work)["command"].endswith(" --textured --told")
-    assert list(told) == ["lift, told normals", "lift, told surroundings"]
-    assert told["lift, told surroundings"]["right"] > alone["right"] + 0.01
-    assert told["lift, told normals"] != alone
+    given, alone = written(work)["confidence_with_priors"], written(work)["confidence"]
+    assert list(given) == ["lift, normals given", "lift, surroundings given"]
+    assert given["lift, surroundings given"]["right"] > alone["right"] + 0.01
+    assert given["lift, normals given"] != alone
     (row,) = [
         line
         for line in ended.out.split("confidence, in brackets")[1].splitlines()
-        if line.startswith("│ lift, told surroundings ")
+        if line.startswith("│ lift, surroundings given ")
     ]
-    assert f"{told['lift, told surroundings']['auc']:.3f} (0.500)" in row
+    assert f"{given['lift, given surroundings']['auc']:.3f} (0.500)" in row
 
 
 def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):
     ended = command("evaluate", *ASSETS, "--model", "paper")
-    assert (written(work)["confidence"], written(work)["confidence_told"]) == (None, {})
+    assert (written(work)["confidence"], written(work)["confidence_with_priors"]) == (None, {})
     assert "confidence" not in ended.out
     assert [call["textured"] for call in rendered] == [False] * 4
-    assert written(work)["command"].endswith(" --model paper")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--real", "r", "--textured"), "--textured: expected test pairs to render, got --real"),
         ((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos that anyprobe shades"),
     ],
 )

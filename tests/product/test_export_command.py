@@ -11,10 +11,10 @@ from support.two_phase import two_phase
 
 from anyprobe.cli.export import target_names
 from anyprobe.errors import InputError
-from anyprobe.export.frames import BLENDER
+from anyprobe.estimate.result import Light
+from anyprobe.export.target_frames import BLENDER
 from anyprobe.export.targets import TARGETS, export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.result import Light
 
 
 @pytest.fixture

@@ -12,14 +12,14 @@ from PIL import Image
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.export.bc6h import encode_bc6h
+from anyprobe.export.cube_textures import encode_bc6h
 from anyprobe.export.cubemap import box_mips, cube_faces, face_directions, face_size
+from anyprobe.export.exported_light import prepare
 from anyprobe.export.gltf import pack_rgbd, prefiltered
-from anyprobe.export.light import prepare
 from anyprobe.export.targets import export
+from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.environment import shrink
 from anyprobe.light.harmonics import sh_basis
-from anyprobe.light.main_light import split_main_light
 
 TABLE = {  # face: (2s - 1) and (2t - 1) as signed axes, and the axis they are over
     0: ("-z", "-y", "x"),
@@ -263,11 +263,11 @@ def lit_map() -> np.ndarray:
     return radiance
 
 
-def test_gltf_holds_faces_coefficients_and_the_main_light(tmp_path):
+def test_gltf_holds_faces_coefficients_and_the_dominant_light(tmp_path):
     radiance = lit_map()
     document, blob = parse_glb(file_of("gltf", tmp_path, radiance, ".glb"))
     (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
-    main, ambient = split_main_light(radiance)
+    main, ambient = split_dominant_light(radiance)
     assert light["specularImageSize"] == 64
     assert [len(level) for level in light["specularImages"]] == [6, 6, 6]
     pictures = []

@@ -11,10 +11,10 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear
 from anyprobe.errors import InvalidEnvironment
-from anyprobe.export.frames import OPENEXR, THREE
+from anyprobe.estimate.result import Light
+from anyprobe.export.target_frames import OPENEXR, THREE
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.result import Light
 
 TAU = 2 * np.pi
 LAYOUTS = {
@@ -86,8 +86,8 @@ def test_mitsuba_rows_reach_the_poles(tmp_path):
 
 
 @pytest.mark.parametrize("target", [*LAYOUTS, "webxr"])
-def test_main_light_lies_elsewhere_than_its_lamp(target, tmp_path):
-    """The sidecar's direction in the target's axes reads the lamp's pixel in the target's map."""
+def test_dominant_light_lies_elsewhere_than_its_emitter(target, tmp_path):
+    """The sidecar's direction in the target's axes reads the emitter's pixel in the target's map."""
     radiance = np.full((32, 64, 3), 0.1, np.float32)
     radiance[9:11, 40:42] = (50, 40, 30)
     name = next(
@@ -99,15 +99,15 @@ def test_main_light_lies_elsewhere_than_its_lamp(target, tmp_path):
     if target == "webxr":
         return
     axes, u_of, up = LAYOUTS[target]
-    np.testing.assert_allclose(said["main_light"]["direction_in_target"], axes(*d), atol=1e-6)
+    np.testing.assert_allclose(said["dominant_light"]["direction_in_target"], axes(*d), atol=1e-6)
     files = [p for p in tmp_path.iterdir() if p.suffix in (".hdr", ".exr") and "_ambient" not in p.name]
-    lamp = read_as(target, read_radiance(files[0]), d[None])[0]
-    np.testing.assert_allclose(lamp, (50, 40, 30), rtol=0.01)
+    emitter = read_as(target, read_radiance(files[0]), d[None])[0]
+    np.testing.assert_allclose(emitter, (50, 40, 30), rtol=0.01)
     dark = read_radiance(next(p for p in tmp_path.iterdir() if "_ambient" in p.name and p.suffix != ".json"))
     np.testing.assert_allclose(read_as(target, dark, d[None])[0], 0.1, rtol=0.01)
 
 
-def test_world_from_camera_turns_the_map_and_the_main_light(tmp_path):
+def test_world_from_camera_turns_the_map_and_the_dominant_light(tmp_path):
     """A camera turned left by 90 degrees: what it had in front lies at the world's -X."""
     radiance = np.full((32, 64, 3), 0.1, np.float32)
     radiance[15:17, 31:33] = 50  # in front

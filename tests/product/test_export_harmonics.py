@@ -11,13 +11,13 @@ from support.two_phase import probe_directions, two_phase
 from anyprobe.core.color import REC709_CHROMATICITIES, xyz_from_rgb
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.export.estimates import correlated_temperature
-from anyprobe.export.light import prepare
-from anyprobe.export.sh_layouts import irradiance, planar, polynomial, unity, webxr
+from anyprobe.export.engines import correlated_temperature
+from anyprobe.export.exported_light import prepare
+from anyprobe.export.target_frames import irradiance, planar, polynomial, unity, webxr
 from anyprobe.export.targets import export
+from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import irradiance as irradiance_at
 from anyprobe.light.harmonics import project, sh_basis
-from anyprobe.light.main_light import split_main_light
 
 N = probe_directions(60)
 
@@ -69,45 +69,45 @@ def test_orders_of_27():
     assert planar(sh)[9] == 1
 
 
-def room_with_lamp(rng: np.random.Generator) -> np.ndarray:
+def room_with_emitter(rng: np.random.Generator) -> np.ndarray:
     d = pixel_directions(64)
     radiance = 0.3 + 0.2 * d[..., 1:2] + 0.02 * rng.random((64, 128, 3), np.float32)
-    lamp = d @ normalize(np.array([0.5, 0.6, 0.4], np.float32)) > np.cos(0.1)
-    radiance[lamp] += (20, 16, 10)
+    emitter = d @ normalize(np.array([0.5, 0.6, 0.4], np.float32)) > np.cos(0.1)
+    radiance[emitter] += (20, 16, 10)
     return radiance.astype(np.float32)
 
 
-def test_full_is_not_ambient_plus_main_light(rng):
-    radiance = room_with_lamp(rng)
-    main, ambient = split_main_light(radiance)
+def test_full_is_not_ambient_plus_dominant_light(rng):
+    radiance = room_with_emitter(rng)
+    main, ambient = split_dominant_light(radiance)
     facing = main.direction[None].astype(np.float64)
     left = true_irradiance(radiance, facing) - true_irradiance(ambient, facing)
     np.testing.assert_allclose(left[0], main.irradiance, rtol=1e-4)
-    whole = N[N @ facing[0] > 0.25]  # the lamp stands above these planes' horizon
+    whole = N[N @ facing[0] > 0.25]  # the emitter stands above these planes' horizon
     left = true_irradiance(radiance, whole) - true_irradiance(ambient, whole)
     np.testing.assert_allclose(left, (whole @ facing[0])[:, None] * main.irradiance, rtol=0.02)
 
 
-def test_ambient_keeps_what_is_not_the_main_light(rng):
-    """Nothing below zero, nothing outside the lamp touched, an even map left alone."""
-    radiance = room_with_lamp(rng)
-    main, ambient = split_main_light(radiance)
+def test_ambient_keeps_what_is_not_the_dominant_light(rng):
+    """Nothing below zero, nothing outside the emitter touched, an even map left alone."""
+    radiance = room_with_emitter(rng)
+    main, ambient = split_dominant_light(radiance)
     assert ambient.min() >= 0
     assert ambient.max() < 1
     away = pixel_directions(64) @ main.direction < np.cos(0.4)
     np.testing.assert_array_equal(ambient[away], radiance[away])
     even = np.full((16, 32, 3), 0.5, np.float32)
-    none, same = split_main_light(even)
+    none, same = split_dominant_light(even)
     assert none.irradiance.tolist() == [0, 0, 0]
     np.testing.assert_array_equal(same, even)
 
 
-def test_a_channel_without_main_light_is_left_whole():
-    """A red lamp on blue: blue is darker there than around, and stays so."""
+def test_a_channel_without_dominant_light_is_left_whole():
+    """A red emitter on blue: blue is darker there than around, and stays so."""
     radiance = np.full((32, 64, 3), 0.2, np.float32)
     radiance[..., 2] = 1
     radiance[8:11, 20:24] = (90, 0.5, 0.1)
-    main, ambient = split_main_light(radiance)
+    main, ambient = split_dominant_light(radiance)
     assert main.irradiance[2] == 0
     np.testing.assert_array_equal(ambient[..., 2], radiance[..., 2])
 
@@ -137,11 +137,11 @@ def test_a_channel_without_main_light_is_left_whole():
     ],
 )
 def test_estimate_names_and_numbers(target, names, tmp_path, rng):
-    radiance = room_with_lamp(rng)
+    radiance = room_with_emitter(rng)
     paths = export(radiance, target, tmp_path)
     said = json.loads(paths[0].read_text())
     assert set(said) == names
-    main, ambient = split_main_light(radiance)
+    main, ambient = split_dominant_light(radiance)
     sh, full = project(ambient), project(radiance)
     coefficients = next(value for key, value in said.items() if "armonics" in key)
     wanted = {"webxr": sh.ravel(), "arcore": sh.ravel(), "arkit": 1000 * full.T.ravel()}[target]
@@ -155,7 +155,7 @@ def test_estimate_names_and_numbers(target, names, tmp_path, rng):
         grey = json.loads(export(np.ones((16, 32, 3), np.float32), target, tmp_path, "grey")[0].read_text())
         assert grey["ambientIntensity"] == pytest.approx(1000, rel=1e-5)
         assert grey["ambientColorTemperature"] == pytest.approx(6504, abs=15)
-        assert said["ambientColorTemperature"] < 6300  # the lamp is warm
+        assert said["ambientColorTemperature"] < 6300  # the emitter is warm
 
 
 @pytest.mark.parametrize(
@@ -183,13 +183,13 @@ def test_temperature_keeps_to_its_range(rgb, kelvin):
 
 
 def test_sidecar_holds_both_sets(tmp_path, rng):
-    radiance = room_with_lamp(rng)
+    radiance = room_with_emitter(rng)
     said = json.loads(next(p for p in export(radiance, "unity", tmp_path) if p.suffix == ".json").read_text())
     np.testing.assert_allclose(said["sh"]["full"], project(radiance).ravel(), rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(
-        said["sh"]["ambient"], project(split_main_light(radiance)[1]).ravel(), rtol=1e-5, atol=1e-6
+        said["sh"]["ambient"], project(split_dominant_light(radiance)[1]).ravel(), rtol=1e-5, atol=1e-6
     )
     given = np.reshape(said["unity"]["sh_ambient"], (3, 9))
-    np.testing.assert_allclose(given, unity(project(split_main_light(radiance)[1])), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(given, unity(project(split_dominant_light(radiance)[1])), rtol=1e-5, atol=1e-6)
     direction = said["unity"]["light_direction"]
     assert direction[2] == -said["primaryLightDirection"]["z"]

@@ -81,7 +81,7 @@ def test_unity_takes_the_intensity_as_linear(unity):
     assert "Sun.useColorTemperature = false;" in unity
 
 
-def test_unity_mirrors_the_sky_without_the_main_light_beside_a_sun(unity):
+def test_unity_mirrors_the_sky_without_the_dominant_light_beside_a_sun(unity):
     assert "Texture map = Sun != null ? AmbientMap : FullMap;" in unity
     assert 'sky.SetTexture("_MainTex", map);' in unity
     sky, update = unity.index("RenderSettings.skybox = sky;"), unity.index("DynamicGI.UpdateEnvironment();")

@@ -3,8 +3,8 @@
 import pytest
 
 from anyprobe.errors import ModelError
+from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files.graphs import open_graph
-from anyprobe.infer.runtime import weights_folder
 from anyprobe.masks.propose import default_graph
 
 

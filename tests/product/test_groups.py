@@ -6,26 +6,28 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.evaluate.groups import GROUPS, groups_of, main_light_share
+from anyprobe.evaluate.scoring import GROUPS, dominant_light_share, groups_of
 
 
-def room(lamp_share: float, direction=(0.3, 0.8, 0.5)) -> np.ndarray:
-    """Even light and a lamp 8 degrees in radius that sends so much of the whole."""
+def room(emitter_share: float, direction=(0.3, 0.8, 0.5)) -> np.ndarray:
+    """Even light and an emitter 8 degrees in radius that sends so much of the whole."""
     d = np.asarray(direction) / np.linalg.norm(direction)
     cap = (pixel_directions(64) @ d > np.cos(np.radians(8.0)))[..., None]
     solid_angle = 2 * np.pi * (1 - np.cos(np.radians(8.0)))
-    level = lamp_share / max(1 - lamp_share, 1e-9) * 4 * np.pi / solid_angle
+    level = emitter_share / max(1 - emitter_share, 1e-9) * 4 * np.pi / solid_angle
     return np.where(cap, 1.0 + level, 1.0) * np.ones(3)
 
 
-def pair(alpha: float, lamp_share: float, indoor: bool = True):
+def pair(alpha: float, emitter_share: float, indoor: bool = True):
     material = SimpleNamespace(alpha=alpha)
-    return SimpleNamespace(material=material, specular=alpha < 0.5, indoor=indoor, radiance=room(lamp_share))
+    return SimpleNamespace(
+        material=material, specular=alpha < 0.5, indoor=indoor, radiance=room(emitter_share)
+    )
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_the_share_of_a_lamp_is_what_it_sends(share):
-    assert main_light_share(room(share)) == pytest.approx(share, abs=0.03)
+def test_the_share_of_a_emitter_is_what_it_sends(share):
+    assert dominant_light_share(room(share)) == pytest.approx(share, abs=0.03)
 
 
 def test_every_pair_is_in_its_groups():

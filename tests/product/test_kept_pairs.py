@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
-from anyprobe.evaluate import kept_pairs as module
-from anyprobe.evaluate.kept_pairs import kept_pairs
+from anyprobe.evaluate import test_sets as module
+from anyprobe.evaluate.test_sets import kept_pairs
 
-RECIPES = [ball_pair(seed).recipe for seed in (1, 2)]
+RECIPES = [sphere_pair(seed).recipe for seed in (1, 2)]
 
 
 @pytest.fixture
-def rendered(monkeypatch) -> list[tuple]:
-    """What was rendered: seed and laboratory."""
+def rendered(monkeypatch) -> list[int]:
+    """Seeds of what was rendered."""
     calls = []
 
-    def render_pair(recipe, stock, trace=None, laboratory=False):
-        calls.append((recipe.seed, laboratory))
-        return ball_pair(recipe.seed)
+    def render_pair(recipe, store):
+        calls.append(recipe.seed)
+        return sphere_pair(recipe.seed)
 
     monkeypatch.setattr(module, "render_pair", render_pair)
     return calls
@@ -27,7 +27,7 @@ def rendered(monkeypatch) -> list[tuple]:
 
 def test_what_is_kept_is_not_rendered_again(rendered, tmp_path):
     first, again = (list(kept_pairs(RECIPES, None, tmp_path)) for _ in range(2))
-    assert rendered == [(1, False), (2, False)]
+    assert rendered == [1, 2]
     for one, other in zip(first, again, strict=True):
         np.testing.assert_array_equal(one.photo, other.photo)
         assert one.recipe == other.recipe
@@ -35,5 +35,5 @@ def test_what_is_kept_is_not_rendered_again(rendered, tmp_path):
 
 def test_nothing_is_kept_without_a_folder(rendered):
     for _ in range(2):
-        list(kept_pairs(RECIPES[:1], None, laboratory=True))
-    assert rendered == [(1, True)] * 2
+        list(kept_pairs(RECIPES[:1], None))
+    assert rendered == [1] * 2

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from support.scenes import CENTER, DIAMETER, HEIGHT, WIDTH, ball_photo, made_map
+from support.scenes import CENTER, DIAMETER, HEIGHT, WIDTH, made_map, sphere_photo
 
 import anyprobe
 from anyprobe.core.color import to_bytes
@@ -17,26 +17,24 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.fitted import fit_map
-from anyprobe.infer.known_material import MAX_STOPS, fit_gain
-from anyprobe.infer.known_normals import normals_from_outline, read_normals
-from anyprobe.infer.photo import crop_object, load_photo
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.material_prior import MAX_STOPS, fit_gain, fit_map
+from anyprobe.estimate.normals_prior import normals_from_outline, read_normals
+from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.light.environment import rotate
-from anyprobe.render.balls import ball_normals
 from anyprobe.render.integrate import shade, shading_pyramid
 from anyprobe.render.shapes import sphere
+from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import Camera, pixel_rays, see
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS, material_named
+from anyprobe.scatter.materials import MATERIALS, Material, material_named
 
 MATTE = MATERIALS["matte"]
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def ball_map() -> np.ndarray:
-    """The normals [H, W, 3] of the ball that ball_photo draws, zero beside it."""
-    normals, on = ball_normals(DIAMETER)
+def sphere_map() -> np.ndarray:
+    """The normals [H, W, 3] of the sphere that sphere_photo draws, zero beside it."""
+    normals, on = sphere_normals(DIAMETER)
     window = np.zeros((DIAMETER, DIAMETER, 3), np.float32)
     window[on] = normals
     result = np.zeros((HEIGHT, WIDTH, 3), np.float32)
@@ -49,7 +47,7 @@ def ball_map() -> np.ndarray:
 
 
 def test_a_normal_map_is_read_from_arrays_pictures_and_files(tmp_path):
-    normals = ball_map()
+    normals = sphere_map()
     on = np.abs(normals).sum(axis=-1) > 0
     shape = (HEIGHT, WIDTH)
     picture = to_bytes(normals / 2 + 0.5) * on[..., None]
@@ -93,7 +91,7 @@ def test_normals_that_cannot_be_read_are_one_line(tmp_path, monkeypatch):
         (np.zeros((HEIGHT, WIDTH, 3)), "found none"),
         (np.zeros((HEIGHT, WIDTH)), "three a pixel"),
         (np.ones((HEIGHT, WIDTH - 1, 3)), "photo's size"),
-        (ball_map() * (1.0, -1.0, -1.0), "flip Y and Z"),
+        (sphere_map() * (1.0, -1.0, -1.0), "flip Y and Z"),
         (np.full((HEIGHT, WIDTH, 3), np.nan), "found none"),
         ("nowhere.png", "no such file"),
     ],
@@ -107,7 +105,7 @@ def test_what_are_no_normals_is_refused_in_one_line(source, says):
 @pytest.mark.parametrize("beside", ["black", "grey", "white", "facing", "transparent"])
 @pytest.mark.parametrize("kind", [".png", ".jpg", ".webp"])
 def test_a_normal_map_may_be_compressed_and_have_anything_beside_the_object(tmp_path, kind, beside):
-    normals = ball_map()
+    normals = sphere_map()
     on = np.abs(normals).sum(axis=-1) > 0
     colors = {
         "black": 0.0,
@@ -145,7 +143,7 @@ def test_a_damaged_array_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"n\.npy: expected an array"):
         read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
     with (tmp_path / "n.npy").open("wb") as stream:
-        np.savez(stream, a=ball_map())
+        np.savez(stream, a=sphere_map())
     with pytest.raises(InputError, match=r"n\.npy: expected one array"):
         read_normals(tmp_path / "n.npy", (HEIGHT, WIDTH))
     (tmp_path / "n.npy").write_bytes((tmp_path / "n.npy").read_bytes()[:1000])
@@ -171,25 +169,25 @@ def test_normals_come_to_the_networks_in_the_crops_frame():
 
 
 def test_known_normals_change_the_light_and_are_noted():
-    photo = ball_photo()
-    alone, told = anyprobe.estimate(photo), anyprobe.estimate(photo, normals=ball_map())
-    assert alone.sidecar()["known"] == {"normals": False}
-    assert told.sidecar()["known"] == {"normals": True}
-    assert np.abs(told.radiance - alone.radiance).mean() > 1e-3
+    photo = sphere_photo()
+    alone, given = anyprobe.estimate(photo), anyprobe.estimate(photo, normals=sphere_map())
+    assert alone.sidecar()["priors"] == {"normals": False}
+    assert given.sidecar()["priors"] == {"normals": True}
+    assert np.abs(given.radiance - alone.radiance).mean() > 1e-3
 
 
 @pytest.mark.parametrize("material", ["matte", "chrome"])
 def test_stages_are_of_the_map_that_a_known_material_gave(material):
-    light = Estimator()(ball_photo(), normals=ball_map(), material=material_named(material))
+    light = Estimator()(sphere_photo(), normals=sphere_map(), material=material_named(material))
     expected = np.maximum(rotate(np.exp(light.stages["ln_radiance"]), light.camera_from_crop), 0.0)
     np.testing.assert_allclose(expected, light.radiance, atol=1e-4, rtol=1e-4)
     np.testing.assert_allclose(light.stages["ldr"], response(np.exp(light.stages["ln_radiance"])), atol=1e-5)
 
 
-# Balls
+# Spheres
 
 
-def seen_ball(position, fov_deg: float = 60.0, size: int = 200) -> tuple[np.ndarray, np.ndarray]:
+def seen_sphere(position, fov_deg: float = 60.0, size: int = 200) -> tuple[np.ndarray, np.ndarray]:
     """Mask and normals [S, S, 3] of the unit sphere at the origin as the rasteriser sees it from a position."""
     tan_half = float(np.tan(np.radians(fov_deg / 2)))
     surface = see(
@@ -202,9 +200,9 @@ def seen_ball(position, fov_deg: float = 60.0, size: int = 200) -> tuple[np.ndar
 
 
 @pytest.mark.parametrize("position", [(0.0, 0.0, 8.0), (1.3, -0.8, 4.5), (-1.5, 1.5, 5.0)])
-def test_a_balls_outline_tells_its_normals(position):
+def test_a_spheres_outline_tells_its_normals(position):
     """Near the edge of a wide photo the outline is an ellipse; still they are the rasteriser's."""
-    mask, expected = seen_ball(position)
+    mask, expected = seen_sphere(position)
     found = normals_from_outline(mask, 60.0)
     both = (np.abs(found).sum(axis=-1) > 0) & (mask > 0)
     assert both.sum() > 0.97 * mask.sum()
@@ -214,25 +212,25 @@ def test_a_balls_outline_tells_its_normals(position):
     assert np.percentile(angle, 95) < 6.0  # the rim is steep: a tenth of a pixel is degrees there
 
 
-def test_what_is_no_ball_is_refused():
-    mask, _ = seen_ball((0.0, 0.0, 6.0))
+def test_what_is_no_sphere_is_refused():
+    mask, _ = seen_sphere((0.0, 0.0, 6.0))
     half = mask.copy()
     half[:, 100:] = 0
     square = np.zeros_like(mask)
     square[60:140, 60:140] = 1
     for wrong in (half, square):
-        with pytest.raises(InputError, match="expected a ball"):
+        with pytest.raises(InputError, match="expected a sphere"):
             normals_from_outline(wrong, 60.0)
 
 
-def test_a_ball_may_be_called_one():
-    photo, expected = ball_photo(), ball_map()
-    found = load_photo(photo, normals="ball", fov_deg=5.0).normals
+def test_a_sphere_may_be_called_one():
+    photo, expected = sphere_photo(), sphere_map()
+    found = load_photo(photo, normals="sphere", fov_deg=5.0).normals
     both = (np.abs(found).sum(axis=-1) > 0) & (np.abs(expected).sum(axis=-1) > 0)
     angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
     assert np.median(angle) < 1.5
-    named = anyprobe.estimate(photo, normals="ball", fov_deg=5.0)
-    assert named.sidecar()["known"] == {"normals": True}
+    named = anyprobe.estimate(photo, normals="sphere", fov_deg=5.0)
+    assert named.sidecar()["priors"] == {"normals": True}
     assert np.abs(named.radiance - anyprobe.estimate(photo, fov_deg=5.0).radiance).mean() > 1e-3
 
 
@@ -242,8 +240,8 @@ def test_a_ball_may_be_called_one():
 def photo_of(
     radiance: np.ndarray, material: Material, tan_half: float = 0.1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A ball under a map: crop [128, 128, 4] and normals [64, 64, 3]."""
-    normals, on = ball_normals(64)
+    """A sphere under a map: crop [128, 128, 4] and normals [64, 64, 3]."""
+    normals, on = sphere_normals(64)
     picture = np.zeros((64, 64, 3), np.float32)
     picture[on] = normals
     seen = shade(
@@ -280,7 +278,7 @@ def test_another_albedo_means_another_light():
     assert (found < 2.05).all()
 
 
-def test_a_burnt_out_or_tiny_object_moves_nothing_far():
+def test_a_clipped_out_or_tiny_object_moves_nothing_far():
     image, normals = photo_of(0.5 * made_map(), MATTE)
     white = np.concatenate([np.ones_like(image[..., :3]), image[..., 3:]], axis=-1)
     assert fit_gain(made_map(), white, normals, 0.1, MATTE).max() <= 2**MAX_STOPS
@@ -298,7 +296,7 @@ def fine_map() -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["matte", "plastic", "gold"])
 def test_shading_tells_what_a_guess_is_wrong_by(name):
-    """A guess that is twice too bright from one side and half as bright from the other, seen in a ball."""
+    """A guess that is twice too bright from one side and half as bright from the other, seen in a sphere."""
     truth, material = 0.4 * fine_map(), MATERIALS[name]
     image, normals = photo_of(truth, material)
     d = pixel_directions(64)
@@ -344,7 +342,7 @@ def test_what_fits_stays_as_it_is():
     np.testing.assert_array_equal(nothing, truth)
 
 
-def test_a_burnt_out_object_leaves_a_bright_guess_alone():
+def test_a_clipped_out_object_leaves_a_bright_guess_alone():
     """It says that its light is at least so bright, no more."""
     image, normals = photo_of(20.0 * fine_map(), MATTE)
     assert (image[image[..., 3] == 1][:, :3] > 0.99).mean() > 0.8
@@ -356,13 +354,13 @@ def test_a_burnt_out_object_leaves_a_bright_guess_alone():
 
 
 def test_the_object_rendered_with_its_light_looks_like_its_photo():
-    """A grey ball photographed through a red filter: told that it is grey, the light is red."""
-    photo = ball_photo()
+    """A grey sphere photographed through a red filter: told that it is grey, the light is red."""
+    photo = sphere_photo()
     photo[..., 2] = (photo[..., 2] * 0.6).astype(np.uint8)
-    light = anyprobe.estimate(photo, normals=ball_map(), material="matte", fov_deg=20.0)
-    known = light.sidecar()["known"]
+    light = anyprobe.estimate(photo, normals=sphere_map(), material="matte", fov_deg=20.0)
+    known = light.sidecar()["priors"]
     assert known["material"] == {"albedo": [0.6] * 3, "f0": [0.04] * 3, "alpha": 0.9}
-    plain = anyprobe.estimate(photo, normals=ball_map(), fov_deg=20.0)
+    plain = anyprobe.estimate(photo, normals=sphere_map(), fov_deg=20.0)
     brighter = np.log(light.radiance / (plain.radiance * known["gain"]))
     assert 0.01 < np.abs(brighter).max() < 3.0
     image, _ = photo_of(light.radiance, MATTE)
@@ -372,25 +370,25 @@ def test_the_object_rendered_with_its_light_looks_like_its_photo():
 
 
 def test_the_papers_chain_cannot_use_what_is_known():
-    for told in ({"material": "matte"}, {"normals": ball_map()}):
+    for given in ({"material": "matte"}, {"normals": sphere_map()}):
         with pytest.raises(InputError, match="use lift"):
-            anyprobe.estimate(ball_photo(), model="paper", **told)
+            anyprobe.estimate(sphere_photo(), model="paper", **given)
 
 
 def test_the_command_line_tells_normals_and_material(tmp_path, command):
-    Image.fromarray(ball_photo()).save(tmp_path / "ball.png")
+    Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
     (tmp_path / "maps").mkdir()
-    np.save(tmp_path / "maps" / "ball_normals.npy", ball_map())
-    call = ("estimate", tmp_path / "ball.png", "-o", tmp_path / "out", "--json")
+    np.save(tmp_path / "maps" / "sphere_normals.npy", sphere_map())
+    call = ("estimate", tmp_path / "sphere.png", "-o", tmp_path / "out", "--json")
     done = command(*call, "--normals", tmp_path / "maps", "--albedo", "0.18")
     assert done.status == 0, done.err
-    known = json.loads(done.out)["known"]
+    known = json.loads(done.out)["priors"]
     assert known["normals"] is True
     assert known["material"]["albedo"] == [0.18] * 3
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("given", "says"),
     [
         (("--albedo", "2"), "above 0 and up to 1"),
         (("--albedo", "0.2,x,0.1"), "--albedo: expected numbers"),
@@ -398,13 +396,13 @@ def test_the_command_line_tells_normals_and_material(tmp_path, command):
         (("--material", "wood"), "material: expected one of"),
         (("--material", "chrome", "--albedo", "0.2"), "got the metal chrome"),
         (("--normals", "nowhere.exr"), "no such file"),
-        (("--normals", "ball", "--box", "20,20,110,60"), "expected a ball"),
+        (("--normals", "sphere", "--box", "20,20,110,60"), "expected a sphere"),
         (("--model", "paper", "--material", "matte"), "use lift"),
     ],
 )
-def test_what_cannot_be_told_is_refused_in_one_line(tmp_path, command, told, says):
-    Image.fromarray(ball_photo()).save(tmp_path / "ball.png")
-    done = command("estimate", tmp_path / "ball.png", "-o", tmp_path / "out", "-q", *told)
+def test_what_cannot_be_told_is_refused_in_one_line(tmp_path, command, given, says):
+    Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
+    done = command("estimate", tmp_path / "sphere.png", "-o", tmp_path / "out", "-q", *given)
     assert done.status == 2
     assert says in done.err
     assert len(done.err.strip().splitlines()) == 1

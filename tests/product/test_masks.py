@@ -12,8 +12,8 @@ from PIL import Image
 
 from anyprobe.core.hints import BOX_LEVEL, draw_hints
 from anyprobe.errors import InvalidMask, ModelError
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
-from anyprobe.infer.photo import load_photo
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.grabcut import cut_seeded
@@ -199,7 +199,7 @@ def test_contract_of_the_graph():
 
 
 def test_a_graph_of_another_contract_is_refused(tmp_path):
-    from anyprobe.infer.runtime import weights_folder
+    from anyprobe.estimate.runtime import weights_folder
 
     with pytest.raises(ModelError, match="stage"):
         MaskNetwork(weights_folder("paper") / "hdr.onnx")
@@ -222,12 +222,12 @@ def test_a_click_and_a_box_find_it_too(project_root):
     rows, columns = np.nonzero(true > 0.5)
     point = (float(columns.mean()), float(rows.mean()))
     box = (columns.min() - 5.0, rows.min() - 5.0, columns.max() + 6.0, rows.max() + 6.0)
-    for told, source, least in (
+    for given, source, least in (
         ({"click": point}, "click", 0.8),
         ({"box": box}, "box", 0.6),
         ({"click": point, "box": box}, "click", 0.95),
     ):
-        found = find_mask(read_image(rgb), **told)
+        found = find_mask(read_image(rgb), **given)
         assert found.source == source
         assert overlap(found.mask, true) > least
 

@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from anyprobe.cli.where import list_photos, where_for
+from anyprobe.cli.options import list_photos, where_for
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.files.names import visible_files
@@ -36,11 +36,11 @@ def proposal(monkeypatch, square) -> np.ndarray:
     """A network that proposes the square of every photo, cut out no further."""
 
     class Network:
-        def propose(self, rgb, *told):
+        def propose(self, rgb, *given):
             return Proposal(cover=square, confidence=0.9)
 
     monkeypatch.setattr(find, "shared_network", Network)
-    monkeypatch.setattr(find, "_cut_out", lambda rgb, cover, *told: cover)
+    monkeypatch.setattr(find, "_cut_out", lambda rgb, cover, *given: cover)
     return square
 
 
@@ -186,16 +186,16 @@ def test_a_longer_name_is_another_photos_mask(work):
     masks = make(
         "masks", "shot.0002.png", "shot.png", "pot.0001.png", "jar.JPG.png", "[a].0001.png", "[a].png"
     )
-    told = {"mask": masks, "depth": None}
+    given = {"mask": masks, "depth": None}
     for name, mask in {
         "shot.jpg": "shot.png",
         "shot.0002.jpg": "shot.0002.png",
         "[a].jpg": "[a].png",
     }.items():
-        assert where_for(Path(name), told)["mask"] == masks / mask
-    assert where_for(Path("jar.JPG"), told)["mask"] == masks / "jar.JPG.png"
+        assert where_for(Path(name), given)["mask"] == masks / mask
+    assert where_for(Path("jar.JPG"), given)["mask"] == masks / "jar.JPG.png"
     with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, found neither"):
-        where_for(Path("pot.jpg"), told)
+        where_for(Path("pot.jpg"), given)
 
 
 def test_hidden_files_of_a_folder_are_no_photos(work):

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from anyprobe.core.response import inverse_response, response
-from anyprobe.export.bc6h import encode_bc6h
+from anyprobe.export.cube_textures import encode_bc6h
 from anyprobe.export.cubemap import cube_faces
-from anyprobe.relight.compose import cast_shadow
 from anyprobe.relight.ground import View
-from anyprobe.relight.relight import Stage
+from anyprobe.relight.insert import Stage, cast_shadow
 
 
 @pytest.fixture
@@ -53,14 +52,14 @@ def test_faces_take_little_more_than_themselves(noise, monkeypatch):
 def test_blocks_by_parts_are_the_blocks(noise, monkeypatch):
     faces, found = noise(6, 32, 32, 3), []
     for blocks in (1, 100, 1 << 30):
-        monkeypatch.setattr("anyprobe.export.bc6h.BLOCKS", blocks)
+        monkeypatch.setattr("anyprobe.export.cube_textures.BLOCKS", blocks)
         found.append(encode_bc6h(faces))
     np.testing.assert_array_equal(found[0], found[2])
     np.testing.assert_array_equal(found[1], found[2])
 
 
 def test_blocks_take_little_more_than_themselves(noise, monkeypatch):
-    monkeypatch.setattr("anyprobe.export.bc6h.BLOCKS", 64)
+    monkeypatch.setattr("anyprobe.export.cube_textures.BLOCKS", 64)
     faces = noise(6, 64, 64, 3)
     assert most_bytes(lambda: encode_bc6h(faces)) < 3 * faces.nbytes + 64 * 16_000
 

@@ -1,4 +1,4 @@
-"""Metrics by hand and against another implementation; the three balls under simple lights."""
+"""Metrics by hand and against another implementation; the three spheres under simple lights."""
 
 import math
 
@@ -9,13 +9,13 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.evaluate.metrics import (
     color_angle_deg,
     direction_error_deg,
-    flux_ratio_stops,
+    power_ratio_stops,
     psnr,
     rmse,
     si_rmse,
     ssim,
 )
-from anyprobe.render.balls import ball_images, ball_normals
+from anyprobe.render.spheres import sphere_images, sphere_normals
 
 
 @pytest.fixture
@@ -136,26 +136,26 @@ def test_direction_error_loses_small_angles():
     )
 
 
-def test_flux_ratio_counts_rows_alike(rng):
+def test_power_ratio_counts_rows_alike(rng):
     g = rng.random((16, 32, 3))
-    assert flux_ratio_stops(2 * g, g) == pytest.approx(1.0)
-    assert flux_ratio_stops(g / 4, g) == pytest.approx(-2.0)
+    assert power_ratio_stops(2 * g, g) == pytest.approx(1.0)
+    assert power_ratio_stops(g / 4, g) == pytest.approx(-2.0)
     pole, equator = np.zeros((2, 16, 32, 3))
     pole[0], equator[8] = 1, 1
     expected = math.log2(float(pixel_solid_angles(16)[0, 0] / pixel_solid_angles(16)[8, 0]))
-    assert flux_ratio_stops(pole, equator) == pytest.approx(expected, abs=1e-5)
-    assert flux_ratio_stops(np.ones((8, 16, 3)), np.ones((64, 128, 3))) == pytest.approx(0, abs=1e-6)
+    assert power_ratio_stops(pole, equator) == pytest.approx(expected, abs=1e-5)
+    assert power_ratio_stops(np.ones((8, 16, 3)), np.ones((64, 128, 3))) == pytest.approx(0, abs=1e-6)
 
 
-def test_flux_ratio_of_black():
+def test_power_ratio_of_black():
     black, white = np.zeros((4, 8, 3)), np.ones((4, 8, 3))
-    assert flux_ratio_stops(black, white) == -math.inf
-    assert flux_ratio_stops(white, black) == math.inf
-    assert flux_ratio_stops(black, black) == 0
+    assert power_ratio_stops(black, white) == -math.inf
+    assert power_ratio_stops(white, black) == math.inf
+    assert power_ratio_stops(black, black) == 0
 
 
-def test_ball_is_upside_down_or_inside_out():
-    normals, mask = ball_normals(64)
+def test_sphere_is_upside_down_or_inside_out():
+    normals, mask = sphere_normals(64)
     assert normals.shape == (mask.sum(), 3)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
     assert (normals[:, 2] >= 0).all()
@@ -166,26 +166,26 @@ def test_ball_is_upside_down_or_inside_out():
     assert picture[32, 61, 0] > 0.8  # its right is +X
 
 
-def test_balls_under_even_light():
+def test_spheres_under_even_light():
     """Lambert 1 and a mirror show the light itself; silver a little less, nowhere more."""
-    balls = ball_images(np.full((64, 128, 3), 2.0, np.float32))
-    _, mask = ball_normals(64)
-    np.testing.assert_allclose(balls["diffuse"][mask], 2.0, rtol=1e-3)
-    np.testing.assert_allclose(balls["mirror"][mask], 2.0, rtol=1e-5)
-    assert (balls["silver"][mask] < 2.0).all()
-    assert (balls["silver"][mask] > 1.3).all()
-    for picture in balls.values():
+    spheres = sphere_images(np.full((64, 128, 3), 2.0, np.float32))
+    _, mask = sphere_normals(64)
+    np.testing.assert_allclose(spheres["diffuse"][mask], 2.0, rtol=1e-3)
+    np.testing.assert_allclose(spheres["mirror"][mask], 2.0, rtol=1e-5)
+    assert (spheres["silver"][mask] < 2.0).all()
+    assert (spheres["silver"][mask] > 1.3).all()
+    for picture in spheres.values():
         assert picture.shape == (64, 64, 3)
         assert (picture[~mask] == 0).all()
 
 
-def test_mirror_ball_shows_the_wrong_side():
+def test_mirror_sphere_shows_the_wrong_side():
     """The centre mirrors what is behind the camera (+Z), the rim what is ahead (-Z);
 
     at 1 / sqrt(2) of the radius lie +X on the right and +Y at the top.
     """
     radiance = 1 + pixel_directions(64)  # one axis a channel
-    mirror = ball_images(radiance.astype(np.float32))["mirror"] - 1
+    mirror = sphere_images(radiance.astype(np.float32))["mirror"] - 1
     np.testing.assert_allclose(mirror[31:33, 31:33].mean(axis=(0, 1)), [0, 0, 1], atol=0.03)
     k = 32 + round(32 / math.sqrt(2) - 0.5)
     np.testing.assert_allclose(mirror[31:33, k].mean(axis=0), [1, 0, 0], atol=0.06)
@@ -193,9 +193,9 @@ def test_mirror_ball_shows_the_wrong_side():
     assert mirror[31, 0, 2] < -0.8
 
 
-def test_ball_is_lit_from_the_wrong_side():
-    """A lamp on the right, half behind the camera: all balls are brightest on their right half."""
+def test_sphere_is_lit_from_the_wrong_side():
+    """An emitter on the right, half behind the camera: all spheres are brightest on their right half."""
     d = pixel_directions(64)
-    lamp = np.exp(20 * (d @ np.array([0.8, 0.0, 0.6], np.float32) - 1))[..., None].repeat(3, axis=2)
-    for picture in ball_images(lamp).values():
+    emitter = np.exp(20 * (d @ np.array([0.8, 0.0, 0.6], np.float32) - 1))[..., None].repeat(3, axis=2)
+    for picture in sphere_images(emitter).values():
         assert picture[:, 32:].sum() > 2 * picture[:, :32].sum()

@@ -1,4 +1,4 @@
-"""A mirror of known shape is measured: what it shows is the map, and where it is burnt out the light is."""
+"""A mirror of known shape is measured: what it shows is the map, and where it is clipped the light is."""
 
 from __future__ import annotations
 
@@ -6,20 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.scenes import ball_photo
+from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.core.frames import dot, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.infer.known_material import use_material
-from anyprobe.infer.mirror import MEASURED, is_mirror, measure
-from anyprobe.infer.runtime import Outputs
-from anyprobe.light.main_light import find_main_light
-from anyprobe.render.balls import ball_normals
+from anyprobe.estimate.material_prior import MEASURED, is_mirror, measure, use_material
+from anyprobe.estimate.runtime import Outputs
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.render.spheres import sphere_normals
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS
+from anyprobe.scatter.materials import MATERIALS, Material
 
 CHROME = MATERIALS["chrome"]
 TAN_HALF = 0.1
@@ -32,27 +30,27 @@ def smooth_map() -> np.ndarray:
     return (0.4 + 0.3 * np.sin(3 * d + 1)).astype(np.float32)
 
 
-def lamp() -> np.ndarray:
-    """[64, 128, 1]: 30 where a lamp is that lies before the camera, to the upper right."""
+def emitter() -> np.ndarray:
+    """[64, 128, 1]: 30 where an emitter is that lies before the camera, to the upper right."""
     return 30.0 * (pixel_directions(64) @ TOWARDS > np.cos(0.1))[..., None]
 
 
 def photo_of(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A chrome ball under a map: crop [128, 128, 4] and normals [64, 64, 3]; Schlick's Fresnel."""
-    normals, on = ball_normals(128)
+    """A chrome sphere under a map: crop [128, 128, 4] and normals [64, 64, 3]; Schlick's Fresnel."""
+    normals, on = sphere_normals(128)
     n, wo = normals, pixel_rays(TAN_HALF, 128)[on]
     fresnel = CHROME.f0 + (1 - CHROME.f0) * (1 - dot(n, wo)) ** 5
     image = np.zeros((128, 128, 4), np.float32)
     image[on, :3] = response(fresnel * bilinear(radiance, direction_to_uv(reflect(wo, n)))).clip(max=1.0)
     image[on, 3] = 1.0
-    small, on_small = ball_normals(64)
-    told = np.zeros((64, 64, 3), np.float32)
-    told[on_small] = small
-    return image, told
+    small, on_small = sphere_normals(64)
+    given = np.zeros((64, 64, 3), np.float32)
+    given[on_small] = small
+    return image, given
 
 
 def test_what_a_mirror_shows_is_the_map():
-    """From a map that knows nothing; all but what lies behind the ball, from where nothing comes to the eye."""
+    """From a map that knows nothing; all but what lies behind the sphere, from where nothing comes to the eye."""
     truth = smooth_map()
     found, _ = measure(np.full_like(truth, 0.2), *photo_of(truth), TAN_HALF, CHROME)
     seen = pixel_directions(64)[..., 2] > -0.7
@@ -63,36 +61,36 @@ def test_what_a_mirror_shows_is_the_map():
     np.testing.assert_allclose(found[behind], 0.2, atol=0.1)  # coarse pixels reach a little over
 
 
-def test_a_burnt_out_spot_gets_the_light_that_the_map_has():
-    """The map has the lamp elsewhere: it is moved to where the mirror is burnt out, with all its flux."""
-    truth = smooth_map() + lamp()
-    wrong = smooth_map() + lamp()[:, ::-1]
+def test_a_clipped_out_spot_gets_the_light_that_the_map_has():
+    """The map has the emitter elsewhere: it is moved to where the mirror is clipped, with all its power."""
+    truth = smooth_map() + emitter()
+    wrong = smooth_map() + emitter()[:, ::-1]
     found, _ = measure(wrong.astype(np.float32), *photo_of(truth), TAN_HALF, CHROME)
-    assert np.degrees(np.arccos(find_main_light(found).direction @ TOWARDS)) < 4.0
+    assert np.degrees(np.arccos(find_dominant_light(found).direction @ TOWARDS)) < 4.0
     areas = pixel_solid_angles(64)[..., None]
-    flux = [(np.maximum(one - 1, 0) * areas).sum() for one in (found, truth)]
-    assert flux[0] == pytest.approx(flux[1], rel=0.15)
+    power = [(np.maximum(one - 1, 0) * areas).sum() for one in (found, truth)]
+    assert power[0] == pytest.approx(power[1], rel=0.15)
 
 
-def test_of_two_burnt_out_spots_the_one_that_the_map_lights_is_the_lamp():
-    """A lamp and its mirror image left and right burn out alike; the map's guess decides, on either side."""
-    image, normals = photo_of(smooth_map() + lamp() + lamp()[:, ::-1])
-    for guess, towards in ((lamp(), TOWARDS), (lamp()[:, ::-1], TOWARDS * [-1, 1, 1])):
+def test_of_two_clipped_out_spots_the_one_that_the_map_lights_is_the_emitter():
+    """An emitter and its mirror image left and right burn out alike; the map's guess decides, on either side."""
+    image, normals = photo_of(smooth_map() + emitter() + emitter()[:, ::-1])
+    for guess, towards in ((emitter(), TOWARDS), (emitter()[:, ::-1], TOWARDS * [-1, 1, 1])):
         found, _ = measure((smooth_map() + guess).astype(np.float32), image, normals, TAN_HALF, CHROME)
-        light = find_main_light(found)
+        light = find_dominant_light(found)
         assert np.degrees(np.arccos(light.direction @ towards)) < 4.0
         other = bilinear(found, direction_to_uv(towards * [-1, 1, 1])).mean()
         assert 1.0 < other < 0.5 * bilinear(found, direction_to_uv(towards)).mean()
 
 
-def test_a_lamp_that_no_mirror_shows_stays_only_where_none_could():
-    """Nothing is burnt out: a lamp that the map has in plain view is not there; behind the ball it may be."""
+def test_a_emitter_that_no_mirror_shows_stays_only_where_none_could():
+    """Nothing is clipped: an emitter that the map has in plain view is not there; behind the sphere it may be."""
     truth = smooth_map()
     behind = 30.0 * (pixel_directions(64)[..., 2:] < -0.985)
     image, normals = photo_of(truth)
-    assert measure((truth + lamp()).astype(np.float32), image, normals, TAN_HALF, CHROME)[0].max() < 1.5
+    assert measure((truth + emitter()).astype(np.float32), image, normals, TAN_HALF, CHROME)[0].max() < 1.5
     found, _ = measure((truth + behind).astype(np.float32), image, normals, TAN_HALF, CHROME)
-    assert find_main_light(found).direction[2] < -0.95
+    assert find_dominant_light(found).direction[2] < -0.95
 
 
 def test_only_where_normals_are_known_is_anything_measured():
@@ -119,9 +117,9 @@ def test_mirrors_are_smooth_metals():
     assert not is_mirror(Material(albedo=CHROME.albedo, f0=CHROME.f0, alpha=0.3))
 
 
-def test_a_chrome_ball_is_measured_only_if_its_shape_is_known():
-    photo = ball_photo()
-    told = anyprobe.estimate(photo, normals="ball", material="chrome", fov_deg=30.0)
-    assert told.sidecar()["known"]["measured"] is True
-    assert "gain" not in told.sidecar()["known"]
-    assert "measured" not in anyprobe.estimate(photo, material="chrome").sidecar()["known"]
+def test_a_chrome_sphere_is_measured_only_if_its_shape_is_known():
+    photo = sphere_photo()
+    given = anyprobe.estimate(photo, normals="sphere", material="chrome", fov_deg=30.0)
+    assert given.sidecar()["priors"]["measured"] is True
+    assert "gain" not in given.sidecar()["priors"]
+    assert "measured" not in anyprobe.estimate(photo, material="chrome").sidecar()["priors"]

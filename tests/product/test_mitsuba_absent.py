@@ -8,7 +8,7 @@ import pytest
 
 from anyprobe.errors import MissingExtra
 from anyprobe.relight import path_traced
-from anyprobe.relight.relight import uses_mitsuba
+from anyprobe.relight.insert import uses_mitsuba
 
 
 @pytest.fixture

@@ -15,10 +15,10 @@ from support.room_photos import FOV_DEG, room_photo, smooth_map
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import inverse_response, response
-from anyprobe.infer.panorama import DIFFER, lay_over, seen_from, window
-from anyprobe.infer.photo import Photo, crop_object, load_photo
-from anyprobe.infer.several import fuse_lights
-from anyprobe.infer.surroundings import around_of, radiance_of
+from anyprobe.estimate.multiview import fuse_lights
+from anyprobe.estimate.panorama import DIFFER, lay_over, seen_from, window
+from anyprobe.estimate.photo import Photo, crop_object, load_photo
+from anyprobe.estimate.surroundings import radiance_of, surroundings_of
 from anyprobe.light.environment import rotate
 
 POSES = [rotation_x(0.1), rotation_y(1.6) @ rotation_x(0.1), rotation_y(-1.5), rotation_y(0.4)]
@@ -43,21 +43,21 @@ def patch(value: float, columns: slice) -> np.ndarray:
 
 def test_a_window_is_the_world_that_the_photo_shows():
     crop = crop_object(take(POSES[1]))
-    shown = window(crop.around, POSES[1] @ crop.camera_from_crop)
+    shown = window(crop.surroundings_map, POSES[1] @ crop.camera_from_crop)
     sure = shown[..., 3] > 0.99
     assert sure.mean() > 0.025
     np.testing.assert_allclose(shown[sure][:, :3], smooth_map()[sure], atol=0.02)
-    twice = window(crop.around, POSES[1] @ crop.camera_from_crop, gain=2.0)
+    twice = window(crop.surroundings_map, POSES[1] @ crop.camera_from_crop, gain=2.0)
     np.testing.assert_allclose(twice[sure][:, :3], 2 * shown[sure][:, :3], rtol=1e-5)
 
 
-def test_what_is_burnt_out_tells_nothing_of_a_darker_exposure():
+def test_what_is_clipped_out_tells_nothing_of_a_darker_exposure():
     white = np.ones((64, 128, 4), np.float32)
     assert window(white, np.eye(3), gain=0.5)[..., 3].max() == 0
     np.testing.assert_allclose(window(white, np.eye(3), gain=2.0)[..., :3], 2.0)
 
 
-def test_what_is_burnt_out_tells_nothing_to_a_darker_photo():
+def test_what_is_clipped_out_tells_nothing_to_a_darker_photo():
     """At least white in the panorama is not exactly half as bright there."""
     room = np.concatenate([smooth_map(), np.ones((64, 128, 1), np.float32)], axis=-1)
     room[20:24, 60:66, :3] = 1.0
@@ -73,21 +73,21 @@ def test_what_is_measured_above_white_comes_through_a_panorama(gain):
     radiance = smooth_map()
     radiance[20:24, 60:66] = [40.0, 30.0, 20.0]
     cover = np.ones((64, 128, 1), np.float32)
-    first = around_of(radiance, cover, cover)
+    first = surroundings_of(radiance, cover, cover)
     photo = np.zeros((64, 128, 4), np.float32)
     photo[:, :20] = [0.5, 0.4, 0.3, 1.0]
     turn = rotation_y(0.5)
-    gathered = lay_over(window(first, np.eye(3)), patch(0.3, slice(0, 128)))
-    shown, burnt, known = radiance_of(seen_from(gathered, turn, photo, gain))
+    merged_surroundings = lay_over(window(first, np.eye(3)), patch(0.3, slice(0, 128)))
+    shown, clipped, known = radiance_of(seen_from(merged_surroundings, turn, photo, gain))
     truth = rotate(radiance, turn.T) / gain
     np.testing.assert_allclose(shown[:, 20:], truth[:, 20:], rtol=2e-3, atol=2e-3)
     np.testing.assert_allclose(
         response(shown[:, :20]), np.broadcast_to([0.5, 0.4, 0.3], (64, 20, 3)), atol=1e-3
     )
     np.testing.assert_allclose(known, 1.0, atol=1e-5)
-    assert not burnt.any()
-    back = window(around_of(truth.clip(0), cover, cover), np.eye(3), gain=0.5)
-    np.testing.assert_allclose(back[..., :3], truth / 2, rtol=2e-3, atol=2e-3)  # nothing of it is burnt out
+    assert not clipped.any()
+    back = window(surroundings_of(truth.clip(0), cover, cover), np.eye(3), gain=0.5)
+    np.testing.assert_allclose(back[..., :3], truth / 2, rtol=2e-3, atol=2e-3)  # nothing of it is clipped
 
 
 def test_the_newer_counts_where_it_shows_something():
@@ -137,19 +137,19 @@ def shown_by(poses, first: np.ndarray) -> np.ndarray:
     covers = []
     for pose in poses:
         crop = crop_object(take(pose))
-        covers.append(window(crop.around, first.T @ pose @ crop.camera_from_crop)[..., 3])
+        covers.append(window(crop.surroundings_map, first.T @ pose @ crop.camera_from_crop)[..., 3])
     return np.max(covers, axis=0) > 0.99
 
 
 def test_what_one_photo_shows_all_know(estimator):
-    light = anyprobe.estimate_together(estimator, [take(pose) for pose in POSES], POSES)
+    light = anyprobe.estimate_multiview(estimator, [take(pose) for pose in POSES], POSES)
     truth = rotate(smooth_map(), POSES[0].T)
     seen = shown_by(POSES, POSES[0])
     assert seen.mean() > 3 * shown_by(POSES[:1], POSES[0]).mean() > 0.05
     wrong = np.abs(response(light.radiance) - response(truth))
     assert wrong[seen].mean() < 0.01
     assert light.confidence[seen].min() > 0.7
-    assert light.info["known"]["surroundings"] > 0.1
+    assert light.info["priors"]["surroundings"] > 0.1
     # each with its own window alone: what one shows is lost among the guesses of the others
     apart = fuse_lights([estimator.from_photo(take(pose)) for pose in POSES], POSES)
     assert np.abs(response(apart.radiance) - response(truth))[seen].mean() > 3 * wrong[seen].mean()
@@ -158,10 +158,10 @@ def test_what_one_photo_shows_all_know(estimator):
 
 def test_photos_without_surroundings_are_fused_as_ever(estimator):
     photos = [take(pose, surroundings=None) for pose in POSES[:2]]
-    together = anyprobe.estimate_together(estimator, photos, POSES[:2])
+    together = anyprobe.estimate_multiview(estimator, photos, POSES[:2])
     apart = fuse_lights([estimator.from_photo(photo) for photo in photos], POSES[:2])
     np.testing.assert_array_equal(together.radiance, apart.radiance)
-    assert "surroundings" not in together.info["known"]
+    assert "surroundings" not in together.info["priors"]
 
 
 def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
@@ -176,7 +176,7 @@ def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
             alive.append(weakref.ref(photo.rgb))
             yield photo
 
-    anyprobe.estimate_together(estimator, opened(), POSES)
+    anyprobe.estimate_multiview(estimator, opened(), POSES)
     assert len(alive) == len(POSES)
 
 
@@ -185,7 +185,7 @@ def test_exposures_that_photos_tell_are_made_one_there_too(estimator):
     photos = [
         replace(take(pose, light), exposure=light) for pose, light in zip(POSES, exposures, strict=False)
     ]
-    light = anyprobe.estimate_together(estimator, photos, POSES[:2])
+    light = anyprobe.estimate_multiview(estimator, photos, POSES[:2])
     truth, seen = rotate(smooth_map(), POSES[0].T), shown_by(POSES[1:2], POSES[0])
     np.testing.assert_allclose(np.median(light.radiance[seen] / truth[seen]), 1.0, atol=0.02)
 
@@ -193,8 +193,8 @@ def test_exposures_that_photos_tell_are_made_one_there_too(estimator):
 def test_a_panorama_from_a_file_is_of_the_first_camera(estimator):
     first = rotate(smooth_map(), POSES[0].T)
     panorama = np.concatenate([response(first), np.ones((64, 128, 1), np.float32)], axis=-1)
-    photos = [replace(take(pose), around=panorama) for pose in POSES[:3]]
-    light = anyprobe.estimate_together(estimator, photos, POSES[:3])
+    photos = [replace(take(pose), surroundings_map=panorama) for pose in POSES[:3]]
+    light = anyprobe.estimate_multiview(estimator, photos, POSES[:3])
     assert np.abs(response(light.radiance) - response(first)).mean() < 0.01
 
 
@@ -217,11 +217,11 @@ def test_the_command_gathers_what_photos_show(command, tmp_path):
     )
     done = command(*order, "-o", tmp_path / "light", "--json", "-q")
     assert done.status == 0, done.err
-    assert json.loads(done.out)["known"]["surroundings"] > 0.1
+    assert json.loads(done.out)["priors"]["surroundings"] > 0.1
 
 
-@pytest.mark.parametrize("told", ["photo", "panorama"])
-def test_a_clip_gathers_what_its_frames_have_shown(told, tmp_path, estimator):
+@pytest.mark.parametrize("given", ["photo", "panorama"])
+def test_a_clip_gathers_what_its_frames_have_shown(given, tmp_path, estimator):
     """In the last frame's light is what only the first ones showed; the same after an end in between."""
     pytest.importorskip("av", reason="the extra `video` is not installed")
     from support.clips import write_clip
@@ -239,10 +239,10 @@ def test_a_clip_gathers_what_its_frames_have_shown(told, tmp_path, estimator):
     for k, (_, mask) in enumerate(taken):
         Image.fromarray(mask).save(tmp_path / "masks" / f"{k}.png")
     panorama = np.dstack([np.uint8(255 * response(smooth_map())), np.full((64, 128), 255, np.uint8)])
-    around = "photo" if told == "photo" else panorama
+    surroundings_map = "photo" if given == "photo" else panorama
 
     def run(folder, stop_at=None):
-        follower = MaskFollower(tmp_path / "masks", {}, FOV_DEG, around)
+        follower = MaskFollower(tmp_path / "masks", {}, FOV_DEG, surroundings_map)
         clip = ClipRun(
             open_clip(tmp_path / "clip.mp4"), folder, estimator, follower, {}, exr=True, poses=poses
         )
@@ -262,5 +262,5 @@ def test_a_clip_gathers_what_its_frames_have_shown(told, tmp_path, estimator):
             run(tmp_path / "b", stop_at=5)
         assert run(tmp_path / "b").read_bytes() == last.read_bytes()
     truth = rotate(smooth_map(), poses[-1].T)
-    seen = shown_by(poses[:2], poses[-1]) if told == "photo" else np.ones((64, 128), bool)
+    seen = shown_by(poses[:2], poses[-1]) if given == "photo" else np.ones((64, 128), bool)
     assert np.abs(response(read_radiance(last)) - response(truth))[seen].mean() < 0.03

@@ -10,7 +10,7 @@ from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
-from anyprobe.infer.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
+from anyprobe.estimate.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.grabcut import mask_from_box
 from anyprobe.masks.sources import mask_from_file
@@ -261,7 +261,7 @@ def test_senseless_field_of_view(fov_deg):
 @pytest.mark.parametrize(
     ("color", "word"), [((0.0, 0.01, 0.0), "black"), ((1.0, 0.99, 1.0), "white"), ((1.0, 0.5, 1.0), None)]
 )
-def test_burnt_or_black_object_warns(color, word):
+def test_clipped_or_black_object_warns(color, word):
     photo = rgba_photo(color=color)
     photo[:5, :5, :3] = 0.5  # the background does not matter
     warnings = load_photo(photo).warnings
@@ -269,7 +269,7 @@ def test_burnt_or_black_object_warns(color, word):
     assert word is None or word in warnings[0]
 
 
-def test_partly_burnt_object_does_not_warn():
+def test_partly_clipped_object_does_not_warn():
     photo = rgba_photo(color=(1.0, 1.0, 1.0))
     photo[45:55, :, :3] = 0.5
     assert load_photo(photo).warnings == ()

@@ -252,15 +252,15 @@ def test_exr_attributes_come_back(tmp_path):
 
 def test_attributes_are_the_same_in_both_formats(tmp_path):
     """In a .hdr as comments that no reader minds, in lines shorter than any reader's buffer."""
-    told = {
+    given = {
         "frame": "right-handed, +X right; u = 0.5 + atan2(x, -z) / 2 pi, " * 4 + "row 0 is +Y",
         "of": "\n1 =\n\n2 é",
     }
     radiance = draw_map(16)
-    write_hdr(tmp_path / "map.hdr", radiance, attributes=told)
-    write_exr(tmp_path / "map.exr", radiance, attributes={"frame": told["frame"]})
+    write_hdr(tmp_path / "map.hdr", radiance, attributes=given)
+    write_exr(tmp_path / "map.exr", radiance, attributes={"frame": given["frame"]})
     found = map_attributes(tmp_path / "map.hdr")
-    assert found["frame"] == map_attributes(tmp_path / "map.exr")["frame"] == told["frame"]
+    assert found["frame"] == map_attributes(tmp_path / "map.exr")["frame"] == given["frame"]
     assert found["of"] == "1 = 2 \\xe9"
     header = (tmp_path / "map.hdr").read_bytes().partition(b"\n\n")[0]
     assert max(len(line) for line in header.split(b"\n")) < 127

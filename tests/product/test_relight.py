@@ -8,22 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
-from support.scenes import ball_photo, made_map
+from support.scenes import made_map, sphere_photo
 
 import anyprobe
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
-from anyprobe.infer.photo import load_photo
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import MATERIALS
+from anyprobe.scatter.materials import MATERIALS, Material
 
 WIDTH, HEIGHT, DIAMETER = 240, 160, 60
 WHITE = Material(albedo=np.ones(3), f0=np.zeros(3), alpha=1.0)
@@ -31,7 +30,7 @@ WHITE = Material(albedo=np.ones(3), f0=np.zeros(3), alpha=1.0)
 
 @pytest.fixture
 def photo():
-    return load_photo(ball_photo((60, 90), DIAMETER, HEIGHT, WIDTH))
+    return load_photo(sphere_photo((60, 90), DIAMETER, HEIGHT, WIDTH))
 
 
 @pytest.fixture
@@ -54,7 +53,7 @@ def test_render_is_linear_radiance_and_coverage():
 
 
 def test_render_agrees_with_lambert():
-    """A white Lambert ball sends E(n) / pi to a far camera; but for the Schlick term's grazing sheen."""
+    """A white Lambert sphere sends E(n) / pi to a far camera; but for the Schlick term's grazing sheen."""
     light = anyprobe.Light(radiance=made_map())
     picture = light.render(sphere(48), WHITE, size=32, fov_deg=2.0)
     middle = irradiance_map(made_map())[8, 16] / np.pi  # near the horizon, in front: the far side
@@ -64,12 +63,12 @@ def test_render_agrees_with_lambert():
 
 
 def test_render_turns_with_the_camera():
-    """A camera on the lamp's side sees the lit side."""
+    """A camera on the emitter's side sees the lit side."""
     light = anyprobe.Light(radiance=made_map())
     half_turn = np.diag([-1.0, 1.0, -1.0])
     toward = light.render(sphere(24), "matte", size=24)[..., :3].sum()
     away = light.render(sphere(24), "matte", size=24, world_from_camera=half_turn)[..., :3].sum()
-    assert toward > 1.3 * away  # the lamp is behind the camera, z = 0.5
+    assert toward > 1.3 * away  # the emitter is behind the camera, z = 0.5
 
 
 # Where it stands
@@ -77,7 +76,7 @@ def test_render_turns_with_the_camera():
 
 @pytest.mark.parametrize(("center_x", "side"), [(60, 1), (180, -1)])
 def test_object_stands_beside_on_the_same_row(center_x, side):
-    photo = load_photo(ball_photo((center_x, 90), DIAMETER, HEIGHT, WIDTH))
+    photo = load_photo(sphere_photo((center_x, 90), DIAMETER, HEIGHT, WIDTH))
     stage = Stage(photo, sphere(24), Arrangement(size=0.8))
     pixels = stage.view.pixels(stage.placement.mesh.positions)
     assert pixels[:, 1].max() == pytest.approx(90 + DIAMETER / 2, abs=1.0)
@@ -98,9 +97,13 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
         diameter / 2 + 1 + share * (side - diameter - 2)
         for share, side in zip(where, (WIDTH, HEIGHT), strict=True)
     ]
-    photo = load_photo(ball_photo(tuple(map(int, middle)), diameter, HEIGHT, WIDTH))
-    ball = sphere(24)
-    mesh = Mesh(positions=ball.positions * np.array(stretch), faces=ball.faces, normals=ball.normals)
+    photo = load_photo(sphere_photo(tuple(map(int, middle)), diameter, HEIGHT, WIDTH))
+    unit_sphere = sphere(24)
+    mesh = Mesh(
+        positions=unit_sphere.positions * np.array(stretch),
+        faces=unit_sphere.faces,
+        normals=unit_sphere.normals,
+    )
     stage = Stage(photo, mesh, Arrangement(size=size))
     pixels = stage.view.pixels(stage.placement.mesh.positions)
     assert (pixels >= -0.5).all()
@@ -122,9 +125,9 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
 
 
 @pytest.mark.parametrize(("fov_deg", "stretch"), [(None, 1.044), (65.0, 1.145)])
-def test_ball_near_the_border_is_round_unless_the_lens_is_known_to_be_wide(fov_deg, stretch):
-    """Seen at an angle t from the axis a distant ball is 1 / cos t longer than wide."""
-    photo = load_photo(ball_photo((60, 90), DIAMETER, HEIGHT, WIDTH), fov_deg=fov_deg)
+def test_sphere_near_the_border_is_round_unless_the_lens_is_known_to_be_wide(fov_deg, stretch):
+    """Seen at an angle t from the axis a distant sphere is 1 / cos t longer than wide."""
+    photo = load_photo(sphere_photo((60, 90), DIAMETER, HEIGHT, WIDTH), fov_deg=fov_deg)
     stage = Stage(photo, sphere(48), Arrangement(at=(225, 90), size=0.3, pitch_deg=10))
     pixels = stage.view.pixels(stage.placement.mesh.positions)
     wide, high = np.ptp(pixels, axis=0)
@@ -183,15 +186,15 @@ def test_far_pixels_keep_their_bits(photo, stage):
 
 
 def test_white_object_shows_the_light_through_the_camera(photo, stage):
-    """Under an even light of 0.5 a white furnace's ball is response(0.5)."""
+    """Under an even light of 0.5 a white furnace's sphere is response(0.5)."""
     metal = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.05)
     picture = stage.relit(np.full((16, 32, 3), 0.5, np.float32), metal, "own")
     middle = stage.view.pixels(stage.placement.mesh.positions.mean(axis=0)).astype(int)
     np.testing.assert_allclose(picture[middle[1], middle[0]], response(np.full(3, 0.5)), atol=0.01)
 
 
-def test_shadow_lies_away_from_the_lamp(photo):
-    """The made map's lamp is at the upper left behind the camera: the shadow falls to the right."""
+def test_shadow_lies_away_from_the_emitter(photo):
+    """The made map's emitter is at the upper left behind the camera: the shadow falls to the right."""
     stage = Stage(photo, sphere(24), Arrangement(at=(140, 130), size=0.6, pitch_deg=25))
     darker = stage.shadow(made_map())
     offset = 1.4 * stage.placement.radius * np.array([1.0, 0, 0])
@@ -203,7 +206,7 @@ def test_shadow_lies_away_from_the_lamp(photo):
 
 
 def test_material_of_the_photo_is_found_again():
-    """A red Lambert-like ball under a known map: its albedo to a tenth."""
+    """A red Lambert-like sphere under a known map: its albedo to a tenth."""
     albedo = np.array([0.6, 0.2, 0.1])
     truth = Material(albedo=albedo, f0=np.full(3, 0.045), alpha=0.8)
     light = anyprobe.Light(radiance=made_map())
@@ -217,7 +220,7 @@ def test_material_of_the_photo_is_found_again():
 @pytest.mark.parametrize(("dimmed", "gain"), [(1.0, 1 / 0.9), (2.0, 1.0), (0.25, 4 / 0.9)])
 def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
     light = np.full((16, 32, 3), 0.5, np.float32)
-    photo = load_photo(ball_photo((60, 90), DIAMETER, HEIGHT, WIDTH))
+    photo = load_photo(sphere_photo((60, 90), DIAMETER, HEIGHT, WIDTH))
     white = np.where(photo.mask[..., None] > 0, response(np.full(3, 0.5)), 0).astype(np.float32)
     assert least_scale(replace(photo, rgb=white), dimmed * light) == pytest.approx(gain, rel=0.02)
 
@@ -228,13 +231,13 @@ def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     done = command(
-        "relight", photo_path, "--object", "vase", "--material", "gold", "--renderer", "own", "--json"
+        "relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--renderer", "own", "--json"
     )
     assert done.status == 0, done.err
-    told = json.loads(done.out)
-    assert told["picture"] == str(photo_path.with_name("ball_relit.png"))
-    assert told["renderer"] == "own"
-    assert read_image(told["picture"]).rgb.shape == (96, 128, 3)
+    given = json.loads(done.out)
+    assert given["picture"] == str(photo_path.with_name("sphere_relit.png"))
+    assert given["renderer"] == "own"
+    assert read_image(given["picture"]).rgb.shape == (96, 128, 3)
 
 
 @pytest.mark.usefixtures("networks_opened_once")
@@ -253,14 +256,14 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--object", "bunni"), ("ball, vase", "'bunni'")),
-        (("--object", "absent.glb"), ("mesh file", "found none")),
-        (("--material", "glass"), ("chrome, gold", "'glass'")),
+        (("--insert", "bunni"), ("sphere, vase", "'bunni'")),
+        (("--insert", "absent.glb"), ("mesh file", "found none")),
+        (("--insert-material", "glass"), ("chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
         (("--at", "60,2"), ("above the horizon",)),
         (("--at", "100000,140"), ("a place where the photo shows the object", "choose another")),
-        (("--size", "0"), ("0.02 to 20",)),
+        (("--scale", "0"), ("0.02 to 20",)),
         (("--turn", "nan"), ("--turn", "degrees")),
         (("--pitch", "-50"), ("below the horizon",)),
         (("-o", "out.jpg"), (".png", ".jpg")),
@@ -271,7 +274,7 @@ def test_bad_option_is_refused_in_one_line(command, work, photo_path, arguments,
     complaint = command("relight", photo_path, "--renderer", "own", *arguments).complaint
     for word in words:
         assert word in complaint
-    assert sorted(path.name for path in photo_path.parent.iterdir()) == ["ball.png"]
+    assert sorted(path.name for path in photo_path.parent.iterdir()) == ["sphere.png"]
 
 
 @pytest.mark.parametrize(
@@ -310,8 +313,8 @@ def test_photo_is_never_replaced(command, work, photo_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["gold", "plastic", "matte"])
-def test_paths_agree_with_our_shading_on_a_ball(name):
-    """Nothing shadows a ball: Mitsuba's picture is ours but for noise and the mean over a pixel."""
+def test_paths_agree_with_our_shading_on_a_sphere(name):
+    """Nothing shadows a sphere: Mitsuba's picture is ours but for noise and the mean over a pixel."""
     mitsuba = pytest.importorskip("anyprobe.relight.path_traced")
     try:
         mitsuba.open_mitsuba()

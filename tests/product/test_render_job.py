@@ -24,9 +24,9 @@ from support.folders import names, snapshot
 from support.mesh_files import obj
 
 from anyprobe.cli import render as render_command
-from anyprobe.dataset import render_again, render_job, shards
-from anyprobe.dataset.local_engine import run_local
-from anyprobe.dataset.samples import Sample, StockRenderer, decode
+from anyprobe.dataset import render_job, shards
+from anyprobe.dataset.process_pools import run_local
+from anyprobe.dataset.samples import Sample, StoreRenderer, decode
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.radiance import write_hdr
 
@@ -147,7 +147,7 @@ def test_plan_says_what_it_is_made_of(rendered):
     expected = ["object", "train", "clean", 2020, 23, 5, 3, 0, False]
     assert [plan[name] for name in render_job.SETTINGS] == expected
     assert plan["maps"][2] == {"id": "00000002", "name": "own-2", "licence": "own"}
-    assert plan["shapes"] == [{"id": "0a0a0a0a", "name": "ball", "licence": "CC0"}]
+    assert plan["shapes"] == [{"id": "0a0a0a0a", "name": "sphere", "licence": "CC0"}]
 
 
 @pytest.mark.parametrize("kind", ["object", "map"])
@@ -170,7 +170,7 @@ def test_true_renderer_gives_the_same_in_processes_as_here(command, tmp_path):
     options = [text for name, value in given.items() for text in (f"--{name.replace('_', '-')}", value)]
     outcome = command("data", "render", tmp_path / "a", *options)
     assert outcome.status == 0, outcome.err
-    job = render_job.begin(tmp_path / "b", given, None, StockRenderer, resume=False)
+    job = render_job.begin(tmp_path / "b", given, None, StoreRenderer, resume=False)
     render_job.render_missing(job, here, ignore)
     assert snapshot(tmp_path / "a") == snapshot(tmp_path / "b")
 
@@ -192,7 +192,7 @@ def assets(tmp_path) -> Path:
 def begin_true(folder: Path, data: Path, resume: bool = False, **given) -> tuple[render_job.Job, list[str]]:
     """A dataset of the true renderer, and what it says."""
     said = []
-    job = render_job.begin(folder, given, data, StockRenderer, resume=resume, report=said.append)
+    job = render_job.begin(folder, given, data, StoreRenderer, resume=resume, report=said.append)
     return job, said
 
 
@@ -209,7 +209,7 @@ def test_folder_of_assets_with_a_bad_file(tmp_path, assets):
     assert len(said) == 1
     assert "cut.hdr" in said[0]
     render_job.render_missing(job, here, ignore)
-    assert render_again.render_again(job, (0, (0,)), ignore) == ""
+    assert render_job.render_again(job, (0, (0,)), ignore) == ""
     plan = render_job.read_plan(tmp_path / "set")
     assert [(one["name"], one["licence"]) for one in plan["maps"] + plan["shapes"]] == [
         ("hall", "CC0"),
@@ -347,8 +347,8 @@ def test_workers_use_one_thread_each(monkeypatch):
     """Else they would fight for the cores, and sums would depend on how many there are."""
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    told = run_local(drawn_pairs.thread_settings, [0], ignore, workers=1, say=print)
-    assert told == {0: ("1", "1")}
+    hints = run_local(drawn_pairs.thread_settings, [0], ignore, workers=1, say=print)
+    assert hints == {0: ("1", "1")}
     assert os.environ["OMP_NUM_THREADS"] == "7"
     assert "OPENBLAS_NUM_THREADS" not in os.environ
 
@@ -376,10 +376,10 @@ def test_progress_adds_up(tmp_path, monkeypatch):
     )
     watch = render_command._Watch(progress, render_job.status(job.folder))
 
-    def twice(work, tasks, told):
-        told(0, 4)
-        told(0, 0)
-        here(work, tasks, told)
+    def twice(work, tasks, hints):
+        hints(0, 4)
+        hints(0, 0)
+        here(work, tasks, hints)
 
     render_job.render_missing(job, twice, watch)
     assert shown == [4, 0, *range(1, 24)]
@@ -590,13 +590,13 @@ def test_status_counts_what_the_pairs_say(whole, drawn_command):
     shards.remove_shard(whole, 1)
     shards.remove_shard(whole, 2)
     (whole / "shard-000004.tar").write_bytes(b"cut")
-    told = [
+    hints = [
         decode("json", parts["json"])
         for shard in (0, 3)
         for _, parts in shards.read_samples(shards.tar_path(whole, shard))
     ]
-    counts = Counter("specular" if one["specular"] else "diffuse" for one in told)
-    counts += Counter("indoor" if one["indoor"] else "outdoor" for one in told)
+    counts = Counter("specular" if one["specular"] else "diffuse" for one in hints)
+    counts += Counter("indoor" if one["indoor"] else "outdoor" for one in hints)
     found = json.loads(drawn_command("status", whole, "--json").out)
     assert found["groups"] == counts
     assert sum(counts.values()) == 2 * 10
@@ -683,7 +683,7 @@ def test_pair_of_another_seed_is_found(whole, tmp_path):
         shutil.copy(tmp_path / "other" / f"shard-000000.{suffix}", whole)
     assert shards.fault(whole, 0, "object", 5) == ""
     job = render_job.Job(folder=whole, data=None, make=DrawnRenderer)
-    assert "is not in it" in render_again.render_again(job, (0, (0,)), lambda count: None)
+    assert "is not in it" in render_job.render_again(job, (0, (0,)), lambda count: None)
 
 
 def test_repacked_picture_is_the_same_picture(whole):
@@ -696,14 +696,14 @@ def test_repacked_picture_is_the_same_picture(whole):
     shards.write_shard(whole, 0, changed(old, 0, "photo.png", repack))
     assert (whole / "shard-000000.tar").stat().st_size > 60_000
     job = render_job.Job(folder=whole, data=None, make=DrawnRenderer)
-    assert render_again.render_again(job, (0, tuple(range(5))), lambda count: None) == ""
+    assert render_job.render_again(job, (0, tuple(range(5))), lambda count: None) == ""
 
 
 def test_pairs_to_render_again_are_drawn_from_all(whole):
     """So many of them, each at most once, in the shards they are in."""
     tried = Counter()
     for _ in range(40):
-        tasks = render_again.choose(render_job.read_plan(whole), [0, 2, 4], 3)
+        tasks = render_job.choose(render_job.read_plan(whole), [0, 2, 4], 3)
         numbers = [number for _, group in tasks for number in group]
         assert len(numbers) == len(set(numbers)) == 3
         assert all(number // 5 == shard for shard, group in tasks for number in group)
@@ -711,5 +711,5 @@ def test_pairs_to_render_again_are_drawn_from_all(whole):
     assert set(tried) <= {*range(5), *range(10, 15), *range(20, 23)}
     assert len(tried) > 10
     assert (
-        np.sum([len(group) for _, group in render_again.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5
+        np.sum([len(group) for _, group in render_job.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5
     )

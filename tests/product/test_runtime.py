@@ -8,12 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.some_pair import ball_pair
+from support.some_pair import sphere_pair
 
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, ModelError
-from anyprobe.infer import runtime
-from anyprobe.infer.runtime import CONTRACT, SPREAD, STAGES, Models, file_hashes, model_id, weights_folder
+from anyprobe.estimate import runtime
+from anyprobe.estimate.runtime import (
+    CONTRACT,
+    EXPECTED,
+    STAGES,
+    Models,
+    file_hashes,
+    model_id,
+    weights_folder,
+)
 from anyprobe.light.environment import integral
 
 MAX_WEIGHTS_BYTES = 40 * 2**20
@@ -126,11 +134,11 @@ def test_hashes_name_the_bytes(copied):
     assert model_id("paper") == identity
 
 
-def test_spread_lamps_are_the_same_light_less_sharp():
-    """As much flux, up to what no display shows; nothing else differs."""
-    drawn, spread = Models(threads=1), Models(threads=1, lamps=SPREAD)
+def test_spread_emitters_are_the_same_light_less_sharp():
+    """As much power, up to what no display shows; nothing else differs."""
+    drawn, spread = Models(threads=1), Models(threads=1, emitters=EXPECTED)
     for seed in range(3):
-        crop = ball_pair(seed).crop
+        crop = sphere_pair(seed).crop
         one, two = drawn(crop, 0.2), spread(crop, 0.2)
         np.testing.assert_allclose(integral(one.radiance), integral(two.radiance), rtol=1e-3)
         assert two.radiance.max() < 0.7 * one.radiance.max()
@@ -139,21 +147,23 @@ def test_spread_lamps_are_the_same_light_less_sharp():
         np.testing.assert_allclose(two.ldr, response(two.radiance), atol=1e-6)
 
 
-def test_other_lamps_are_asked_of_the_same_sessions():
+def test_other_emitters_are_asked_of_the_same_sessions():
     drawn = Models(threads=1)
-    spread, crop = drawn.with_lamps(SPREAD), ball_pair().crop
+    spread, crop = drawn.with_emitters(EXPECTED), sphere_pair().crop
     assert spread._run is drawn._run
-    assert (drawn.lamps, spread.lamps) == ("drawn", "spread")
+    assert (drawn.emitters, spread.emitters) == ("mode", "expected")
     assert spread(crop, 0.2).radiance.max() < 0.7 * drawn(crop, 0.2).radiance.max()
     with pytest.raises(InputError, match="got paper; use lift"):
-        Models("paper", threads=1).with_lamps(SPREAD)
+        Models("paper", threads=1).with_emitters(EXPECTED)
 
 
-def test_lamps_that_are_not_known_are_refused():
-    with pytest.raises(InputError, match="lamps 'bright': expected one of drawn, spread"):
-        Models(lamps="bright")
-    with pytest.raises(InputError, match="lamps spread: expected a model that says .* got paper; use lift"):
-        Models("paper", lamps=SPREAD)
+def test_emitters_that_are_not_known_are_refused():
+    with pytest.raises(InputError, match="emitters 'bright': expected one of drawn, spread"):
+        Models(emitters="bright")
+    with pytest.raises(
+        InputError, match="emitters spread: expected a model that says .* got paper; use lift"
+    ):
+        Models("paper", emitters=EXPECTED)
 
 
 def test_a_graph_that_tells_less_is_refused(tmp_path):

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from support.scenes import ball_photo, made_map
+from support.scenes import made_map, sphere_photo
 from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
-from anyprobe.export.origin import check_front, map_from_camera
+from anyprobe.export.exported_light import check_front, map_from_camera
 from anyprobe.files.objects import OBJECTS
 from anyprobe.files.radiance import read_radiance, write_hdr
 
@@ -25,7 +25,7 @@ def light():
     return anyprobe.Light(
         radiance=two_phase(32),
         confidence=np.full((32, 64), 0.3, np.float32),
-        told=0.75,
+        well_exposed_fraction=0.75,
         warnings=("too dark", "too bright"),
         camera_from_crop=rotation_x(0.2),
         info={"photo": "vase.png", "model": "m-0", "exposure": 0.02, "mask": {"source": "alpha"}},
@@ -46,34 +46,38 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
     np.testing.assert_allclose(again.radiance, light.radiance, rtol=0.01, atol=0.01 * light.radiance.max())
     np.testing.assert_allclose(again.map_from_camera, turn, atol=1e-5)
     np.testing.assert_allclose(again.camera_from_crop, light.camera_from_crop, atol=1e-5)
-    assert (again.told, again.warnings, again.info) == (light.told, light.warnings, light.info)
+    assert (again.well_exposed_fraction, again.warnings, again.info) == (
+        light.well_exposed_fraction,
+        light.warnings,
+        light.info,
+    )
     assert again.confidence is None
-    alike = {"sh9", "main_light", "confidence", "map_from_camera"}
-    told, before = again.sidecar(), light.sidecar()
-    assert {key: told[key] for key in told.keys() - alike} == {
+    alike = {"sh9", "dominant_light", "confidence", "map_from_camera"}
+    given, before = again.sidecar(), light.sidecar()
+    assert {key: given[key] for key in given.keys() - alike} == {
         key: before[key] for key in before.keys() - alike
     }
 
 
 def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
     again = anyprobe.Light.load(str(light.rotate(TURN).save(tmp_path / "vase.hdr")))
-    assert (again.told, again.warnings, again.info) == (1.0, (), {"model": "m-0"})
+    assert (again.well_exposed_fraction, again.warnings, again.info) == (1.0, (), {"model": "m-0"})
     np.testing.assert_allclose(again.map_from_camera, TURN, atol=1e-5)
     write_hdr(tmp_path / "any.hdr", two_phase(16))
-    (tmp_path / "any.json").write_text(json.dumps({"told": "something else's", "scale": 2}))
+    (tmp_path / "any.json").write_text(json.dumps({"well_exposed_fraction": "something else's", "scale": 2}))
     bare = anyprobe.Light.load(tmp_path / "any.hdr")
-    assert (bare.info, bare.told) == ({}, 1.0)
+    assert (bare.info, bare.well_exposed_fraction) == ({}, 1.0)
     np.testing.assert_array_equal(bare.map_from_camera, np.eye(3))
 
 
 def test_a_light_of_the_page_is_opened(light, tmp_path):
     """Its .json says less than ours."""
     path = light.save(tmp_path / "vase.exr")
-    less = {"told", "warnings", "camera_from_crop", "confidence"}
+    less = {"well_exposed_fraction", "warnings", "camera_from_crop", "confidence"}
     said = {key: value for key, value in light.sidecar().items() if key not in less}
     (tmp_path / "vase.json").write_text(json.dumps(said))
     again = anyprobe.Light.load(path)
-    assert (again.told, again.warnings, again.info) == (1.0, (), light.info)
+    assert (again.well_exposed_fraction, again.warnings, again.info) == (1.0, (), light.info)
     np.testing.assert_array_equal(again.camera_from_crop, np.eye(3))
 
 
@@ -91,7 +95,9 @@ def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
 def test_a_photo_may_be_called_ambient(light, tmp_path, own):
     """vase_ambient.exr is an export's second map only where no photo of this name has a .json."""
     light.save(tmp_path / "vase.json")
-    other = anyprobe.Light(radiance=light.radiance, told=0.25, info={"photo": "vase_ambient.png"})
+    other = anyprobe.Light(
+        radiance=light.radiance, well_exposed_fraction=0.25, info={"photo": "vase_ambient.png"}
+    )
     path = other.save(tmp_path / "vase_ambient.exr")
     if own:
         other.save(tmp_path / "vase_ambient.json")
@@ -111,8 +117,8 @@ def test_lights_of_disk_are_fused(light, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"told": "much"}, "as it was written"),
-        ({"told": 2}, "as it was written"),
+        ({"well_exposed_fraction": "much"}, "as it was written"),
+        ({"well_exposed_fraction": 2}, "as it was written"),
         ({"warnings": 3}, "as it was written"),
         ({"camera_from_crop": [[1, 2], [3]]}, "as it was written"),
         ({"camera_from_crop": (2 * np.eye(3)).tolist()}, "as it was written"),
@@ -144,26 +150,26 @@ def test_what_is_no_saved_light_is_refused(light, tmp_path, name):
 @pytest.mark.parametrize("turn", TURNS)
 def test_a_turned_light_relights_as_it_did(command, work, kind, turn):
     """It was lit from the wrong side before, without a word."""
-    Image.fromarray(ball_photo()).save(work / "ball.png")
+    Image.fromarray(sphere_photo()).save(work / "sphere.png")
     light = anyprobe.Light(radiance=made_map())
     pictures = {}
     for name, one in (("straight", light), ("turned", light.rotate(TURNS[turn]))):
         one.save(work / f"{name}.{kind}")
         call = (
             "relight",
-            "ball.png",
+            "sphere.png",
             "--light",
             f"{name}.{kind}",
             "--renderer",
             "own",
-            "--material",
+            "--insert-material",
             "matte",
         )
         done = command(*call, "-o", f"{name}.png", "-q")
         assert done.status == 0, done.err
         with Image.open(work / f"{name}.png") as picture:
             pictures[name] = np.asarray(picture, np.float32)[..., :3]
-    changed = np.abs(pictures["straight"] - ball_photo()[..., :3]).max(axis=-1) > 8
+    changed = np.abs(pictures["straight"] - sphere_photo()[..., :3]).max(axis=-1) > 8
     assert changed.mean() > 0.05
     assert np.abs(pictures["turned"] - pictures["straight"])[changed].mean() < 4
 
@@ -228,5 +234,5 @@ def test_render_knows_the_objects_of_relight(name):
 
 
 def test_render_of_an_unknown_object_names_those_known():
-    with pytest.raises(anyprobe.InputError, match="expected one of ball, vase"):
+    with pytest.raises(anyprobe.InputError, match="expected one of sphere, vase"):
         anyprobe.Light(radiance=made_map()).render("bal")

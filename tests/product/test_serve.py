@@ -23,9 +23,9 @@ pytest.importorskip("python_multipart", reason="needs the serve extra")
 from fastapi.testclient import TestClient
 
 from anyprobe.cli.serve import is_loopback
-from anyprobe.infer.photo import load_photo
-from anyprobe.infer.result import Light
-from anyprobe.scatter.brdf import Material
+from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.result import Light
+from anyprobe.scatter.materials import Material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import CLIENT_GONE, create_app
 from anyprobe.serve.limits import Limits
@@ -58,19 +58,19 @@ def complaint(answer, status: int) -> str:
 def test_body_or_form_give_the_same_light_as_the_package(client, estimator, photo, photo_rgba, photo_mask):
     expected = estimator(photo_rgba)
     raw = client.post("/v1/estimate?include=radiance", content=photo)
-    parts = {"photo": ("ball.jpg", as_png(photo_rgba[..., :3])), "mask": ("m.png", as_png(photo_mask))}
+    parts = {"photo": ("sphere.jpg", as_png(photo_rgba[..., :3])), "mask": ("m.png", as_png(photo_mask))}
     form = client.post("/v1/estimate", files=parts, data={"include": "radiance", "fov": "65"})
     for answer in (raw, form):
-        told = answer.json()
-        found = np.frombuffer(base64.b64decode(told["radiance"]["base64"]), "<f4")
-        assert told["radiance"]["shape"] == list(expected.radiance.shape)
+        given = answer.json()
+        found = np.frombuffer(base64.b64decode(given["radiance"]["base64"]), "<f4")
+        assert given["radiance"]["shape"] == list(expected.radiance.shape)
         np.testing.assert_allclose(
             found.reshape(expected.radiance.shape), expected.radiance, rtol=1e-3, atol=1e-3
         )
         np.testing.assert_allclose(
-            told["main_light"]["direction"], expected.main_light().direction, atol=1e-2
+            given["dominant_light"]["direction"], expected.dominant_light().direction, atol=1e-2
         )
-    assert form.json()["photo"] == "ball.jpg"
+    assert form.json()["photo"] == "sphere.jpg"
     assert form.json()["fov_source"] == "given"
 
 
@@ -95,9 +95,9 @@ def test_mask_shows_what_the_estimate_uses(client, photo, photo_rgba, photo_mask
     answer = client.post("/v1/mask", content=photo)
     assert answer.headers["content-type"] == "image/png"
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(answer.content))), photo_mask)
-    told = client.post("/v1/mask?format=json", content=photo).json()
-    assert told["size"] == [photo_mask.shape[1], photo_mask.shape[0]]
-    assert (told["source"], told["confidence"]) == ("alpha", None)
+    given = client.post("/v1/mask?format=json", content=photo).json()
+    assert given["size"] == [photo_mask.shape[1], photo_mask.shape[0]]
+    assert (given["source"], given["confidence"]) == ("alpha", None)
     opaque = as_png(photo_rgba[..., :3])
     found = client.post("/v1/mask?format=json&click=64,48", content=opaque).json()
     assert found["source"] == "click"
@@ -114,47 +114,47 @@ def test_clicks_and_boxes_reach_the_mask(client, photo_rgba):
 
 def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, photo, photo_rgba):
     normals = np.full((*photo_rgba.shape[:2], 3), (128, 128, 255), np.uint8)  # all of it faces the camera
-    parts = {"photo": ("ball.png", photo), "normals": ("n.png", as_png(normals))}
+    parts = {"photo": ("sphere.png", photo), "normals": ("n.png", as_png(normals))}
     answer = client.post("/v1/estimate", files=parts, data={"material": "plastic", "albedo": "0.2,0.3,0.4"})
-    told = answer.json()["known"]
-    assert told["normals"] is True
-    assert told["material"]["albedo"] == [0.2, 0.3, 0.4]
+    given = answer.json()["priors"]
+    assert given["normals"] is True
+    assert given["material"]["albedo"] == [0.2, 0.3, 0.4]
     expected = estimator(
         photo_rgba,
         normals=normals,
         material=Material(albedo=np.array([0.2, 0.3, 0.4]), f0=np.full(3, 0.045), alpha=0.12),
     )
-    np.testing.assert_allclose(told["gain"], expected.info["known"]["gain"], rtol=1e-3)
-    assert client.post("/v1/estimate", content=photo).json()["known"] == {"normals": False}
-    for ball in (
-        client.post("/v1/estimate?normals=ball", content=photo),
-        client.post("/v1/estimate", files={"photo": ("ball.png", photo)}, data={"normals": "ball"}),
+    np.testing.assert_allclose(given["gain"], expected.info["priors"]["gain"], rtol=1e-3)
+    assert client.post("/v1/estimate", content=photo).json()["priors"] == {"normals": False}
+    for sphere in (
+        client.post("/v1/estimate?normals=sphere", content=photo),
+        client.post("/v1/estimate", files={"photo": ("sphere.png", photo)}, data={"normals": "sphere"}),
     ):
-        assert ball.json()["known"] == {"normals": True}
+        assert sphere.json()["priors"] == {"normals": True}
     opaque, mask = as_png(photo_rgba[..., :3]), as_png(photo_rgba[..., 3])
     seen = client.post(
         "/v1/estimate",
         files={"photo": ("b.png", opaque), "mask": ("m.png", mask)},
         data={"surroundings": "photo"},
     )
-    assert 0 < seen.json()["known"]["surroundings"] < 0.2
+    assert 0 < seen.json()["priors"]["surroundings"] < 0.2
     panorama = np.random.default_rng(0).integers(0, 255, (64, 128, 3), np.uint8)
-    files = {"photo": ("ball.png", photo), "surroundings": ("p.png", as_png(panorama))}
-    assert client.post("/v1/estimate", files=files).json()["known"]["surroundings"] == 1.0
+    files = {"photo": ("sphere.png", photo), "surroundings": ("p.png", as_png(panorama))}
+    assert client.post("/v1/estimate", files=files).json()["priors"]["surroundings"] == 1.0
     exr = {**parts, "normals": ("n.exr", b"\x76\x2f\x31\x01")}
     assert "16-bit PNG" in complaint(client.post("/v1/estimate", files=exr), 422)
 
 
-def test_lamps_are_spread_where_that_is_asked(client, estimator, photo, photo_rgba):
+def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo_rgba):
     """For this answer alone; the next one is drawn again."""
-    answer = client.post("/v1/estimate?lamps=spread&include=radiance", content=photo).json()
-    assert answer["lamps"] == "spread"
+    answer = client.post("/v1/estimate?emitters=spread&include=radiance", content=photo).json()
+    assert answer["emitters"] == "expected"
     packed = answer["radiance"]
     radiance = np.frombuffer(base64.b64decode(packed["base64"]), "<f4").reshape(packed["shape"])
     np.testing.assert_allclose(
-        radiance, estimator.with_lamps("spread")(photo_rgba).radiance, rtol=1e-4, atol=1e-5
+        radiance, estimator.with_emitters("expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5
     )
-    assert client.post("/v1/estimate", content=photo).json()["lamps"] == "drawn"
+    assert client.post("/v1/estimate", content=photo).json()["emitters"] == "mode"
 
 
 @pytest.mark.parametrize(
@@ -168,11 +168,11 @@ def test_lamps_are_spread_where_that_is_asked(client, estimator, photo, photo_rg
         ("?fov=500", None, "170"),
         ("?include=everything", None, "radiance"),
         ("?material=wood", None, "chrome"),
-        ("?normals=cube", None, "or ball"),
+        ("?normals=cube", None, "or sphere"),
         ("?surroundings=room", None, "or photo"),
         ("?albedo=0.5,0.5", None, "a number or R,G,B"),
         ("?albedo=2", None, "up to 1"),
-        ("?lamps=bright", None, "expected one of drawn, spread"),
+        ("?emitters=bright", None, "expected one of drawn, spread"),
     ],
 )
 def test_what_cannot_be_used_is_named_in_one_line(client, photo, query, body, word):
@@ -374,11 +374,11 @@ def test_heic_photo_is_opened_for_browsers_that_cannot(client, photo_rgba):
 
 
 def test_no_answer_tells_a_path_of_the_machine(client, photo, monkeypatch, tmp_path):
-    parts = {"photo": (str(tmp_path / "secret" / "ball.png"), photo)}
-    told = client.post("/v1/estimate", files=parts, params={"include": "stages,mask,radiance"}).json()
-    assert told["photo"] == "ball.png"
-    assert (told["mask"]["source"], told["mask"]["media_type"]) == ("alpha", "image/png")
-    assert str(tmp_path) not in json.dumps(told)
+    parts = {"photo": (str(tmp_path / "secret" / "sphere.png"), photo)}
+    given = client.post("/v1/estimate", files=parts, params={"include": "stages,mask,radiance"}).json()
+    assert given["photo"] == "sphere.png"
+    assert (given["mask"]["source"], given["mask"]["media_type"]) == ("alpha", "image/png")
+    assert str(tmp_path) not in json.dumps(given)
 
     def fails(*arguments, **options):
         raise RuntimeError(f"cannot open {tmp_path}/secret")

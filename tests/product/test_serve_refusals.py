@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from anyprobe.core.frames import rotation_y, world_from_camera
+from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import write_hdr
-from anyprobe.infer.runtime import DEFAULT_MODEL
 
 pytest.importorskip("fastapi", reason="needs the serve extra")
 pytest.importorskip("python_multipart", reason="needs the serve extra")
@@ -39,7 +39,7 @@ def photo(photo_rgba) -> bytes:
 
 RADIANCE = np.full((64, 128, 3), 0.125, np.float32)
 RADIANCE[20:24, 30:34] = 64.0
-"""A map with one lamp, which .hdr holds as it is."""
+"""A map with one emitter, which .hdr holds as it is."""
 
 
 def as_hdr(radiance: np.ndarray, folder) -> bytes:
@@ -101,23 +101,23 @@ def test_a_mistyped_photo_is_not_called_absent(client, photo):
 
 def test_all_that_is_described_is_taken(client, photo):
     """And so nothing is described that would be refused."""
-    told = {
+    given = {
         "fov": "60",
-        "normals": "ball",
+        "normals": "sphere",
         "surroundings": "photo",
         "material": "matte",
         "albedo": "0.5",
-        "lamps": "spread",
+        "emitters": "expected",
         "include": "mask",
         "format": "json",
     }
     pointed = {"box": "24,8,104,88", "click": "64,48", "click_off": "2,2"}
     poses = {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}
-    assert set(openapi.query_names(openapi.ESTIMATE)) == set(told) | set(pointed)
-    assert set(openapi.query_names(openapi.FUSE)) == set(told) | {"box"}
+    assert set(openapi.query_names(openapi.ESTIMATE)) == set(given) | set(pointed)
+    assert set(openapi.query_names(openapi.FUSE)) == set(given) | {"box"}
     files = {"photo": ("p.png", photo)}
     for address, data in (("estimate", {}), ("fuse", poses)):
-        assert client.post(f"/v1/{address}", files=files, data=data, params=told).status_code == 200
+        assert client.post(f"/v1/{address}", files=files, data=data, params=given).status_code == 200
 
 
 # Maps
@@ -131,13 +131,13 @@ def test_a_map_of_another_program_is_not_turned_twice(client, tmp_path, target, 
     assert "map.exr" not in line
 
 
-@pytest.mark.parametrize("told", ["30,20", "30,20,10", ",".join(map(str, rotation_y(0.5).ravel().tolist()))])
+@pytest.mark.parametrize("given", ["30,20", "30,20,10", ",".join(map(str, rotation_y(0.5).ravel().tolist()))])
 @pytest.mark.parametrize("in_form", [True, False])
-def test_an_export_is_turned_as_the_camera_stood(client, tmp_path, told, in_form):
-    numbers = [float(one) for one in told.split(",")]
+def test_an_export_is_turned_as_the_camera_stood(client, tmp_path, given, in_form):
+    numbers = [float(one) for one in given.split(",")]
     turn = np.reshape(numbers, (3, 3)) if len(numbers) == 9 else world_from_camera(*np.radians(numbers))
     light = as_hdr(RADIANCE, tmp_path)
-    asked = {"world_from_camera": told, "exposure": "1"}
+    asked = {"world_from_camera": given, "exposure": "1"}
     sent = (
         {"files": {"photo": ("m.hdr", light)}, "data": asked}
         if in_form
@@ -157,7 +157,7 @@ def test_an_export_is_turned_as_the_camera_stood(client, tmp_path, told, in_form
 
 
 @pytest.mark.parametrize(
-    ("told", "word"),
+    ("given", "word"),
     [
         (
             {"world_from_camera": "1,2,3,4"},
@@ -169,9 +169,9 @@ def test_an_export_is_turned_as_the_camera_stood(client, tmp_path, told, in_form
         ({"exposure": "31"}, "exposure: expected stops from -30 to 30"),
     ],
 )
-def test_a_turn_or_exposure_that_is_none_is_one_line(client, tmp_path, told, word):
+def test_a_turn_or_exposure_that_is_none_is_one_line(client, tmp_path, given, word):
     light = as_hdr(RADIANCE, tmp_path)
-    assert word in refusal(client.post("/v1/export/webxr", content=light, params=told))
+    assert word in refusal(client.post("/v1/export/webxr", content=light, params=given))
 
 
 # Formats, methods and hosts

@@ -16,9 +16,9 @@ from fastapi.testclient import TestClient
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import InputError
+from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.files.poses import parse_poses
-from anyprobe.infer.several import fuse_lights
-from anyprobe.scatter.presets import told_material
+from anyprobe.scatter.materials import given_material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.app import create_app
 from anyprobe.serve.limits import Limits
@@ -81,17 +81,17 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(client, pictures):
     assert client.post("/v1/fuse", files=files, data=data).json()["long_fov_deg"] == pytest.approx(
         long, abs=1e-3
     )
-    told = client.post("/v1/fuse", files=files, data=data | {"fov": "40"})
-    assert told.json()["long_fov_deg"] == 40
+    given = client.post("/v1/fuse", files=files, data=data | {"fov": "40"})
+    assert given.json()["long_fov_deg"] == 40
 
 
 def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pictures, photo_mask):
     rgb = [one[..., :3] for one in pictures]
     masks = [photo_mask, photo_mask * (np.arange(photo_mask.shape[1]) < 64).astype(np.uint8)]
     files = parts(rgb, mask=[as_png(one) for one in masks])
-    asked = {"material": "matte", "albedo": "0.5", "lamps": "spread", "include": "radiance"}
-    matte = told_material("matte", (0.5,))
-    spread = estimator.with_lamps("spread")
+    asked = {"material": "matte", "albedo": "0.5", "emitters": "expected", "include": "radiance"}
+    matte = given_material("matte", (0.5,))
+    spread = estimator.with_emitters("expected")
     lights = [spread(one, mask=mask, material=matte) for one, mask in zip(rgb, masks, strict=True)]
     answer = client.post("/v1/fuse", files=files, data=asked)
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)

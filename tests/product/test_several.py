@@ -14,13 +14,12 @@ import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
+from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
+from anyprobe.estimate.result import Light
 from anyprobe.files.images import photo_header, read_image
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.result import Light
-from anyprobe.infer.several import UNTOLD, fuse_lights
 from anyprobe.light.environment import integral, rotate
-from anyprobe.light.fuse import OFFSET, fuse
 
 D = pixel_directions(64)
 ONE = np.ones((2, 64, 128), np.float32)
@@ -30,7 +29,7 @@ def flat(value: float) -> np.ndarray:
     return np.full((64, 128, 3), value, np.float32)
 
 
-def lamp(direction, width: float, radiance: float) -> np.ndarray:
+def emitter(direction, width: float, radiance: float) -> np.ndarray:
     """A cap of light over 0.2 all around, [64, 128, 3]."""
     there = D @ np.asarray(direction) > np.cos(width)
     return np.where(there[..., None], radiance, 0.2).astype(np.float32) * np.ones(3, np.float32)
@@ -52,9 +51,9 @@ def test_maps_meet_at_their_weighted_geometric_mean():
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
-def test_lamps_side_by_side_keep_their_light_and_one_alone_is_doubted():
-    """Two guesses of one lamp that overlap by half: it is where both say, and no weaker in all."""
-    left, right = (lamp((np.sin(a), 0, -np.cos(a)), 0.35, 60.0) for a in (-0.15, 0.15))
+def test_emitters_side_by_side_keep_their_light_and_one_alone_is_doubted():
+    """Two guesses of one emitter that overlap by half: it is where both say, and no weaker in all."""
+    left, right = (emitter((np.sin(a), 0, -np.cos(a)), 0.35, 60.0) for a in (-0.15, 0.15))
     found = fuse(np.stack([left, right]), ONE)
     np.testing.assert_allclose(integral(found), integral(left), rtol=0.02)
     both = (left[..., 0] > 1) & (right[..., 0] > 1)
@@ -105,7 +104,7 @@ def test_exposures_that_photos_tell_are_made_one():
     untold = Light(radiance=flat(0.8))
     mixed = fuse_lights([dark, untold], poses)
     np.testing.assert_allclose(mixed.radiance, np.sqrt(0.21 * 0.81) - OFFSET, rtol=1e-4)
-    assert mixed.warnings == (UNTOLD,)
+    assert mixed.warnings == (NOT_GIVEN,)
 
 
 def test_lights_without_poses_are_refused():
@@ -269,8 +268,8 @@ def test_photos_with_poses_give_one_light(command, work, photo_path):
     (work / "poses.json").write_text(json.dumps(poses))
     done = command("estimate", photo_path, other, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
     assert done.status == 0, done.err
-    told = json.loads(done.out)
-    assert told["fused"] == [photo_path.name, "other.png"]
+    given = json.loads(done.out)
+    assert given["fused"] == [photo_path.name, "other.png"]
     assert {path.name for path in (work / "one").iterdir()} == {
         f"{photo_path.stem}.{kind}" for kind in ("exr", "hdr", "json", "png")
     }
@@ -287,8 +286,8 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, phot
         json.dumps({"frames": frames, "fl_x": 100, "w": 120, "camera_angle_x": 9e-1})
     )
     call = ("estimate", photo_path, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
-    told = json.loads(command(*call).out)
-    assert told["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)
+    given = json.loads(command(*call).out)
+    assert given["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)
     assert json.loads(command(*call, "--fov", "40").out)["long_fov_deg"] == 40
 
 

@@ -20,7 +20,7 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.pair import render_map_pair, render_pair
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.render_job import SETTINGS
-from anyprobe.dataset.samples import ARRAYS, Sample, StockRenderer, decode
+from anyprobe.dataset.samples import ARRAYS, Sample, StoreRenderer, decode
 from anyprobe.errors import InputError, OutputError
 
 KINDS = ("object", "map")
@@ -77,9 +77,9 @@ def test_rendered_pairs_come_back_as_they_were():
     """Photo and targets of the true renderer, bit for bit; the rest as told in json."""
     for kind, parts in (("object", ("photo", "irradiance")), ("map", ("ldr", "ln_radiance"))):
         settings = {**SETTINGS, "kind": kind, "procedural_maps": 1, "procedural_shapes": 1}
-        renderer = StockRenderer(settings, None)
+        renderer = StoreRenderer(settings, None)
         recipe = renderer.recipe(1)
-        pair = (render_pair if kind == "object" else render_map_pair)(recipe, renderer.stock)
+        pair = (render_pair if kind == "object" else render_map_pair)(recipe, renderer.store)
         sample = renderer.sample(recipe)
         assert list(sample.parts) == [*ARRAYS[kind], "json"]
         assert sample.key == recipe.key
@@ -88,18 +88,18 @@ def test_rendered_pairs_come_back_as_they_were():
             assert name.split(".")[0] in parts
             assert (array.shape, str(array.dtype)) == (shape, dtype)
             assert np.array_equal(array, truth)
-        told = json.loads(sample.parts["json"])
-        assert Recipe.from_hex(told["recipe"]) == recipe
-        assert np.array_equal(told["map_from_camera"], pair.map_from_camera)
-        assert np.array_equal(np.float32(told["gain"]), pair.gain)
-        assert (told["map"], told["indoor"]) == (pair.map_name, pair.indoor)
+        given = json.loads(sample.parts["json"])
+        assert Recipe.from_hex(given["recipe"]) == recipe
+        assert np.array_equal(given["map_from_camera"], pair.map_from_camera)
+        assert np.array_equal(np.float32(given["gain"]), pair.gain)
+        assert (given["map"], given["indoor"]) == (pair.map_name, pair.indoor)
         assert sample.groups[-1] == ("indoor" if pair.indoor else "outdoor")
         if kind == "object":
-            assert told["specular"] == (told["alpha"] < 0.5) == (sample.groups[0] == "specular")
-            assert np.array_equal(np.float32(told["f0"]), pair.material.f0)
-            assert np.array_equal(np.float32(told["albedo"]), pair.material.albedo)
-            assert told["tan_half"] == pair.tan_half
-            assert told["shape"] == pair.shape_name
+            assert given["specular"] == (given["alpha"] < 0.5) == (sample.groups[0] == "specular")
+            assert np.array_equal(np.float32(given["f0"]), pair.material.f0)
+            assert np.array_equal(np.float32(given["albedo"]), pair.material.albedo)
+            assert given["tan_half"] == pair.tan_half
+            assert given["shape"] == pair.shape_name
 
 
 def test_index_points_at_every_part(tmp_path, kind):
@@ -128,8 +128,8 @@ def test_same_samples_same_bytes(tmp_path, kind, monkeypatch):
         os.umask(old)
     assert snapshot(tmp_path / "a") == snapshot(tmp_path / "b")
     with tarfile.open(tmp_path / "a" / "shard-000000.tar") as tar:
-        told = {(m.mtime, m.uid, m.gid, m.uname, m.gname, m.mode) for m in tar}
-    assert told == {(0, 0, 0, "", "", 0o644)}
+        given = {(m.mtime, m.uid, m.gid, m.uname, m.gname, m.mode) for m in tar}
+    assert given == {(0, 0, 0, "", "", 0o644)}
 
 
 def test_keys_that_webdataset_would_mix_up_are_refused(tmp_path):

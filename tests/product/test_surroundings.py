@@ -16,19 +16,19 @@ from anyprobe.core.frames import normalize, turn_towards
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
-from anyprobe.files.radiance import write_exr, write_hdr
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import Outputs
-from anyprobe.infer.surroundings import (
-    BURNT,
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.runtime import Outputs
+from anyprobe.estimate.surroundings import (
+    CLIPPED,
     SEEN,
     TINT,
     TINT_FLOOR,
     read_surroundings,
-    see_around,
     turned,
     use_surroundings,
+    visible_surroundings,
 )
+from anyprobe.files.radiance import write_exr, write_hdr
 from anyprobe.light.environment import rotate
 
 
@@ -37,11 +37,11 @@ def test_a_photo_shows_the_map_beside_its_object_in_the_crops_frame():
     radiance = smooth_map()
     photo, mask = room_photo(radiance)
     crop = crop_object(load_photo(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo"))
-    assert crop.around.shape == (64, 128, 4)
-    cover = crop.around[..., 3]
+    assert crop.surroundings_map.shape == (64, 128, 4)
+    cover = crop.surroundings_map[..., 3]
     truth = response(rotate(radiance, crop.camera_from_crop.T))
     sure = cover > 0.99
-    np.testing.assert_allclose(crop.around[sure][:, :3], truth[sure], atol=0.02)
+    np.testing.assert_allclose(crop.surroundings_map[sure][:, :3], truth[sure], atol=0.02)
     d = pixel_directions(64) @ crop.camera_from_crop.T  # in the camera's frame
     x, y = d[..., 0] / -d[..., 2], d[..., 1] / -d[..., 2]
     inside = (d[..., 2] < 0) & (np.abs(x) < 0.56) & (np.abs(y) < 0.37)
@@ -63,7 +63,7 @@ def test_a_photo_of_one_colour_shows_nothing(shade):
         with pytest.raises(InputError, match="one colour behind it"):
             crop_object(load_photo(cut_out[0], mask=cut_out[1], fov_deg=FOV_DEG, surroundings="photo"))
     with_alpha = load_photo(np.dstack([photo, mask]), fov_deg=FOV_DEG, surroundings="photo")
-    assert crop_object(with_alpha).around[..., 3].max() == 1.0
+    assert crop_object(with_alpha).surroundings_map[..., 3].max() == 1.0
 
 
 def test_a_wide_photo_is_averaged_not_skipped_through():
@@ -72,10 +72,10 @@ def test_a_wide_photo_is_averaged_not_skipped_through():
     photo[::2, ::2] = photo[1::2, 1::2] = 0.8
     photo[:, 600:] *= 0.5
     image = np.zeros((128, 128, 4), np.float32)
-    around = see_around(photo, 70.0, np.eye(3), image, 0.1)
-    sure = around[..., 3] > 0.99
+    surroundings_map = visible_surroundings(photo, 70.0, np.eye(3), image, 0.1)
+    sure = surroundings_map[..., 3] > 0.99
     left = pixel_directions(64)[..., 0] < -0.1
-    np.testing.assert_allclose(around[sure & left][:, :3], 0.4, atol=0.02)
+    np.testing.assert_allclose(surroundings_map[sure & left][:, :3], 0.4, atol=0.02)
 
 
 def test_a_panorama_is_read_as_far_as_it_is_known(tmp_path):
@@ -84,24 +84,24 @@ def test_a_panorama_is_read_as_far_as_it_is_known(tmp_path):
     picture[:64, :, 3] = 255
     Image.fromarray(picture).save(tmp_path / "p.png")
     for source in (picture, tmp_path / "p.png", (tmp_path / "p.png").read_bytes()):
-        around = read_surroundings(source)
-        assert around.shape == (64, 128, 4)
+        surroundings_map = read_surroundings(source)
+        assert surroundings_map.shape == (64, 128, 4)
         np.testing.assert_allclose(
-            around[:32], [*np.array([200, 100, 50]) / 255, 1.0] * np.ones((32, 128, 1)), atol=1e-3
+            surroundings_map[:32], [*np.array([200, 100, 50]) / 255, 1.0] * np.ones((32, 128, 1)), atol=1e-3
         )
-        assert not around[32:].any()
+        assert not surroundings_map[32:].any()
     assert (read_surroundings(picture[..., :3])[..., 3] == 1).all()
 
 
 def lit_room() -> np.ndarray:
-    """[64, 128, 3]: the soft map with a lamp of radiance 40, whose borders are the map's own pixels'."""
+    """[64, 128, 3]: the soft map with an emitter of radiance 40, whose borders are the map's own pixels'."""
     radiance = smooth_map()
     radiance[20:24, 60:66] = [40.0, 30.0, 20.0]
     return radiance
 
 
 @pytest.mark.parametrize("kind", ["exr", "hdr", "bytes"])
-def test_a_panorama_of_radiance_keeps_its_lamps(tmp_path, kind):
+def test_a_panorama_of_radiance_keeps_its_emitters(tmp_path, kind):
     """The network is told display values; what is above white stays in the result."""
     fine = np.repeat(np.repeat(lit_room(), 2, axis=0), 2, axis=1)
     source = tmp_path / ("p.hdr" if kind == "hdr" else "p.exr")
@@ -110,13 +110,13 @@ def test_a_panorama_of_radiance_keeps_its_lamps(tmp_path, kind):
     shown = read_surroundings(source)
     assert shown.shape == (64, 128, 4)
     np.testing.assert_allclose(shown[..., :3], response(lit_room()), atol=5e-3)
-    around = read_surroundings(source, above_white=True)
-    assert around.shape == (64, 128, 5)
+    surroundings_map = read_surroundings(source, above_white=True)
+    assert surroundings_map.shape == (64, 128, 5)
     guess = np.broadcast_to(np.float32([900, 50, 50]), (64, 128, 3))
-    found = use_surroundings(answered(guess), around)
+    found = use_surroundings(answered(guess), surroundings_map)
     np.testing.assert_allclose(found.radiance, lit_room(), rtol=0.01, atol=0.01)
     turn = turn_towards(normalize(np.array([0.2, 0.1, -1.0])))
-    turned_too = use_surroundings(answered(guess), turned(around, turn)).radiance
+    turned_too = use_surroundings(answered(guess), turned(surroundings_map, turn)).radiance
     truth = rotate(lit_room(), turn.T)
     inside = (truth.max(axis=-1) > 39) | (truth.max(axis=-1) < 0.7)  # not its border
     np.testing.assert_allclose(turned_too[inside], truth[inside], rtol=0.02, atol=0.02)
@@ -128,10 +128,10 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
     alpha[:32], alpha[32] = 1.0, 0.5
     layers = dict(zip("RGB", np.moveaxis(lit_room() * alpha[..., None], -1, 0), strict=True)) | {"A": alpha}
     OpenEXR.File({}, {k: np.ascontiguousarray(v) for k, v in layers.items()}).write(str(tmp_path / "p.exr"))
-    around = read_surroundings(tmp_path / "p.exr", above_white=True)
-    np.testing.assert_allclose(around[..., 3], alpha)
+    surroundings_map = read_surroundings(tmp_path / "p.exr", above_white=True)
+    np.testing.assert_allclose(surroundings_map[..., 3], alpha)
     guess = np.full((64, 128, 3), 3.0, np.float32)
-    found = use_surroundings(answered(guess), around, tint=False).radiance
+    found = use_surroundings(answered(guess), surroundings_map, tint=False).radiance
     np.testing.assert_allclose(found[:32], lit_room()[:32], rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(found[32], (lit_room()[32] + 3.0) / 2, rtol=1e-3)
     np.testing.assert_allclose(found[33:], 3.0)
@@ -157,14 +157,18 @@ def test_what_is_no_panorama_is_refused_in_one_line(source, says):
 
 
 def test_a_panorama_of_the_camera_is_turned_to_the_crop():
-    around = np.concatenate([smooth_map(), np.ones((64, 128, 1), np.float32)], axis=-1)
+    surroundings_map = np.concatenate([smooth_map(), np.ones((64, 128, 1), np.float32)], axis=-1)
     turn = turn_towards(normalize(np.array([0.5, 0.2, -1.0])))
-    np.testing.assert_allclose(rotate(turned(around, turn), turn), around, atol=0.03)
-    np.testing.assert_allclose(turned(around, turn)[32, 64], around_at(around, turn @ [0, 0, -1]), atol=0.02)
+    np.testing.assert_allclose(rotate(turned(surroundings_map, turn), turn), surroundings_map, atol=0.03)
+    np.testing.assert_allclose(
+        turned(surroundings_map, turn)[32, 64],
+        surroundings_at(surroundings_map, turn @ [0, 0, -1]),
+        atol=0.02,
+    )
 
 
-def around_at(around: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    return bilinear(around, direction_to_uv(np.asarray(direction, np.float32)[None]))[0]
+def surroundings_at(surroundings_map: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    return bilinear(surroundings_map, direction_to_uv(np.asarray(direction, np.float32)[None]))[0]
 
 
 def test_what_is_known_takes_the_place_of_the_guess():
@@ -176,11 +180,11 @@ def test_what_is_known_takes_the_place_of_the_guess():
         ln_radiance=np.log(guess),
         confidence=np.full((64, 128), 0.2, np.float32),
     )
-    around = np.zeros((64, 128, 4), np.float32)
-    around[:8] = [*response(np.full(3, 0.5)), 1.0]
-    around[8:16] = [1.0, 1.0, 1.0, 1.0]  # burnt out: at least white, and brighter if the guess is
-    around[16:24] = 0.5 * np.array([*response(np.full(3, 0.5)), 1.0])
-    found = use_surroundings(outputs, around)
+    surroundings_map = np.zeros((64, 128, 4), np.float32)
+    surroundings_map[:8] = [*response(np.full(3, 0.5)), 1.0]
+    surroundings_map[8:16] = [1.0, 1.0, 1.0, 1.0]  # clipped: at least white, and brighter if the guess is
+    surroundings_map[16:24] = 0.5 * np.array([*response(np.full(3, 0.5)), 1.0])
+    found = use_surroundings(outputs, surroundings_map)
     np.testing.assert_allclose(found.radiance[:8], 0.5, rtol=1e-3)
     np.testing.assert_allclose(found.radiance[8:16], 3.0)
     np.testing.assert_allclose(found.radiance[16:24], 1.75, rtol=1e-3)
@@ -201,29 +205,29 @@ def answered(guess: np.ndarray) -> Outputs:
 
 
 @pytest.mark.parametrize("shown", [(0.5, 0.7, 1.0), (0.6, 0.98, 0.6), (0.99, 1.0, 0.8)])
-@pytest.mark.parametrize("lamp", [(30, 20, 10), (0.1, 0.1, 0.1)])
-def test_what_is_burnt_out_in_some_channels_keeps_its_hue(shown, lamp):
-    """A lamp guessed there would else be seen in these channels alone: a pure blue sun."""
-    guess = np.broadcast_to(np.float32(lamp), (64, 128, 3))
-    around = np.zeros((64, 128, 4), np.float32)
-    around[8:16] = [*shown, 1.0]
+@pytest.mark.parametrize("emitter", [(30, 20, 10), (0.1, 0.1, 0.1)])
+def test_what_is_clipped_out_in_some_channels_keeps_its_hue(shown, emitter):
+    """An emitter guessed there would else be seen in these channels alone: a pure blue sun."""
+    guess = np.broadcast_to(np.float32(emitter), (64, 128, 3))
+    surroundings_map = np.zeros((64, 128, 4), np.float32)
+    surroundings_map[8:16] = [*shown, 1.0]
     seen = inverse_response(np.float32(shown))
-    found = use_surroundings(answered(guess), around).radiance[10, 10]
+    found = use_surroundings(answered(guess), surroundings_map).radiance[10, 10]
     np.testing.assert_allclose(found / found[1], seen / seen[1], rtol=1e-4)
     assert (found >= seen - 1e-5).all()
-    not_burnt = np.array(shown) < BURNT
-    assert (response(found)[not_burnt] < BURNT + 1e-3).all()  # as the photo shows
-    if lamp[0] > 1:
-        assert response(found)[not_burnt].max() == pytest.approx(BURNT, abs=1e-3)
+    not_clipped = np.array(shown) < CLIPPED
+    assert (response(found)[not_clipped] < CLIPPED + 1e-3).all()  # as the photo shows
+    if emitter[0] > 1:
+        assert response(found)[not_clipped].max() == pytest.approx(CLIPPED, abs=1e-3)
     else:
         np.testing.assert_allclose(found, seen, rtol=1e-4)
 
 
-def test_what_is_burnt_out_altogether_is_as_bright_as_the_guess():
+def test_what_is_clipped_out_altogether_is_as_bright_as_the_guess():
     guess = np.broadcast_to(np.float32([30, 20, 10]), (64, 128, 3))
-    around = np.zeros((64, 128, 4), np.float32)
-    around[8:16] = [1.0, 1.0, 0.98, 1.0]
-    found = use_surroundings(answered(guess), around, tint=False).radiance[10, 10]
+    surroundings_map = np.zeros((64, 128, 4), np.float32)
+    surroundings_map[8:16] = [1.0, 1.0, 0.98, 1.0]
+    found = use_surroundings(answered(guess), surroundings_map, tint=False).radiance[10, 10]
     assert luminance(found) == pytest.approx(luminance(guess[0, 0]), rel=1e-4)
     seen = inverse_response(np.float32([1.0, 1.0, 0.98]))
     np.testing.assert_allclose(found / found[0], seen / seen[0], rtol=1e-4)
@@ -233,31 +237,31 @@ def test_a_guess_takes_on_half_of_the_colour_that_it_misses():
     blue = np.broadcast_to(np.float32([0.2, 0.2, 0.6]), (64, 128, 3))
     grey = np.full_like(blue, 0.3)
     outputs = answered(grey)
-    around = np.zeros((64, 128, 4), np.float32)
-    around[:16] = np.append(response(blue[0, 0]), 1.0)
-    found = use_surroundings(outputs, around).radiance[40, 64]
+    surroundings_map = np.zeros((64, 128, 4), np.float32)
+    surroundings_map[:16] = np.append(response(blue[0, 0]), 1.0)
+    found = use_surroundings(outputs, surroundings_map).radiance[40, 64]
     asked = (blue[0, 0] + TINT_FLOOR) / (0.3 + TINT_FLOOR)
     np.testing.assert_allclose(found[2] / found[0], (asked[2] / asked[0]) ** TINT, rtol=1e-3)
     np.testing.assert_allclose(np.log(found).mean(), np.log(0.3), atol=1e-5)  # its brightness stays
-    known = use_surroundings(outputs, around, tint=False)
+    known = use_surroundings(outputs, surroundings_map, tint=False)
     np.testing.assert_array_equal(known.radiance[40, 64], 0.3 * np.ones(3, np.float32))
 
 
 def test_surroundings_change_the_light_and_are_noted():
     photo, mask = room_photo(smooth_map())
     alone = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG)
-    told = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
-    assert alone.sidecar()["known"] == {"normals": False}
-    assert 0.02 < told.sidecar()["known"]["surroundings"] < 0.06
+    hints = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
+    assert alone.sidecar()["priors"] == {"normals": False}
+    assert 0.02 < hints.sidecar()["priors"]["surroundings"] < 0.06
     assert (
         alone.confidence.max() == 0
     )  # a black object tells nothing; what is seen beside it does not hang on that
-    assert told.confidence.max() == pytest.approx(SEEN)
+    assert hints.confidence.max() == pytest.approx(SEEN)
     behind = pixel_directions(64)[..., 2] > 0.3
-    assert np.abs(told.radiance - alone.radiance)[behind].mean() > 1e-4  # not only where it was seen
+    assert np.abs(hints.radiance - alone.radiance)[behind].mean() > 1e-4  # not only where it was seen
     panorama = to_bytes(response(smooth_map()))
     whole = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings=panorama)
-    assert whole.sidecar()["known"]["surroundings"] == 1.0
+    assert whole.sidecar()["priors"]["surroundings"] == 1.0
     assert np.median(np.abs(response(whole.radiance) - response(smooth_map()))) < 0.01
 
 
@@ -277,14 +281,14 @@ def test_the_command_line_tells_surroundings(tmp_path, command):
     for given, share in (("photo", 0.04), (tmp_path / "pano.png", 1.0)):
         done = command(*call, "--surroundings", given)
         assert done.status == 0, done.err
-        assert json.loads(done.out)["known"]["surroundings"] == pytest.approx(share, abs=0.02)
+        assert json.loads(done.out)["priors"]["surroundings"] == pytest.approx(share, abs=0.02)
     refused = command(*call, "--surroundings", tmp_path / "mask.png")
     assert refused.status == 2
     assert "twice as wide" in refused.err
 
 
 @pytest.mark.parametrize("kind", ["exr", "hdr"])
-def test_the_lamps_of_a_panorama_come_through_the_command(tmp_path, command, kind):
+def test_the_emitters_of_a_panorama_come_through_the_command(tmp_path, command, kind):
     """The network is told white there; several photos know them too, the panorama being the first one's."""
     photo, mask = room_photo(smooth_map())
     for name in ("disc", "other"):
@@ -298,6 +302,9 @@ def test_the_lamps_of_a_panorama_come_through_the_command(tmp_path, command, kin
         found = anyprobe.Light.load(tmp_path / "out" / "disc.exr")
         truth = lit_room()
         assert found.radiance.max() == pytest.approx(40, rel=0.25)  # turned to the crop and back
-        assert found.main_light().direction @ anyprobe.Light(radiance=truth).main_light().direction > 0.998
-        flux = found.main_light().irradiance / anyprobe.Light(radiance=truth).main_light().irradiance
-        np.testing.assert_allclose(flux, 1.0, atol=0.15)
+        assert (
+            found.dominant_light().direction @ anyprobe.Light(radiance=truth).dominant_light().direction
+            > 0.998
+        )
+        power = found.dominant_light().irradiance / anyprobe.Light(radiance=truth).dominant_light().irradiance
+        np.testing.assert_allclose(power, 1.0, atol=0.15)

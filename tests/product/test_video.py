@@ -16,7 +16,7 @@ from support.scenes import made_map
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
-from support.clips import SIZE, ball_frame, ball_mask, turned, write_clip, write_masks
+from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
@@ -24,7 +24,7 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
-from anyprobe.relight.relight import Arrangement
+from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import join_pieces, open_clip, read_frames, upright_size, write_piece
@@ -40,7 +40,7 @@ def made(tmp_path_factory):
     """clip.mp4 of COUNT frames under a light that turns, and masks/."""
     folder = tmp_path_factory.mktemp("clip")
     rng = np.random.default_rng(1)
-    frames = [ball_frame(turned(made_map(), 0.05 * i), 0.01, rng) for i in range(COUNT)]
+    frames = [sphere_frame(turned(made_map(), 0.05 * i), 0.01, rng) for i in range(COUNT)]
     write_clip(folder / "clip.mp4", frames, FPS)
     write_masks(folder / "masks", COUNT)
     return folder
@@ -73,7 +73,7 @@ def files_of(folder) -> dict[str, bytes]:
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_a_track_and_maps(command, work, made):
     done = command(
-        "video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "--json", "-q"
+        "video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q"
     )
     assert done.status == 0, done.err
     assert json.loads(done.out)["bad"] == []
@@ -84,7 +84,7 @@ def test_command_writes_a_track_and_maps(command, work, made):
     last = track["frames"][-1]
     steady = read_radiance(work / "out" / "lights" / f"{COUNT - 1:06d}.exr")
     np.testing.assert_allclose(last["sh9"], project(steady), rtol=0.01, atol=0.01)
-    assert np.linalg.norm(last["main_light"]["direction"]) == pytest.approx(1, abs=1e-4)
+    assert np.linalg.norm(last["dominant_light"]["direction"]) == pytest.approx(1, abs=1e-4)
     assert np.shape(last["sh9_ambient"]) == (9, 3)
 
 
@@ -95,16 +95,16 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     panorama[...] = (180, 90, 45)
     Image.fromarray(panorama).save(work / "panorama.png")
     lights = {}
-    for name, told in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
-        options = ("--surroundings", *told) if told else ()
+    for name, given in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
+        options = ("--surroundings", *given) if given else ()
         done = command(
-            "video", made / "clip.mp4", "-o", name, "--masks", made / "masks", "--exr", "-q", *options
+            "video", made / "clip.mp4", "-o", name, "--mask", made / "masks", "--exr", "-q", *options
         )
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
     np.testing.assert_allclose(response(lights["panorama"]), panorama / 255, atol=0.02)
-    ahead = (32, 67)  # a little right of the middle, beside the ball
-    shown = ball_frame(made_map())[50, 74] / 255
+    ahead = (32, 67)  # a little right of the middle, beside the sphere
+    shown = sphere_frame(made_map())[50, 74] / 255
     np.testing.assert_allclose(response(lights["photo"][ahead]), shown, atol=0.03)
     assert np.abs(response(lights["alone"][ahead]) - shown).max() > 0.05
 
@@ -121,7 +121,7 @@ def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
     last = np.maximum(rotate(turning.progress.light.radiance, poses[-1].T), 0.0)
     np.testing.assert_allclose(records[-1]["sh9"], project(last), atol=1e-4)
     # the light of frame 6 as frame 8's camera sees it
-    world = [rotation_y(-0.05 * i) @ records[i]["main_light"]["direction"] for i in (6, 7, 8)]
+    world = [rotation_y(-0.05 * i) @ records[i]["dominant_light"]["direction"] for i in (6, 7, 8)]
     np.testing.assert_allclose(world[1:], [world[0]] * 2, atol=0.02)
     assert turning.progress.light.spread < still.progress.light.spread
 
@@ -133,7 +133,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
         made / "clip.mp4",
         "-o",
         "out",
-        "--masks",
+        "--mask",
         made / "masks",
         "-q",
         "--poses",
@@ -147,7 +147,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert json.loads((work / "out" / "track.json").read_text())["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
     assert "another poses" in command(*order).complaint
-    assert "expected one of them" in command(*order, "--object", "ball").complaint
+    assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
 def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
@@ -159,7 +159,7 @@ def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
 @pytest.mark.parametrize("relit", [False, True])
 def test_frame_without_object_keeps_the_light_and_is_named(begin, tmp_path, relit):
     masks = write_masks(tmp_path / "masks", COUNT)
-    Image.fromarray(0 * ball_mask()).save(masks / "0004.png")
+    Image.fromarray(0 * sphere_mask()).save(masks / "0004.png")
     run = begin(tmp_path / "out", relit=relit, every=2)
     run.follower = MaskFollower(masks, {}, None)
     outcome = run(lambda done: None)
@@ -173,7 +173,9 @@ def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
     folder = tmp_path / "masks"
     folder.mkdir()
     for number in range(COUNT + 1):  # 0 ... 10
-        Image.fromarray(ball_mask() if number < COUNT else 0 * ball_mask()).save(folder / f"m{number}.png")
+        Image.fromarray(sphere_mask() if number < COUNT else 0 * sphere_mask()).save(
+            folder / f"m{number}.png"
+        )
     follower = MaskFollower(folder, {}, None)
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         assert follower.photo(frame).mask.any()  # m10, which is empty, comes last
@@ -192,7 +194,7 @@ def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
 def test_object_of_the_first_frame_is_followed(made, where):
     pytest.importorskip("cv2")
     follower = MaskFollower(None, where, None)
-    truth = ball_mask() > 127
+    truth = sphere_mask() > 127
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         mask = follower.photo(frame).mask > 0.5
         assert (mask & truth).sum() / (mask | truth).sum() > 0.7
@@ -200,7 +202,7 @@ def test_object_of_the_first_frame_is_followed(made, where):
 
 def test_another_object_is_not_taken_for_it(made):
     follower = MaskFollower(None, {}, None)
-    follower.last = [40.0, 60.0, 100.0, 20, 40, 60, 80]  # the ball has some 1250 pixels
+    follower.last = [40.0, 60.0, 100.0, 20, 40, 60, 80]  # the sphere has some 1250 pixels
     with pytest.raises(InvalidMask, match="about 100 pixels"):
         follower.photo(next(read_frames(open_clip(made / "clip.mp4"), [])))
     assert follower.last[2] == 100.0
@@ -241,17 +243,17 @@ def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
 def test_killed_command_goes_on_to_the_same_files(tmp_path):
     """kill -9 three times: while the first frames are not saved yet, at a save, and well after one."""
     count = 2 * run_module.SAVE_EVERY + 8
-    frames = [ball_frame(turned(made_map(), 0.02 * i)) for i in range(count)]
+    frames = [sphere_frame(turned(made_map(), 0.02 * i)) for i in range(count)]
     clip = write_clip(tmp_path / "clip.mp4", frames, FPS)
     masks = write_masks(tmp_path / "masks", count)
     order = [
         PROGRAM,
         "video",
         clip,
-        "--masks",
+        "--mask",
         masks,
-        "--object",
-        "ball",
+        "--insert",
+        "sphere",
         "--every",
         "3",
         "--exr",
@@ -301,12 +303,12 @@ def test_other_settings_are_refused(begin, tmp_path):
     [
         (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
-        (("--box", "12,32,70,90", "--masks", "."), "expected one of them"),
-        (("--surroundings", "absent.png", "--masks", "."), "surroundings: absent.png"),
-        (("--masks", "."), "no frame gave a light"),
-        (("--masks", "absent"), "a folder with one mask"),
-        (("--object", "bunni"), "ball, vase"),
-        (("--material", "glass", "--object", "ball"), "chrome, gold"),
+        (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
+        (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
+        (("--mask", "."), "no frame gave a light"),
+        (("--mask", "absent"), "a folder with one file"),
+        (("--insert", "bunni"), "sphere, vase"),
+        (("--insert-material", "glass", "--insert", "sphere"), "chrome, gold"),
     ],
 )
 @pytest.mark.usefixtures("networks_opened_once")
@@ -323,7 +325,7 @@ def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "out" / "lights").mkdir(parents=True)
     mine = work / "out" / "lights" / "vase_blender.exr"
     mine.write_bytes(b"mine")
-    order = ("video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "-q")
+    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "-q")
     assert command(*order, "--restart").status == 0
     assert command(*order, "--every", 5).status != 0  # other settings
     assert command(*order, "--every", 5, "--restart").status == 0
@@ -332,7 +334,7 @@ def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "photos" / "lights").mkdir(parents=True)  # nothing of ours was ever here
     (work / "photos" / "lights" / "000001.exr").write_bytes(b"mine")
     (work / "empty").mkdir()
-    order = ("video", made / "clip.mp4", "-o", "photos", "--masks", work / "empty", "--restart", "-q")
+    order = ("video", made / "clip.mp4", "-o", "photos", "--mask", work / "empty", "--restart", "-q")
     assert command(*order).status != 0
     assert (work / "photos" / "lights" / "000001.exr").read_bytes() == b"mine"
 
@@ -362,7 +364,7 @@ def test_relit_clip_has_every_frame_and_the_object(begin, made, tmp_path):
     assert len(relit) == len(plain) == COUNT
     difference = np.abs(np.array(relit, float) - np.array(plain, float)).mean(axis=(0, 3))
     assert difference[:20].mean() < 3  # above the horizon, but for the codec
-    assert difference[40:80, 70:110].max() > 15  # beside the ball
+    assert difference[40:80, 70:110].max() > 15  # beside the sphere
 
 
 @pytest.mark.parametrize(("matrix", "turns"), [((0, 1, -1, 0), -1), ((0, -1, 1, 0), 1), ((-1, 0, 0, -1), 2)])

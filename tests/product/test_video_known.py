@@ -11,13 +11,13 @@ from support.scenes import made_map
 
 pytest.importorskip("av", reason="the extra `video` is not installed")
 
-from support.clips import ball_frame, ball_mask, write_clip, write_masks
+from support.clips import sphere_frame, sphere_mask, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
+from anyprobe.estimate.photo import load_photo
 from anyprobe.files.radiance import read_radiance, write_exr
-from anyprobe.infer.photo import load_photo
-from anyprobe.relight.relight import Arrangement
+from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import following
 from anyprobe.video import run as run_module
@@ -36,10 +36,10 @@ def first_frame(path):
 @pytest.mark.parametrize("first_is_lit", [True, False])
 def test_a_panorama_is_of_the_first_frames_camera(tmp_path, estimator, first_is_lit):
     """What it shows ahead of that camera, one that is turned a quarter to the left has at its right."""
-    clip = write_clip(tmp_path / "clip.mp4", [ball_frame(made_map())] * 2)
+    clip = write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())] * 2)
     masks = write_masks(tmp_path / "masks", 2)
     if not first_is_lit:
-        Image.fromarray(0 * ball_mask()).save(masks / "0000.png")
+        Image.fromarray(0 * sphere_mask()).save(masks / "0000.png")
     panorama = np.full((64, 128, 3), 60, np.uint8)
     panorama[28:36, 60:68] = 200
     follower = MaskFollower(masks, {}, None, panorama)
@@ -59,13 +59,13 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
         Image.fromarray(np.uint8(255 * values)).save(path)
     else:
         write_exr(path, 3 * values[..., :3])
-    frame = first_frame(write_clip(tmp_path / "clip.mp4", [ball_frame(made_map())]))
+    frame = first_frame(write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())]))
     masks = write_masks(tmp_path / "masks", 1)
-    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).around
+    expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings_map
     follower = MaskFollower(masks, {}, None, path)
     path.unlink()
     for _ in range(2):
-        np.testing.assert_array_equal(follower.photo(frame).around, expected)
+        np.testing.assert_array_equal(follower.photo(frame).surroundings_map, expected)
     assert expected.shape[-1] == (4 if kind == "png" else 5)
 
 
@@ -74,7 +74,7 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
 
 @pytest.mark.usefixtures("networks_opened_once")
 def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(command, work):
-    frame, mask = np.rot90(ball_frame(made_map())), np.rot90(ball_mask())  # 96 wide, 128 high
+    frame, mask = np.rot90(sphere_frame(made_map())), np.rot90(sphere_mask())  # 96 wide, 128 high
     write_clip(work / "clip.mp4", [frame] * 2)
     assert upright_size(open_clip(work / "clip.mp4")) == (96, 128)
     (work / "masks").mkdir()
@@ -82,9 +82,9 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
         Image.fromarray(np.ascontiguousarray(mask)).save(work / "masks" / name)
     frames = [{"transform_matrix": np.eye(4).tolist()}] * 2
     (work / "poses.json").write_text(json.dumps({"frames": frames, "camera_angle_x": 2 * np.arctan(0.3)}))
-    order = ("video", "clip.mp4", "--masks", "masks", "--poses", "poses.json", "-q")
-    for folder, told, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
-        done = command(*order, "-o", folder, *told)
+    order = ("video", "clip.mp4", "--mask", "masks", "--poses", "poses.json", "-q")
+    for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
+        done = command(*order, "-o", folder, *given)
         assert done.status == 0, done.err
         found = json.loads((work / folder / "track.json").read_text())["fov_deg"]
         assert np.tan(np.radians(found / 2)) == pytest.approx(tangent)
@@ -97,15 +97,15 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
     """Its frame's mask is found by the one before, which was found too, though that frame gave no light."""
     monkeypatch.setattr(run_module, "SAVE_EVERY", 2)
     monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
-    grown = np.maximum.reduce([np.roll(ball_mask(), n, axis) for n in (-2, 0, 2) for axis in (0, 1)])
+    grown = np.maximum.reduce([np.roll(sphere_mask(), n, axis) for n in (-2, 0, 2) for axis in (0, 1)])
 
-    def found(rgb, click=None, box=None, **told):
-        return load_photo(rgb, mask=grown if click is None else ball_mask(), **told)
+    def found(rgb, click=None, box=None, **given):
+        return load_photo(rgb, mask=grown if click is None else sphere_mask(), **given)
 
     monkeypatch.setattr(following, "load_photo", found)
-    plain = ball_frame(made_map())
+    plain = sphere_frame(made_map())
     plain[grown == 0] = 60
-    clip = write_clip(tmp_path / "clip.mp4", [plain] + [ball_frame(made_map())] * 4)
+    clip = write_clip(tmp_path / "clip.mp4", [plain] + [sphere_frame(made_map())] * 4)
     virtual = VirtualObject(mesh=sphere(8), material="chrome", arrangement=Arrangement(pitch_deg=15))
 
     def run(folder, stop_at=None):
@@ -128,19 +128,19 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
 
 @pytest.mark.usefixtures("networks_opened_once")
 def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command, work):
-    write_clip(work / "clip.mp4", [ball_frame(made_map())] * 2)
+    write_clip(work / "clip.mp4", [sphere_frame(made_map())] * 2)
     masks = write_masks(work / "masks", 2)
     panorama = np.full((64, 128, 3), 90, np.uint8)
     Image.fromarray(panorama).save(work / "around.png")
     order = ("video", "clip.mp4", "-o", "out", "-q")
-    told = ("--masks", "masks", "--surroundings", "around.png")
-    assert command(*order, *told).status == 0
-    assert command(*order, *told).status == 0
+    given = ("--mask", "masks", "--surroundings", "around.png")
+    assert command(*order, *given).status == 0
+    assert command(*order, *given).status == 0
     Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
-    assert "got another surroundings;" in command(*order, *told).complaint
+    assert "got another surroundings;" in command(*order, *given).complaint
     Image.fromarray(panorama).save(work / "around.png")
-    Image.fromarray(np.roll(ball_mask(), 1, axis=0)).save(masks / "0001.png")
-    assert "got another masks;" in command(*order, *told).complaint
-    Image.fromarray(ball_mask()).save(masks / "0001.png")
+    Image.fromarray(np.roll(sphere_mask(), 1, axis=0)).save(masks / "0001.png")
+    assert "got another masks;" in command(*order, *given).complaint
+    Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
-    assert command(*order, "--masks", "moved", *told[2:]).status == 0
+    assert command(*order, "--mask", "moved", *given[2:]).status == 0

@@ -14,16 +14,16 @@ import anyprobe
 SOURCE = Path(anyprobe.__file__).parent
 
 ORDER = (
-    "errors core light scatter render files export nets dataset masks infer relight video "
+    "errors core light scatter render files export nets dataset masks estimate relight video "
     "evaluate train serve cli __init__"
 ).split()
 """A part may import itself and the parts before it."""
 
 ONLY = {
     "torch": {"render", "nets", "dataset", "train", "cli"},
-    "onnxruntime": {"files", "infer", "train", "cli"},
+    "onnxruntime": {"files", "estimate", "train", "cli"},
     "onnx": {"train"},
-    "openvino": {"infer"},
+    "openvino": {"estimate"},
     "cv2": {"masks"},
     "trimesh": {"files"},
     "typer": {"cli"},
@@ -131,8 +131,12 @@ def test_every_permission_is_used():
         ("core/a.py", "from anyprobe.light import b", "core imports light"),
         ("core/a.py", "from anyprobe import files", "core imports files"),
         ("core/a.py", "import anyprobe", "core imports __init__"),
-        ("infer/a.py", "def f():\n    if True:\n        import torch.nn", "infer imports torch"),
-        ("infer/a.py", "class A:\n    def f(self):\n        from anyprobe.train import b", "imports train"),
+        ("estimate/a.py", "def f():\n    if True:\n        import torch.nn", "estimate imports torch"),
+        (
+            "estimate/a.py",
+            "class A:\n    def f(self):\n        from anyprobe.train import b",
+            "imports train",
+        ),
         ("train/a.py", "from . import b", "relative import"),
         ("train/a.py", "from ..core import b", "relative import"),
         ("web/a.py", "import json", "web has no place"),
@@ -140,7 +144,7 @@ def test_every_permission_is_used():
         ("render/a.py", "def f():\n    import torch.nn", "torch outside compile_kernel"),
         ("cli/a.py", "from anyprobe.web import b", "no place in the order"),
         ("errors.py", "from anyprobe.core import b", "errors imports core"),
-        ("infer/a.py", "import json\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
+        ("estimate/a.py", "import json\nfrom anyprobe.files import b\nfrom onnxruntime import c", None),
         ("cli/a.py", "from anyprobe import __version__\ndef need_torch():\n    import torch", None),
     ],
 )

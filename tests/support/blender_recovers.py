@@ -2,8 +2,8 @@
 
 python blender_recovers.py script.py|stage.usda order.json answer.json
 
-order.json: {"directions": [[x, y, z], ...]} in Blender's axes, "normals": the same for a white ball.
-A tiny camera looks along each direction; a white ball, out of the way, is seen from each normal.
+order.json: {"directions": [[x, y, z], ...]} in Blender's axes, "normals": the same for a white sphere.
+A tiny camera looks along each direction; a white sphere, out of the way, is seen from each normal.
 """
 
 import json
@@ -57,7 +57,7 @@ seen = [picture(eye, d) for d in asked["directions"]]
 scene.cycles.samples = 256
 scene.cycles.max_bounces = 0
 bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64, location=(0, 0, 0))
-ball = bpy.context.object
+sphere = bpy.context.object
 bpy.ops.object.shade_smooth()
 white = bpy.data.materials.new("white")
 white.use_nodes = True
@@ -66,19 +66,19 @@ nodes.clear()
 diffuse = nodes.new("ShaderNodeBsdfDiffuse")
 diffuse.inputs["Color"].default_value = (1, 1, 1, 1)
 white.node_tree.links.new(diffuse.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs[0])
-ball.data.materials.append(white)
+sphere.data.materials.append(white)
 lit = []
 for n in asked["normals"]:
     eye.location = 5 * Vector(n)
     lit.append(picture(eye, [-x for x in n]))
 suns = [
     {
-        "towards": list(lamp.matrix_world.to_quaternion() @ Vector((0, 0, 1))),
-        "energy": lamp.data.energy,
-        "color": list(lamp.data.color),
-        "angle": lamp.data.angle,
+        "towards": list(emitter.matrix_world.to_quaternion() @ Vector((0, 0, 1))),
+        "energy": emitter.data.energy,
+        "color": list(emitter.data.color),
+        "angle": emitter.data.angle,
     }
-    for lamp in bpy.data.objects
-    if lamp.type == "LIGHT" and lamp.data.type == "SUN"
+    for emitter in bpy.data.objects
+    if emitter.type == "LIGHT" and emitter.data.type == "SUN"
 ]
 answer.write_text(json.dumps({"seen": seen, "lit": lit, "suns": suns, "version": bpy.app.version_string}))

@@ -1,4 +1,4 @@
-"""Rendered clips: a shaded ball under a light that may move, with its masks, as mp4 and folders."""
+"""Rendered clips: a shaded sphere under a light that may move, with its masks, as mp4 and folders."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from PIL import Image
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.light.environment import rotate
-from anyprobe.render.balls import ball_normals, diffuse
+from anyprobe.render.spheres import diffuse, sphere_normals
 
 SIZE, DIAMETER = (128, 96), 40
 LEFT_PX, TOP_PX = 20, 40
 
 
-def ball_frame(
+def sphere_frame(
     radiance: np.ndarray, noise: float = 0.0, rng: np.random.Generator | None = None
 ) -> np.ndarray:
-    """[96, 128, 3] uint8: the ball on a dull ground."""
+    """[96, 128, 3] uint8: the sphere on a dull ground."""
     rows = np.arange(SIZE[1])[:, None, None]
     picture = np.broadcast_to(0.2 + 0.2 * rows / SIZE[1] * np.array([0.2, 0.6, 1.0]), (*SIZE[::-1], 3)).copy()
     window = picture[TOP_PX : TOP_PX + DIAMETER, LEFT_PX : LEFT_PX + DIAMETER]
-    on = ball_normals(DIAMETER)[1]
+    on = sphere_normals(DIAMETER)[1]
     window[on] = response(0.8 * diffuse(radiance, DIAMETER))[on]
     if rng is not None:
         picture = picture + rng.normal(0, noise, picture.shape)
     return to_bytes(picture)
 
 
-def ball_mask() -> np.ndarray:
+def sphere_mask() -> np.ndarray:
     mask = np.zeros(SIZE[::-1], np.uint8)
-    mask[TOP_PX : TOP_PX + DIAMETER, LEFT_PX : LEFT_PX + DIAMETER] = 255 * ball_normals(DIAMETER)[1]
+    mask[TOP_PX : TOP_PX + DIAMETER, LEFT_PX : LEFT_PX + DIAMETER] = 255 * sphere_normals(DIAMETER)[1]
     return mask
 
 
 def write_masks(folder: Path, count: int) -> Path:
     folder.mkdir()
     for index in range(count):
-        Image.fromarray(ball_mask()).save(folder / f"{index:04d}.png")
+        Image.fromarray(sphere_mask()).save(folder / f"{index:04d}.png")
     return folder
 
 

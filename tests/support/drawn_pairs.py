@@ -20,7 +20,7 @@ from anyprobe.dataset.pair import MapPair, Pair
 from anyprobe.dataset.plan import Plan
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.samples import CONDITIONS, AssetNote, Sample, encode_map_pair, encode_pair
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 
 class DrawnRenderer:
@@ -34,7 +34,7 @@ class DrawnRenderer:
             AssetNote(id=f"{index:08x}", name=name, licence="own") for index, name in enumerate(names)
         ]
         self.shapes = (
-            [] if settings["kind"] == "map" else [AssetNote(id="0a" * 4, name="ball", licence="CC0")]
+            [] if settings["kind"] == "map" else [AssetNote(id="0a" * 4, name="sphere", licence="CC0")]
         )
         self.plan = Plan(
             kind=settings["kind"],
@@ -76,7 +76,7 @@ class DrawnRenderer:
                 tan_half=float(rng.uniform(0.1, 0.4)),
                 normals=np.zeros((128, 128, 3), np.float32),
                 material=Material(albedo=rng.random(3), f0=rng.random(3), alpha=float(rng.random())),
-                shape_name="ball",
+                shape_name="sphere",
                 **shown,
             )
         )

@@ -20,8 +20,8 @@ from support.zscore import Measured, measured
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.sampling import hammersley
+from anyprobe.dataset.asset_store import room, sky, studio
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.procedural_light import room, sky, studio
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import shrink
 from anyprobe.light.octahedral import Pyramid, build_pyramid
@@ -29,7 +29,7 @@ from anyprobe.render.integrate import Shading, shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import lathe, sphere, superquadric
 from anyprobe.render.surface import Camera, frame_object, see
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 SIZE = 32
 ROWS = 32
@@ -73,7 +73,7 @@ SCENES = [
 NUM_TESTS = len(SCENES) * SIZE * SIZE * 3
 
 BRIGHTEST = {"sky": (30, 120), "room": (20, 120), "studio": (8, 60)}
-"""Of a map of mean 1: high enough for a sun or a lamp, low enough for our samples to find it."""
+"""Of a map of mean 1: high enough for a sun or an emitter, low enough for our samples to find it."""
 
 
 @lru_cache

@@ -19,7 +19,7 @@ import numpy as np
 
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 LLVM = "/usr/lib/*/libLLVM-*.so"
 OLDEST_LLVM = 17
@@ -156,14 +156,14 @@ def mitsuba_scene(
             with `{"type": "direct", "hide_emitters": True}` and the like.
     """
     mi = open_mitsuba()
-    ball = {"type": "sphere", "bsdf": bsdf}
+    sphere = {"type": "sphere", "bsdf": bsdf}
     return mi.load_dict(
         {
             "type": "scene",
             "integrator": integrator or {"type": "unshadowed"},
             "sensor": sensor(camera, spp),
             "light": environment(radiance),
-            "object": ball if mesh is None else shape(mesh, bsdf),
+            "object": sphere if mesh is None else shape(mesh, bsdf),
         }
     )
 

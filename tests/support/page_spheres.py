@@ -7,11 +7,11 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.response import response
 from anyprobe.files.objects import open_object
-from anyprobe.relight.compose import window_around
 from anyprobe.relight.ground import Placement, View
+from anyprobe.relight.insert import window_surroundings
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
-from anyprobe.scatter.presets import MATERIALS
+from anyprobe.scatter.materials import MATERIALS
 
 SPHERES = ("chrome", "gold", "matte")
 MOST_OFF = 0.03
@@ -20,14 +20,14 @@ MOST_OFF = 0.03
 
 def drawn_by_package(width: int, height: int, pose: dict, radiance: np.ndarray, material: str) -> np.ndarray:
     """[height, width, 4] display values and coverage of the sphere that the page says it drew."""
-    ball = open_object("ball")
+    sphere = open_object("sphere")
     foot, up = np.array(pose["foot"]), normalize(np.array(pose["up"]))
     radius = pose["scale"] / 2
-    outwards = normalize(ball.positions - ball.positions.mean(axis=0))
-    mesh = Mesh(positions=foot + radius * (up + outwards), faces=ball.faces, normals=ball.normals)
+    outwards = normalize(sphere.positions - sphere.positions.mean(axis=0))
+    mesh = Mesh(positions=foot + radius * (up + outwards), faces=sphere.faces, normals=sphere.normals)
     focal = max(width, height) / 2 / np.tan(np.radians(pose["longFovDeg"]) / 2)
     view = View(width=width, height=height, focal=focal, up=up)
-    window = window_around(Placement(mesh=mesh, foot=foot, radius=radius, pitch_deg=0.0), view)
+    window = window_surroundings(Placement(mesh=mesh, foot=foot, radius=radius, pitch_deg=0.0), view)
     drawn = draw_mesh(mesh, window.camera, radiance, MATERIALS[material])
     picture = np.zeros((height, width, 4), np.float32)
     rows, columns = np.mgrid[0 : window.size, 0 : window.size]

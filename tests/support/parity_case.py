@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.response import inverse_response, response
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import crop_object, load_photo
-from anyprobe.infer.runtime import LIFT_STAGES, SPREAD, weights_folder
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
@@ -37,7 +37,7 @@ def _normals(mask: np.ndarray) -> np.ndarray:
     return np.where(mask[..., None] > 0.5, n, 0.0).astype(np.float32)
 
 
-def _steadied(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them."""
     noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
     gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0, 9.0, 4.5, 4.5, 4.5])[:, None, None, None]
@@ -56,7 +56,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     """
     loaded = load_photo(photo, fov_deg=long_fov_deg)
     light = estimator.from_photo(loaded)
-    main = light.main_light()
+    main = light.dominant_light()
     answers = {
         "mask": loaded.mask,
         "crop": light.stages["photo"].transpose(2, 0, 1),
@@ -71,18 +71,18 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             [main.direction, main.irradiance, main.color, [main.solid_angle, main.confidence]]
         ),
         "confidence": light.confidence,
-        "exposure": [light.sidecar()["confidence"], light.told],
+        "exposure": [light.sidecar()["confidence"], light.well_exposed_fraction],
         "curve": response(STEPS),
         "curve_inverse": inverse_response(STEPS),
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
     if estimator.models.stages == LIFT_STAGES:
-        with_background = replace(loaded, around=True)
-        answers["surroundings"] = crop_object(with_background).around.transpose(2, 0, 1)
+        with_background = replace(loaded, surroundings=True)
+        answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
-        answers["radiance_expected"] = estimator.with_lamps(SPREAD).from_photo(loaded).radiance
+        answers["radiance_expected"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
@@ -90,7 +90,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, hints in HINTS.items():
         answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover
-    answers["frames"], answers["steadied"] = _steadied(light.radiance)
+    answers["frames"], answers["steadied"] = _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
     (folder / "photo.rgba").write_bytes(photo.tobytes())

@@ -25,6 +25,6 @@ def some_batch(count: int = 4) -> Batch:
         alpha=values(count),
         normals=normals,
         tan_half=0.2 * values(count),
-        told=torch.zeros(count, 3, 3),
-        around=torch.zeros(count, 4, 64, 128),
+        given_normals_rotation=torch.zeros(count, 3, 3),
+        surroundings=torch.zeros(count, 4, 64, 128),
     )

@@ -1,23 +1,23 @@
-"""A test pair without a renderer: a ball under a drawn map, its photo what the map makes of it."""
+"""A test pair without a renderer: a sphere under a drawn map, its photo what the map makes of it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.procedural_light import draw_map
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.light.environment import shrink
-from anyprobe.render.balls import ball_normals, diffuse
-from anyprobe.scatter.brdf import Material
+from anyprobe.render.spheres import diffuse, sphere_normals
+from anyprobe.scatter.materials import Material
 
 
-def ball_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: int = 0) -> Pair:
-    """A white ball that fills the picture; photo and irradiance alike."""
+def sphere_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: int = 0) -> Pair:
+    """A white sphere that fills the picture; photo and irradiance alike."""
     radiance = shrink(draw_map(np.random.default_rng(seed), height=64)[0], 64).astype(np.float32)
     radiance = radiance * np.float32(0.4 / radiance.mean())
-    normals, mask = ball_normals(128)
+    normals, mask = sphere_normals(128)
     picture = np.round(response(diffuse(radiance, 128)) * 255).astype(np.uint8)
     seen = np.zeros((128, 128, 3), np.float32)
     seen[mask] = normals
@@ -32,6 +32,6 @@ def ball_pair(seed: int = 0, alpha: float = 0.3, indoor: bool = True, material: 
         normals=seen,
         material=Material(albedo=np.full(3, 0.8), f0=np.full(3, 0.04), alpha=alpha),
         map_name=f"drawn {seed}",
-        shape_name="ball",
+        shape_name="sphere",
         indoor=indoor,
     )

@@ -1,7 +1,7 @@
 """The map that tells a roll, a mirror and a flip from each other: (0.5 + 0.5 cos 2 pi u, 0.5 + 0.5 sin 2 pi u, v).
 
 u and v are those of our own frame, so that a program which shows the colour (r, g, b) somewhere
-shows where in our map it looked. A mirrored map passes tests with a lamp on an axis; not this one.
+shows where in our map it looked. A mirrored map passes tests with an emitter on an axis; not this one.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class Measured:
 def measured(replicates: np.ndarray, largest: np.ndarray | float = 0.0, rare: float = 10.0) -> Measured:
     """From independent replicates [R, P, 3].
 
-    largest: what the brightest single sample could add to the mean, [P, 3]. Where a lamp is
+    largest: what the brightest single sample could add to the mean, [P, 3]. Where an emitter is
     hit by a few samples in a hundred thousand, the replicates may all have missed it and
     vary by nothing; the variance of `rare` such hits is therefore always added. With 10
     the chance of k hits where many more are due, P(k | lambda) with (lambda - k)^2 >

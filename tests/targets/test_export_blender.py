@@ -19,8 +19,8 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.targets import export
-from anyprobe.light.main_light import find_main_light
-from anyprobe.render.balls import ball_images, ball_normals
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.render.spheres import sphere_images, sphere_normals
 
 pytestmark = pytest.mark.slow
 
@@ -74,9 +74,9 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
     if target == "blender":
         path.write_text(path.read_text().replace("SUN = False", "SUN = True"))
     found = recover(python, path, tmp_path)
-    off = (D @ find_main_light(radiance).direction) < 0.95
+    off = (D @ find_dominant_light(radiance).direction) < 0.95
     assert_same_way_round(np.array(found["seen"])[off] / 0.4, D[off], degrees=1.5)
-    main = find_main_light(radiance)
+    main = find_dominant_light(radiance)
     (sun,) = found["suns"]
     np.testing.assert_allclose(sun["towards"], BLENDER @ main.direction, atol=1e-3)
     if target == "blender":
@@ -84,18 +84,20 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
         np.testing.assert_allclose(found["lit"], irradiance(radiance) / np.pi, rtol=0.06, atol=0.01)
 
 
-def test_balls_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path):
+def test_spheres_look_otherwise_than_our_own_renderer_draws_them(python, tmp_path):
     """The script opened in Blender's text editor, as docs/export.md says.
 
-    Its glossy ball has no Fresnel term, ours reflects a little more towards its edge.
+    Its glossy sphere has no Fresnel term, ours reflects a little more towards its edge.
     """
     radiance, size = light_of(), 48
     path = next(p for p in export(radiance, "blender", tmp_path, "two phase") if p.suffix == ".py")
-    run(python, "blender_each_ball.py", path, size, tmp_path / "balls.npy")
-    normals, mask = ball_normals(size)
+    run(python, "blender_each_sphere.py", path, size, tmp_path / "spheres.npy")
+    normals, mask = sphere_normals(size)
     facing = np.zeros((size, size), bool)
-    facing[mask] = normals[:, 2] > 0.35  # a ball of flat faces has another edge
-    for seen, ours in zip(np.load(tmp_path / "balls.npy"), ball_images(radiance, size).values(), strict=True):
+    facing[mask] = normals[:, 2] > 0.35  # a sphere of flat faces has another edge
+    for seen, ours in zip(
+        np.load(tmp_path / "spheres.npy"), sphere_images(radiance, size).values(), strict=True
+    ):
         difference = np.abs(seen - ours)[facing].sum(axis=1) / ours[facing].sum(axis=1)
         assert np.median(difference) < 0.05
         np.testing.assert_allclose(seen[facing].mean(axis=0), ours[facing].mean(axis=0), rtol=0.08)

@@ -1,4 +1,4 @@
-"""Babylon.js reads the exported .glb: EXT_lights_image_based's faces and coefficients, and the main light.
+"""Babylon.js reads the exported .glb: EXT_lights_image_based's faces and coefficients, and the dominant light.
 
 It is large and not in tests/browser's package.json: npm install --no-save babylonjs babylonjs-loaders there.
 """
@@ -13,7 +13,7 @@ import pytest
 from support.browser import FOLDER, NODE_MODULES, NoBrowser, find_browser, run_steps, serve
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
-from anyprobe.export.light import prepare
+from anyprobe.export.exported_light import prepare
 from anyprobe.export.targets import export
 from anyprobe.light.harmonics import irradiance
 

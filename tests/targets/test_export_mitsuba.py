@@ -28,7 +28,7 @@ def test_emitter_is_turned_or_mirrored(mi, tmp_path):
     np.testing.assert_allclose(seen, bilinear(radiance, direction_to_uv(d)), atol=2e-3)
 
 
-def test_picture_shows_the_front_behind_the_balls(mi, tmp_path):
+def test_picture_shows_the_front_behind_the_spheres(mi, tmp_path):
     """The camera looks along -Z: the picture's corners are our map's front, left is left."""
     scene = scene_of(mi, two_phase(64), tmp_path)
     picture = np.array(mi.render(scene, spp=4))
@@ -43,7 +43,7 @@ def test_picture_shows_the_front_behind_the_balls(mi, tmp_path):
 
 
 def test_furnace(mi, tmp_path):
-    """White balls vanish in even light, but for what the rough metal of 0.8 takes."""
+    """White spheres vanish in even light, but for what the rough metal of 0.8 takes."""
     scene = scene_of(mi, np.ones((16, 32, 3), np.float32), tmp_path)
     picture = np.array(mi.render(scene, spp=16))
     np.testing.assert_allclose(np.median(picture), 1, atol=0.01)

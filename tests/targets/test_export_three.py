@@ -8,8 +8,8 @@ from support.browser import run_steps
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.export.targets import export
+from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import irradiance, project
-from anyprobe.light.main_light import split_main_light
 
 pytestmark = pytest.mark.slow
 
@@ -38,11 +38,11 @@ def test_background_environment_and_probe_disagree(site, tmp_path):
 
 
 def test_sun_and_ambient_probe_are_not_the_whole_light(site, tmp_path):
-    """A white ball's middle, facing every direction: E of the rest by SH, and of the sun by its cosine."""
+    """A white sphere's middle, facing every direction: E of the rest by SH, and of the sun by its cosine."""
     radiance = 0.2 * two_phase(64)
     radiance[14:17, 90:94] += (60, 50, 40)
     seen = lit(site, radiance, tmp_path)
-    main, ambient = split_main_light(radiance)
+    main, ambient = split_dominant_light(radiance)
     np.testing.assert_allclose(seen["sun"]["position"], main.direction, atol=1e-5)
     np.testing.assert_allclose(
         np.multiply(seen["sun"]["color"], seen["sun"]["intensity"]), main.irradiance, rtol=1e-4

@@ -9,7 +9,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 from anyprobe.core.latlong import bilinear
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.light.main_light import find_main_light
+from anyprobe.light.dominant_light import find_dominant_light
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("pxr", reason="usd-core is needed (pip install usd-core)")
@@ -52,15 +52,15 @@ def test_dome_is_turned_or_mirrored(stage, tmp_path):
     x, y, z = d.T
     uv = np.stack([0.5 - np.arctan2(x, z) / (2 * np.pi), np.arccos(y) / np.pi], axis=-1)
     seen = bilinear(picture, uv)
-    even = seen.max(axis=1) < 1  # off the lamp
+    even = seen.max(axis=1) < 1  # off the emitter
     assert even.sum() > 90
     assert_same_way_round(seen[even] / 0.3, d[even], degrees=1)
 
 
-def test_main_light_is_a_distant_light(stage, radiance):
+def test_dominant_light_is_a_distant_light(stage, radiance):
     from pxr import UsdGeom, UsdLux
 
-    main = find_main_light(radiance)
+    main = find_dominant_light(radiance)
     light = UsdLux.DistantLight(stage.GetPrimAtPath("/Light/Main"))
     matrix = np.array(UsdGeom.Xformable(light).ComputeLocalToWorldTransform(0))
     shines = np.array([0, 0, -1, 0]) @ matrix  # along its own -Z
@@ -73,7 +73,7 @@ def test_main_light_is_a_distant_light(stage, radiance):
     assert "_ambient" in dome_map(stage).path
 
 
-def test_variant_puts_the_main_light_back_into_the_dome(stage):
+def test_variant_puts_the_dominant_light_back_into_the_dome(stage):
     chosen = stage.GetPrimAtPath("/Light").GetVariantSets().GetVariantSet("mainLight")
     assert chosen.GetVariantSelection() == "separate"
     chosen.SetVariantSelection("inTheDome")

@@ -1,4 +1,4 @@
-/** What is seen in the place of the prediction, as anyprobe.infer.surroundings has it. */
+/** What is seen in the place of the prediction, as anyprobe.estimate.surroundings has it. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";

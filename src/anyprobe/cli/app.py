@@ -4,51 +4,51 @@ from __future__ import annotations
 
 import sys
 
+import click
 import typer
+from typer.core import TyperGroup
 
 from anyprobe import __version__
-from anyprobe.cli.compare import compare
 from anyprobe.cli.data import data
 from anyprobe.cli.doctor import doctor
 from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
-from anyprobe.cli.evaluate_masks import evaluate_masks
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.relight import relight
-from anyprobe.cli.report import report, timing
-from anyprobe.cli.scaling import scaling
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
-from anyprobe.cli.trials import trials
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 
+USERS = (estimate, mask, relight, video, export, serve, doctor)
+MAKERS = (evaluate, train, weights)
+"""Commands of those who train and compare; `data` is one too."""
+
+
+class Sections(TyperGroup):
+    """Lists users' commands first, then those for training and evaluation."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        names = {command.__name__ for command in USERS}
+        sections: dict[str, list[tuple[str, str]]] = {"Commands": [], "Training and evaluation": []}
+        for name in self.list_commands(ctx):
+            command = self.get_command(ctx, name)
+            title = "Commands" if name in names else "Training and evaluation"
+            sections[title].append((name, command.get_short_help_str(formatter.width - 20)))
+        for title, rows in sections.items():
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
 app = typer.Typer(
     help="Any object is a light probe: HDR surrounding light from one photo.",
+    cls=Sections,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    estimate,
-    mask,
-    relight,
-    video,
-    export,
-    serve,
-    evaluate,
-    evaluate_masks,
-    compare,
-    timing,
-    report,
-    doctor,
-    train,
-    weights,
-    trials,
-    scaling,
-):
+for command in (*USERS, *MAKERS):
     app.command()(command)
 app.add_typer(data, name="data")
 

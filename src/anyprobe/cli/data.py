@@ -120,7 +120,7 @@ def assets(
     ] = None,
 ) -> None:
     """Write whose each map and shape is that shipped weights may learn from, and under which licence, in Markdown."""
-    from anyprobe.dataset.credits import asset_page
+    from anyprobe.dataset.asset_store import asset_page
     from anyprobe.files.atomic import atomic_path
 
     page = asset_page(data, report=lambda line: typer.echo(f"warning: {line}", err=True))

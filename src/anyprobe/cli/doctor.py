@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from anyprobe.errors import ModelError
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 PACKAGES = (
     "anyprobe",
@@ -30,10 +30,10 @@ PACKAGES = (
 def doctor(
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
 ) -> None:
-    """Print versions, providers and model hashes, and estimate the light of a drawn ball."""
+    """Print versions, providers and model hashes, and estimate the light of a drawn sphere."""
     import onnxruntime
 
-    from anyprobe.infer.runtime import file_hashes
+    from anyprobe.estimate.runtime import file_hashes
 
     talk = Console(highlight=False)
     talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
@@ -46,10 +46,11 @@ def doctor(
     for stage, digest in file_hashes(model).items():
         talk.print(f"model {model}/{stage} sha256 {digest}")
     seconds, error = self_test(model)
-    talk.print(f"self-test: main light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
+    talk.print(f"self-test: dominant light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
     if error > SELF_TEST_DEG:
         raise ModelError(
-            f"self-test: expected the main light within {SELF_TEST_DEG} degrees, got {error:.0f}; reinstall anyprobe"
+            f"self-test: expected the dominant light within {SELF_TEST_DEG} degrees, got {error:.0f}; "
+            "reinstall anyprobe"
         )
 
 
@@ -57,13 +58,13 @@ SELF_TEST_DEG = 45
 
 
 def self_test(model: str) -> tuple[float, float]:
-    """Seconds for one photo of a white ball lit from the upper left, and the main light's error in degrees."""
-    from anyprobe.infer.estimate import Estimator
-    from anyprobe.render.balls import ball_normals, diffuse
+    """Seconds for one photo of a white sphere lit from the upper left, and the dominant light's error in degrees."""
+    from anyprobe.estimate.estimator import Estimator
+    from anyprobe.render.spheres import diffuse, sphere_normals
 
     toward = np.array([-0.6, 0.6, 0.53])
-    radiance = _lamp(toward / np.linalg.norm(toward))
-    mask = ball_normals(128)[1]
+    radiance = _emitter(toward / np.linalg.norm(toward))
+    mask = sphere_normals(128)[1]
     photo = np.concatenate([np.clip(diffuse(radiance, 128), 0, 1), mask[..., None]], axis=-1).astype(
         np.float32
     )
@@ -72,11 +73,11 @@ def self_test(model: str) -> tuple[float, float]:
     start = time.perf_counter()
     light = estimator(photo)
     seconds = time.perf_counter() - start
-    cosine = float(light.main_light().direction @ toward / np.linalg.norm(toward))
+    cosine = float(light.dominant_light().direction @ toward / np.linalg.norm(toward))
     return seconds, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
-def _lamp(direction: np.ndarray) -> np.ndarray:
+def _emitter(direction: np.ndarray) -> np.ndarray:
     from anyprobe.core.latlong import pixel_directions
 
     cosine = pixel_directions(64) @ direction

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from anyprobe.cli.need import need_torch
+from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
 
 
@@ -45,10 +45,10 @@ def evaluate_masks(
     sets = {}
     if data is not None:
         need_torch("rendering scenes")
-        from anyprobe.dataset.stock import load_stock
+        from anyprobe.dataset.asset_store import load_asset_store
         from anyprobe.evaluate.mask_scenes import rendered_cases
 
-        sets["scenes"] = rendered_cases(load_stock(data, "test", commercial_only=False), scenes, seed)
+        sets["scenes"] = rendered_cases(load_asset_store(data, "test", commercial_only=False), scenes, seed)
     if photos is not None:
         sets["photos"] = photo_cases(photos)
     scores: dict[str, dict[str, dict[str, float]]] = {}
@@ -60,11 +60,11 @@ def evaluate_masks(
             scores[group][case.name] = {name: iou(mask, case.mask) for name, mask in found.items()}
             for name, mask in found.items():
                 if number < overlays and name.endswith("network, GrabCut"):
-                    told = name.split(":")[0]
+                    given = name.split(":")[0]
                     empty = np.zeros(case.mask.shape, np.float32)
-                    on = [case.click] if told == "click" else []
+                    on = [case.click] if given == "click" else []
                     shown = draw_overlay(case.rgb, empty if mask is None else mask, on)
-                    write_png(out / "overlays" / f"{case.name}_{told}.png", shown)
+                    write_png(out / "overlays" / f"{case.name}_{given}.png", shown)
     with atomic_path(out / "masks.json") as temporary:
         temporary.write_text(json.dumps({"seed": seed, "iou": scores}, indent=1) + "\n", encoding="utf-8")
     show = Console(highlight=False, width=120)

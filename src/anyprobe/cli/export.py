@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from anyprobe.errors import InputError
-from anyprobe.export.origin import check_front, origin_beside
+from anyprobe.export.exported_light import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
 
 

@@ -8,32 +8,18 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.where import (
-    BoxOption,
-    ClickOption,
-    DepthOption,
-    FarOption,
-    NearOption,
-    NotOption,
-    list_photos,
-    read_where,
-    where_for,
-)
+from anyprobe.cli.options import MaskOptions, hints_for, list_photos, with_bundles
 from anyprobe.errors import AnyprobeError, OutputError
 
 
+@with_bundles
 def mask(
     photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
+    pointed: MaskOptions,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
-    click: ClickOption = None,
-    click_off: NotOption = None,
-    box: BoxOption = None,
-    depth: DepthOption = None,
-    near: NearOption = None,
-    far: FarOption = None,
 ) -> None:
     """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
-    where = read_where(None, box, click, click_off, depth, near, far)
+    where = pointed.hints()
     listed = list_photos(photos)
     failed = False
     for path in listed:
@@ -55,15 +41,15 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
     twins = [other for other in listed if other.stem == path.stem]
     if twins[0] != path:
         raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
-    told = where_for(path, where)
+    hints = hints_for(path, where)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
-    inputs = {given.resolve() for given in (*listed, told["depth"]) if given is not None}
+    inputs = {given.resolve() for given in (*listed, hints["depth"]) if given is not None}
     for target in targets.values():
         if target.resolve() in inputs:
             raise OutputError(f"{path}: the result would replace {target}; choose another folder with -o")
     pixels = read_image(path)
-    found = find_mask(pixels, **told)
-    overlay = draw_overlay(pixels.rgb, found.mask, told["click"] or (), told["click_off"] or ())
+    found = find_mask(pixels, **hints)
+    overlay = draw_overlay(pixels.rgb, found.mask, hints["click"] or (), hints["click_off"] or ())
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())

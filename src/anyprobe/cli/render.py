@@ -140,18 +140,18 @@ def render(
 
 
 def _make() -> Callable:
-    from anyprobe.dataset.samples import StockRenderer
+    from anyprobe.dataset.samples import StoreRenderer
 
-    return StockRenderer
+    return StoreRenderer
 
 
 def _engine(engine: Engine, address: str | None, workers: int, say: Callable, job) -> Callable:
-    from anyprobe.dataset import local_engine, ray_engine, shards
+    from anyprobe.dataset import process_pools, shards
 
     if engine is Engine.local:
-        return partial(local_engine.run_local, workers=workers, say=say)
+        return partial(process_pools.run_local, workers=workers, say=say)
     return partial(
-        ray_engine.run_ray,
+        process_pools.run_ray,
         address=address,
         workers=workers,
         say=say,
@@ -238,7 +238,7 @@ def verify(
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
 ) -> None:
     """Check every shard: its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
-    from anyprobe.dataset import render_again, render_job, shards
+    from anyprobe.dataset import render_job, shards
 
     plan = render_job.read_plan(folder)
     render_job.check_versions(folder, plan)  # another release's shards are no damaged ones
@@ -255,7 +255,7 @@ def verify(
                 bad[shard] = wrong
     if again:
         whole = [shard for shard in there if shard not in bad]
-        bad |= render_again.differing(folder, data, _make(), whole, again, workers=workers, say=talk.print)
+        bad |= render_job.differing(folder, data, _make(), whole, again, workers=workers, say=talk.print)
     for shard, wrong in sorted(bad.items()):
         typer.echo(f"{shards.tar_path(folder, shard).name}: {wrong}")
         if repair:

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.errors import InputError, MissingExtra
-from anyprobe.infer.runtime import DEFAULT_MODEL
+from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """What browsers call a server of their own machine."""
@@ -44,7 +44,7 @@ def serve(
 ) -> None:
     """Serve the live page and the HTTP API; nothing leaves this machine."""
     _need_serve()
-    from anyprobe.infer.estimate import Estimator
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.serve.limits import Limits
     from anyprobe.serve.page import Page, write_static
 

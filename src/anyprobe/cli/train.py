@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.need import need_torch
+from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
 
 RUNS = Path("runs")
@@ -44,8 +44,8 @@ def train(
     """Train a chain of networks, or the mask network; goes on where it stopped, exactly, after any interruption."""
     need_torch("training")
     from anyprobe.train import loop
-    from anyprobe.train.runs import RUNS as NAMED
-    from anyprobe.train.runs import smoke
+    from anyprobe.train.config import RUNS as NAMED
+    from anyprobe.train.config import smoke
 
     if steps is not None and dry_run is not None:
         raise InputError(
@@ -118,7 +118,7 @@ def weights(
         ),
     ] = False,
 ) -> None:
-    """Export a trained run as ONNX and check it against torch; keep one of designs as it is, half as large."""
+    """Export a trained run as ONNX and check it against torch."""
     for option, asked in (
         ("--calibrated", calibrated),
         ("--int8", int8),
@@ -130,34 +130,21 @@ def weights(
         if asked and data is None and option in ("--calibrated", "--int8"):
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
-    from anyprobe.train.runs import RUNS as NAMED
-    from anyprobe.train.start import WITHOUT_GRAPHS, keep_apart, keep_run, mean_checkpoint, save_start
+    from anyprobe.train.config import RUNS as NAMED
+    from anyprobe.train.init_weights import keep_apart, mean_checkpoint, save_init_weights
 
     if mean_map is not None and run not in NAMED:
         raise InputError(
             f"--mean-map: expected one of the runs {', '.join(NAMED)}, whose maps are known, got {run}; leave it out"
         )
-    if run in NAMED and NAMED[run]().model in WITHOUT_GRAPHS:
-        for option, asked in (
-            ("--calibrated", calibrated),
-            ("--int8", int8),
-            ("--mean-with", mean_with),
-            ("--mean-map", mean_map),
-            ("--start", start),
-            ("--data", data),
-        ):
-            if asked:
-                raise InputError(f"{option}: expected a run that becomes graphs, got {run}; leave it out")
-        typer.echo(keep_run(runs / run, to))
-        return
     if data is not None and not (calibrated or int8 or mean_map):
         raise InputError(
             f"--data {data}: expected --calibrated, --int8 or --mean-map, which read it, got none; leave it out"
         )
     from anyprobe.train.checkpoint import read_checkpoint
+    from anyprobe.train.dataloader import make_pairs
     from anyprobe.train.export_mask import export_mask
-    from anyprobe.train.mean_map import write_mean_map
-    from anyprobe.train.supply import make_pairs
+    from anyprobe.train.export_onnx import write_mean_map
 
     checkpoint = runs / run / "checkpoint.pt"
     if start is not None:
@@ -178,7 +165,7 @@ def weights(
             computed = "in floats, before its 8 bits, " if int8 else ""
             typer.echo(f"{to / (stage + '.onnx')}: {computed}within {difference:.2g} of torch")
         if start is not None:
-            save_start(checkpoint, start)
+            save_init_weights(checkpoint, start)
             typer.echo(start)
     if mean_map is not None:
         write_mean_map(pairs, mean_map)
@@ -189,10 +176,9 @@ def _export_light(
     checkpoint: Path, to: Path, runs: Path, calibrate_on: Path | None, ranges_on: Path | None
 ) -> dict[str, float]:
     """A chain's graphs, whole or not at all; ranges are of photos as the world gives them, confidence of clean ones."""
-    from anyprobe.evaluate.calibrate import calibrate, left_out_pairs
-    from anyprobe.infer.runtime import Models
-    from anyprobe.train.export_onnx import AS_LEARNED, export
-    from anyprobe.train.quantize import lift_examples, quantize
+    from anyprobe.estimate.runtime import Models
+    from anyprobe.evaluate.calibration import calibrate, left_out_pairs
+    from anyprobe.train.export_onnx import AS_LEARNED, export, lift_examples, quantize
 
     kept, sureness = runs / "cache" / "left_out", AS_LEARNED
     with TemporaryDirectory() as folder:

@@ -15,7 +15,7 @@ import torch
 from anyprobe.core.hints import draw_hints
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.camera import blur
-from anyprobe.dataset.retakes import part_around, retake
+from anyprobe.dataset.retakes import part_surroundings, retake
 from anyprobe.dataset.scenes import SIZE, Scene, draw_scene
 from anyprobe.dataset.sprites import LitView, ViewSource
 
@@ -131,7 +131,7 @@ def _question(rng: np.random.Generator, scene: Scene) -> tuple[Scene, np.ndarray
         scene = retake(rng, scene)
         kind = str(rng.choice(list(HINTS), p=list(HINTS.values())))
         return scene, *ask(rng, scene, kind)
-    scene = retake(rng, scene, part_around(rng, cover_box(scene.covers[which]), scene.bounds))
+    scene = retake(rng, scene, part_surroundings(rng, cover_box(scene.covers[which]), scene.bounds))
     kind = str(rng.choice(list(CLOSE_HINTS), p=list(CLOSE_HINTS.values())))
     return scene, *ask(rng, scene, kind, which)
 

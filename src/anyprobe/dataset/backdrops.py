@@ -10,8 +10,8 @@ import torch.nn.functional as F
 
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.dataset.sky import tint
 from anyprobe.dataset.sprites import LitView
-from anyprobe.dataset.studio import tint
 from anyprobe.dataset.textures import draw_texture
 from anyprobe.render.surface import pixel_rays
 

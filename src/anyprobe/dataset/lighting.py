@@ -5,7 +5,6 @@ The dear part of a training pair is here, and each one serves many pairs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,8 +17,7 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset.material import draw_alpha
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.render.compiled import compile_kernel
-from anyprobe.render.integrate import shade_diffuse, shade_specular, shading_pyramid
+from anyprobe.render.integrate import compile_kernel, shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.reflectance import reflectance_normals
 
 SIZE = 128
@@ -91,8 +89,8 @@ class Illuminator:
         radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
-    def draw(self, rng: np.random.Generator, alphas: Sequence[float] | None = None) -> LitMaterial:
-        """A random map, view and alpha, one of alphas where they are given; half of the maps mirrored."""
+    def draw(self, rng: np.random.Generator) -> LitMaterial:
+        """A random map, view and alpha; half of the maps mirrored."""
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(
@@ -100,7 +98,7 @@ class Illuminator:
         )
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        alpha = draw_alpha(rng) if alphas is None else float(rng.choice(alphas))
+        alpha = draw_alpha(rng)
         return self.light(which, rotation, alpha, elevation)
 
 

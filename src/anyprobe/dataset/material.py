@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import f0_from_ior
 
 ALPHA_MIN = 0.01

@@ -18,12 +18,11 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, take_photo
-from anyprobe.dataset.laboratory import CAMERA, MATERIALS
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
-from anyprobe.dataset.stock import Stock
 from anyprobe.dataset.textured import draw_factor, draw_share, paint
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
@@ -31,7 +30,7 @@ from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import Shading, shade
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, see
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
 """A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material to linear RGB (and more) [S, S, 3+]."""
@@ -102,15 +101,13 @@ def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, flo
 
 def render_pair(
     recipe: Recipe,
-    stock: Stock,
+    store: AssetStore,
     trace: Trace | None = None,
-    laboratory: bool = False,
     textured: bool = False,
 ) -> Pair:
     """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape, or nobody can see it.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
-    laboratory: with the camera and one of the materials of dataset.laboratory in the place of what the recipe draws.
     textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both
         (dataset.textured). Irradiance and map know of it by the photo's exposure alone. Not with trace, which is
         given one material.
@@ -119,15 +116,13 @@ def render_pair(
         raise InputError(
             "textured: expected objects shaded here, got another renderer; leave one of the two out"
         )
-    asset, shape, rng = stock.map(recipe.map_id), stock.shape(recipe.shape_id), recipe.rng()
+    asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material, shot = drawn.material, drawn.shot
-    if laboratory:
-        material, shot = MATERIALS[recipe.material], CAMERA
     camera, surface = _look(shape.mesh, drawn, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
     map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
-    pyramid = stock.pyramid(recipe.map_id)
+    pyramid = store.pyramid(recipe.map_id)
     shading = shade_surface(pyramid, surface, map_from_camera, material.alpha)
     normals = np.zeros((*surface.mask.shape, 3), np.float32)
     normals[surface.mask] = surface.normals
@@ -137,8 +132,8 @@ def render_pair(
         reflected = _textured_radiance(material, shading, relit, normals, rng.spawn(1)[0])
     if trace is not None:
         map_from_world = map_from_camera @ camera.world_from_camera.T
-        around = rotate(asset.radiance, map_from_world.T)
-        reflected = trace(shape.mesh, camera, around, material)[surface.mask][:, :3]
+        surroundings = rotate(asset.radiance, map_from_world.T)
+        reflected = trace(shape.mesh, camera, surroundings, material)[surface.mask][:, :3]
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     gain = exposure(shot, float(luminance(reflected).mean()), _log_mean(light))
     picture = np.zeros((*surface.mask.shape, 3), np.float32)
@@ -244,13 +239,13 @@ def is_too_thin(mesh: Mesh) -> bool:
     return bool(surface / 4 < LINE)
 
 
-def render_map_pair(recipe: Recipe, stock: Stock) -> MapPair:
+def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
     """The pair of a "map" recipe (Sect. 3.5): a view of a map through a camera of random curve.
 
     The exposure that clips 5 to 15 % of the sphere, as in hdrcnn, times 0.5 to 2.0, the
     recipe's exposure number being the fifth of that range (in stops) it lies in.
     """
-    asset, rng = stock.map(recipe.map_id), recipe.rng()
+    asset, rng = store.map(recipe.map_id), recipe.rng()
     yaw, elevation = fibonacci_viewpoint(recipe.view)
     map_from_camera = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)

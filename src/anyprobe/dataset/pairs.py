@@ -19,19 +19,18 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
-from anyprobe.dataset.laboratory import ALPHAS, CAMERA, material_of
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.reshaped import join_some, reshape_some
+from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
+from anyprobe.dataset.shape_augment import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
-from anyprobe.dataset.surroundings import draw_frame, gather, photo_around, unsteady
 from anyprobe.dataset.textured import paint_some
-from anyprobe.render.reflectance import stand_ins
+from anyprobe.render.reflectance import lookup_coords
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.albedo import albedo_table
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,16 +40,15 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
-    laboratory: the one camera and the eight materials of dataset.laboratory; wants conditions 0.
     every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
-    told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
+    given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
         tracked model.
-    around: share of photos of which more is known than the object: the map, as far as the picture shows it
-        (dataset.surroundings).
-    gathered: of these, the share of which also what other photos of the object show is known.
-    joined, reshaped: shares of surfaces before which another is put, and that are given another shape
-        (dataset.reshaped).
+    surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
+        (dataset.seen_surroundings).
+    merged_surroundings: of these, the share of which also what other photos of the object show is known.
+    joined, shape_augment: shares of surfaces before which another is put, and that are given another shape
+        (dataset.shape_augment).
     textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
         alpha (dataset.textured); targets know of neither but by the photo's exposure.
     """
@@ -62,19 +60,18 @@ class PairConfig:
     pool: int = 12
     lanes: int = 2
     conditions: int = 1
-    laboratory: bool = False
     every: int = 1
     cut_out: float = 0.0
-    told: float = 0.0
-    around: float = 0.0
-    gathered: float = 0.0
+    given_normals: float = 0.0
+    surroundings: float = 0.0
+    merged_surroundings: float = 0.0
     joined: float = 0.0
-    reshaped: float = 0.0
+    shape_augment: float = 0.0
     textured: float = 0.0
     two_materials: float = 0.0
 
 
-TOLD_ERROR_DEG = 2.0
+GIVEN_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which told normals are turned."""
 
 
@@ -82,9 +79,9 @@ TOLD_ERROR_DEG = 2.0
 class Batch:
     """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
-    zero outside the object, and tan_half [B] of half the field of view; told [B, 3, 3]: from these normals to those
-    that come with the photo, a small turn, or zero where none do; around [B, 4, H, 2H]: what else the photo shows,
-    see dataset.surroundings.photo_around, or zero."""
+    zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from
+    these normals to the given ones, a small turn, or zero where none are given; surroundings [B, 4, H, 2H]:
+    what else the photo shows, see dataset.seen_surroundings, or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -93,8 +90,8 @@ class Batch:
     alpha: torch.Tensor
     normals: torch.Tensor
     tan_half: torch.Tensor
-    told: torch.Tensor
-    around: torch.Tensor
+    given_normals_rotation: torch.Tensor
+    surroundings: torch.Tensor
 
     def to(self, device: str) -> Batch:
         """The same on another device."""
@@ -108,7 +105,7 @@ class PairSource:
         self.config, self.illuminator = config, illuminator
         self.surfaces = thinned(surfaces, config.every)
         self.device = illuminator.device
-        self._places, self._tone = illuminator.wrap(stand_ins), illuminator.wrap(response)
+        self._places, self._tone = illuminator.wrap(lookup_coords), illuminator.wrap(response)
         self._groups: dict[tuple[int, int], list[LitMaterial]] = {}
         self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
@@ -123,8 +120,7 @@ class PairSource:
         for key in wanted:
             if key not in self._groups:
                 rng = np.random.default_rng((self.config.seed, 1, *key))
-                alphas = ALPHAS if self.config.laboratory else None
-                self._groups[key] = [self.illuminator.draw(rng, alphas) for _ in range(self.config.group)]
+                self._groups[key] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
         return [lit for key in wanted for lit in self._groups[key]]
 
     @torch.no_grad()
@@ -148,8 +144,8 @@ class PairSource:
             others = torch.from_numpy(np.asarray(self.surfaces.normals[index])).to(self.device).float()
             other_angles = torch.from_numpy(self.surfaces.tan_half[index]).to(self.device)
             normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
-        if self.config.reshaped > 0:
-            normals = reshape_some(normals, angles, rng, self.config.reshaped)
+        if self.config.shape_augment > 0:
+            normals = reshape_some(normals, angles, rng, self.config.shape_augment)
         return self.compose(chosen, normals, tan_half, rng)
 
     def compose(
@@ -157,10 +153,7 @@ class PairSource:
     ) -> Batch:
         """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos."""
         count, size = len(chosen), normals.shape[-1]
-        if self.config.laboratory:
-            materials = [material_of(lit.alpha) for lit in chosen]
-        else:
-            materials = [draw_material(rng, lit.alpha) for lit in chosen]
+        materials = [draw_material(rng, lit.alpha) for lit in chosen]
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -173,8 +166,6 @@ class PairSource:
         radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
-        if self.config.laboratory:
-            shots = [CAMERA] * count
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
@@ -190,19 +181,19 @@ class PairSource:
         photo_mask = torch.from_numpy(found[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
-        told = np.zeros((count, 3, 3), np.float32)
-        if self.config.told > 0:
-            told = _small_turns(count, rng) * (rng.random(count) < self.config.told)[:, None, None]
+        given = np.zeros((count, 3, 3), np.float32)
+        if self.config.given_normals > 0:
+            given = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
         angles = torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device)
-        around = light.new_zeros(count, 4, *light.shape[2:])
-        if self.config.around > 0:
-            framed &= rng.random(count) < self.config.around
+        surroundings_map = light.new_zeros(count, 4, *light.shape[2:])
+        if self.config.surroundings > 0:
+            framed &= rng.random(count) < self.config.surroundings
             frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
             tone = partial(self._tone, curve=curves(shots, self.device))
-            around = photo_around(unsteady(light, rng), photo_mask, angles, frames, tone)
-            if self.config.gathered > 0:
-                more = framed & (rng.random(count) < self.config.gathered)
-                around = gather(around, light, photo_mask, angles, more, rng, tone)
+            surroundings_map = photo_surroundings(unsteady(light, rng), photo_mask, angles, frames, tone)
+            if self.config.merged_surroundings > 0:
+                more = framed & (rng.random(count) < self.config.merged_surroundings)
+                surroundings_map = gather(surroundings_map, light, photo_mask, angles, more, rng, tone)
         return Batch(
             photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
@@ -211,8 +202,8 @@ class PairSource:
             alpha=torch.tensor([lit.alpha for lit in chosen], device=self.device),
             normals=normals,
             tan_half=angles,
-            told=torch.from_numpy(told.astype(np.float32)).to(self.device),
-            around=around,
+            given_normals_rotation=torch.from_numpy(given.astype(np.float32)).to(self.device),
+            surroundings=surroundings_map,
         )
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
@@ -230,12 +221,12 @@ def shade(
     materials: list[Material],
     normals: torch.Tensor,
     wo: torch.Tensor,
-    places: Callable = stand_ins,
+    places: Callable = lookup_coords,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
 
     materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
-    places: stand_ins, or the same compiled.
+    places: lookup_coords, or the same compiled.
 
     Returns:
         radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
@@ -255,8 +246,8 @@ def shade(
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotations [count, 3, 3] about all three axes, TOLD_ERROR_DEG each."""
-    angles = rng.normal(0.0, np.radians(TOLD_ERROR_DEG), (count, 3))
+    """Rotations [count, 3, 3] about all three axes, GIVEN_ERROR_DEG each."""
+    angles = rng.normal(0.0, np.radians(GIVEN_ERROR_DEG), (count, 3))
     return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])
 
 

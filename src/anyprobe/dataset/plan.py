@@ -8,8 +8,8 @@ from math import gcd
 
 import numpy as np
 
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.recipe import EXPOSURES, MATERIALS, VIEWPOINTS, Recipe
-from anyprobe.dataset.stock import Stock
 from anyprobe.errors import InputError
 
 
@@ -59,33 +59,33 @@ class Plan:
         )
 
 
-def full_plan(stock: Stock, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
+def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
     """The whole dataset over a stock."""
-    if not stock.maps or (kind == "object" and not stock.shapes):
+    if not store.maps or (kind == "object" and not store.shapes):
         raise InputError(
-            f"dataset: expected at least one map and one shape, got {len(stock.maps)} and {len(stock.shapes)}"
+            f"dataset: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
         )
     return Plan(
         kind=kind,
-        map_ids=tuple(sorted(stock.maps)),
-        shape_ids=tuple(sorted(stock.shapes)),
+        map_ids=tuple(sorted(store.maps)),
+        shape_ids=tuple(sorted(store.shapes)),
         conditions=conditions,
         seed=seed,
     )
 
 
-def balanced_recipes(stock: Stock, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
+def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
     """A test set: in turn specular/diffuse, indoor/outdoor, every shape alike; the rest at random.
 
     Only one kind of place if the maps have no other.
     """
-    if not stock.maps or not stock.shapes:
+    if not store.maps or not store.shapes:
         raise InputError(
-            f"test set: expected at least one map and one shape, got {len(stock.maps)} and {len(stock.shapes)}"
+            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
         )
-    ids = sorted(stock.maps)
-    by_place = {place: [i for i in ids if stock.maps[i].indoor == place] or ids for place in (True, False)}
-    shapes = sorted(stock.shapes)
+    ids = sorted(store.maps)
+    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
+    shapes = sorted(store.shapes)
     recipes = []
     for k in range(count):
         rng = np.random.default_rng((seed, k))

@@ -46,7 +46,9 @@ def retake(rng: np.random.Generator, scene: Scene, part: Part | None = None) -> 
     return Scene(photo=toned, covers=covers, uniform=scene.uniform, bounds=bounds)
 
 
-def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]) -> Part:
+def part_surroundings(
+    rng: np.random.Generator, box: tuple[int, int, int, int], bounds: tuple[int, ...]
+) -> Part:
     """What a second look at a box x0, y0, x1, y1 shows: its surroundings within the photo, not quite centred."""
     top, bottom, left, right = bounds
     x0, y0, x1, y1 = box

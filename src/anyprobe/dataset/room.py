@@ -19,8 +19,7 @@ import numpy as np
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.sky import Day, draw_day
-from anyprobe.dataset.studio import tint
+from anyprobe.dataset.sky import Day, draw_day, tint
 
 PATCHES = 12
 """Patches along each side of each wall: 864 in all."""

@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 from PIL import Image
 
+from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
 from anyprobe.dataset.plan import full_plan
 from anyprobe.dataset.recipe import Recipe
-from anyprobe.dataset.stock import load_stock
 from anyprobe.errors import InputError
 
 CONDITIONS = ("clean", "world")
@@ -62,12 +62,12 @@ class Renderer(Protocol):
 Report = Callable[[str], None] | None
 
 
-class StockRenderer:
+class StoreRenderer:
     """Renders every combination of the assets of a folder, and of our own."""
 
     def __init__(self, settings: Mapping, data: Path | None, report: Report = None) -> None:
         self.kind = settings["kind"]
-        self.stock = load_stock(
+        self.store = load_asset_store(
             data,
             settings["split"],
             commercial_only=settings["commercial_only"],
@@ -79,15 +79,15 @@ class StockRenderer:
         if self.kind == "object":
             self._leave_out_lines(report)
         conditions = CONDITIONS.index(settings["conditions"])
-        self.plan = full_plan(self.stock, self.kind, conditions, settings["seed"])
+        self.plan = full_plan(self.store, self.kind, conditions, settings["seed"])
         self.count = self.plan.count
-        self.maps = _notes(self.stock.maps)
-        self.shapes = _notes(self.stock.shapes) if self.kind == "object" else []
+        self.maps = _notes(self.store.maps)
+        self.shapes = _notes(self.store.shapes) if self.kind == "object" else []
 
     def _leave_out_lines(self, report: Report) -> None:
         """Without the shapes that photos would not show."""
-        for shape in [one for one in self.stock.shapes.values() if is_too_thin(one.mesh)]:
-            del self.stock.shapes[shape.id]
+        for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
+            del self.store.shapes[shape.id]
             if report is not None:
                 report(
                     f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out"
@@ -100,8 +100,8 @@ class StockRenderer:
     def sample(self, recipe: Recipe) -> Sample:
         """Its pair."""
         if recipe.kind == "object":
-            return encode_pair(render_pair(recipe, self.stock))
-        return encode_map_pair(render_map_pair(recipe, self.stock))
+            return encode_pair(render_pair(recipe, self.store))
+        return encode_map_pair(render_map_pair(recipe, self.store))
 
 
 def encode_pair(pair: Pair) -> Sample:

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
+from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.catalog import ShapeAsset
-from anyprobe.dataset.local_engine import one_thread
-from anyprobe.dataset.stock import PROCEDURAL_VERSION
+from anyprobe.dataset.process_pools import one_thread
 from anyprobe.files.atomic import atomic_path
 from anyprobe.render.mesh import Mesh, transformed, waved
-from anyprobe.render.parts import part
-from anyprobe.render.shapes import draw_shape, figure
+from anyprobe.render.shapes import draw_shape, figure, part
 from anyprobe.render.surface import frame_object, see
 
 NUM_ELEVATIONS = 8

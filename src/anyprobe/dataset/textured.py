@@ -18,7 +18,7 @@ from anyprobe.dataset.camera import blur
 from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.textures import draw_texture, smooth_noise
 from anyprobe.render.reflectance import read_map
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 
 CONTRAST, CONTRAST_SPREAD = 0.19, 0.35
 """Median of a texture's contrast, the deviation of the factor's logarithm, and how far that spreads: most are between

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.dataset.studio import tint
+from anyprobe.dataset.sky import tint
 
 
 def smooth_noise(rng: np.random.Generator, size: int, cells: float, aspect: float = 1.0) -> np.ndarray:

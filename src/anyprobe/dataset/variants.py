@@ -1,4 +1,4 @@
-"""New light from old: blends of maps, added lamps, a main light moved elsewhere, another white.
+"""New light from old: blends of maps, added lamps, a dominant light moved elsewhere, another white.
 
 Each step takes maps [H, 2H, 3] and gives one; light adds up, so a sum of two rooms is a light that can be.
 """
@@ -11,12 +11,12 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.studio import direction_at, soft_cap, tint
+from anyprobe.dataset.sky import direction_at, soft_cap, tint
+from anyprobe.light.dominant_light import dilate, find_dominant_light
 from anyprobe.light.environment import integral, rotate, shrink
-from anyprobe.light.main_light import dilate, find_main_light
 
 SEARCH_HEIGHT = 64
-"""Rows of the map in which the main light is looked for."""
+"""Rows of the map in which the dominant light is looked for."""
 
 MAX_RADIUS = np.radians(35.0)
 """A light wider than this is the surround itself and stays where it is."""
@@ -33,9 +33,9 @@ def blend(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
 
 
 def add_lamp(
-    radiance: np.ndarray, direction: np.ndarray, radius: float, flux: np.ndarray, softness: float = 0.3
+    radiance: np.ndarray, direction: np.ndarray, radius: float, power: np.ndarray, softness: float = 0.3
 ) -> np.ndarray:
-    """The map and a soft round lamp that adds flux [3] to its integral over the sphere."""
+    """The map and a soft round lamp that adds power [3] to its integral over the sphere."""
     height = radiance.shape[0]
     cap = soft_cap(pixel_directions(height).astype(np.float64), direction, radius, softness)
     whole = (cap[..., 0] * pixel_solid_angles(height)).sum()
@@ -43,7 +43,7 @@ def add_lamp(
         raise ValueError(
             f"expected a lamp wider than a pixel, got a radius of {np.degrees(radius):.2g} degrees"
         )
-    return radiance + cap * (np.asarray(flux) / whole)
+    return radiance + cap * (np.asarray(power) / whole)
 
 
 def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
@@ -51,14 +51,14 @@ def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
     return radiance * np.asarray(gains)
 
 
-def split_main_light(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """The map without its main light, that light alone, and its direction [3]; their sum is the map.
+def split_dominant_light(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """The map without its dominant light, that light alone, and its direction [3]; their sum is the map.
 
-    The light is what a cap around the lobe of find_main_light has more than the mean of a ring around
+    The light is what a cap around the lobe of find_dominant_light has more than the mean of a ring around
     the cap. None where no light stands out, or one wider than MAX_RADIUS does.
     """
     height = radiance.shape[0]
-    found = find_main_light(shrink(radiance, SEARCH_HEIGHT) if height > SEARCH_HEIGHT else radiance)
+    found = find_dominant_light(shrink(radiance, SEARCH_HEIGHT) if height > SEARCH_HEIGHT else radiance)
     if not found.irradiance.any():
         return None
     radius = 1.3 * np.arccos(max(1 - found.solid_angle / (2 * np.pi), -1.0)) + np.radians(3.0)
@@ -74,9 +74,9 @@ def split_main_light(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     return radiance - light, light, found.direction.astype(np.float64)
 
 
-def move_main_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """The map with its main light at direction [3], upright as it was and of the same flux."""
-    split = split_main_light(radiance)
+def move_dominant_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """The map with its dominant light at direction [3], upright as it was and of the same power."""
+    split = split_dominant_light(radiance)
     if split is None:
         return radiance
     rest, light, old = split
@@ -113,7 +113,7 @@ def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray
     if not steps[:3].any():  # white alone is the same light
         steps[rng.integers(3)] = True
     if steps[0]:
-        moved = move_main_light(radiance, anywhere())
+        moved = move_dominant_light(radiance, anywhere())
         steps[2] |= moved is radiance and not steps[1]  # no light to move: a lamp makes it new
         radiance = moved
     if steps[1]:
@@ -123,8 +123,8 @@ def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray
         for _ in range(rng.integers(1, 4)):
             radius = np.radians(np.exp(rng.uniform(np.log(1.5), np.log(30.0))))
             radius = max(radius, 1.5 * np.pi / radiance.shape[0])
-            flux = mean * np.exp(rng.uniform(np.log(0.05), np.log(1.0))) * tint(rng, 0.25)
-            radiance = add_lamp(radiance, anywhere(), radius, flux, rng.uniform(0.1, 1.5))
+            power = mean * np.exp(rng.uniform(np.log(0.05), np.log(1.0))) * tint(rng, 0.25)
+            radiance = add_lamp(radiance, anywhere(), radius, power, rng.uniform(0.1, 1.5))
     if steps[3]:
         radiance = white_balance(radiance, tint(rng, 0.15))
     return normalize_map(np.maximum(radiance, 0.0))

@@ -1,13 +1,21 @@
-"""Calibration (noun): does a confidence of 0.7 mean right in seven of ten?"""
+"""Calibrate (verb): how sure a model may be, told by pairs that it has not learned from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.evaluate.groups import GROUPS
+from anyprobe.core.response import response
+from anyprobe.dataset.asset_store import load_left_out
+from anyprobe.dataset.pair import Pair
+from anyprobe.dataset.plan import balanced_recipes
+from anyprobe.errors import ModelError
+from anyprobe.estimate.runtime import Models
+from anyprobe.evaluate.scoring import GROUPS
+from anyprobe.evaluate.test_sets import kept_pairs
 
 NEAREST = 1e-4
 """How near to 0 and 1 a confidence may come before its logit, or its logarithm, is taken."""
@@ -24,7 +32,7 @@ HALVES = ("seen half", "unseen half")
 class Calibration:
     """Counts, over many maps and weighted by solid angle, how often pixels of each confidence are right.
 
-    By the groups of evaluate.groups and by the halves of the map. What is kept does not grow with the maps.
+    By the groups of evaluate.scoring and by the halves of the map. What is kept does not grow with the maps.
     """
 
     def __init__(self) -> None:
@@ -155,3 +163,32 @@ def to_logit(confidence: np.ndarray) -> np.ndarray:
     """ln c / (1 - c), finite."""
     c = np.clip(confidence, NEAREST, 1 - NEAREST)
     return np.log(c / (1 - c))
+
+
+PAIRS = 240
+SEED = 78
+
+
+def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) -> Iterable[Pair]:
+    """Pairs of the training assets that no shipped weights learn from; InputError where there are none.
+
+    conditions: 0 for clean photos, 1 as the world gives them.
+    """
+    store = load_left_out(data)
+    return kept_pairs(balanced_recipes(store, PAIRS, SEED, conditions), store, kept)
+
+
+def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
+    """Slope and offset that the logit of a model's confidence should have had; ModelError if it has no confidence."""
+    confidence, right = [], []
+    for pair in pairs:
+        outputs = models(pair.crop, pair.tan_half)
+        if outputs.confidence is None:
+            raise ModelError(
+                f"{models.name}: expected a model that tells its confidence, got one that does not"
+            )
+        confidence.append(outputs.confidence)
+        right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))
+    claimed = np.stack(confidence)
+    weight = np.broadcast_to(pixel_solid_angles(claimed.shape[1]), claimed.shape)
+    return fit_logit(claimed, np.stack(right), weight)

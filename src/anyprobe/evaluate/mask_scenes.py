@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from anyprobe.dataset.asks import cover_box, inside_click, unasked_target
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.scenes import draw_scene
 from anyprobe.dataset.sprites import ViewSource
-from anyprobe.dataset.stock import Stock
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.evaluate.masks import Case, make_case
 
@@ -22,10 +22,10 @@ SCENES_PER_VIEW = 3
 TEXTURES = 160
 
 
-def rendered_cases(stock: Stock, count: int, seed: int) -> Iterator[Case]:
+def rendered_cases(store: AssetStore, count: int, seed: int) -> Iterator[Case]:
     """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
-    surfaces = build_surfaces(list(stock.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
-    illuminator = Illuminator([asset.radiance for asset in stock.maps.values()], compiled=False)
+    surfaces = build_surfaces(list(store.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
+    illuminator = Illuminator([asset.radiance for asset in store.maps.values()], compiled=False)
     yield from drawn_cases(ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES), count, seed)
 
 

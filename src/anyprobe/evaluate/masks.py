@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.files.images import read_image
-from anyprobe.masks.grabcut import cut_around, cut_seeded, mask_from_box
+from anyprobe.masks.grabcut import cut_seeded, cut_surroundings, mask_from_box
 from anyprobe.masks.propose import MaskNetwork
 from anyprobe.masks.refine import refine, resize
 from anyprobe.masks.sources import mask_from_file
@@ -69,9 +69,9 @@ def iou(found: Found, true: np.ndarray) -> float:
 def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
     """What is compared, by name: told what, found how."""
 
-    def proposed(told: dict, finish: Callable[[Case, np.ndarray, dict], Found]) -> Callable[[Case], Found]:
+    def proposed(given: dict, finish: Callable[[Case, np.ndarray, dict], Found]) -> Callable[[Case], Found]:
         def find(case: Case) -> Found:
-            asked = {name: tell(case) for name, tell in told.items()}
+            asked = {name: tell(case) for name, tell in given.items()}
             return finish(case, network.propose(case.rgb, **asked).cover, asked)
 
         return find
@@ -91,9 +91,9 @@ def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
         except ValueError:
             return None
 
-    told = {"nothing": {}, "click": {"on": lambda case: [case.click]}, "box": {"box": lambda case: case.box}}
+    given = {"nothing": {}, "click": {"on": lambda case: [case.click]}, "box": {"box": lambda case: case.box}}
     table = {}
-    for name, tell in told.items():
+    for name, tell in given.items():
         table[f"{name}: network"] = proposed(tell, plain)
         table[f"{name}: network, guided filter"] = proposed(tell, guided)
         table[f"{name}: network, GrabCut"] = proposed(tell, cut)
@@ -103,7 +103,7 @@ def methods(network: MaskNetwork) -> dict[str, Callable[[Case], Found]]:
     table["nothing: GrabCut in the middle"] = lambda case: grabcut_box(
         replace(case, box=tuple(share * side for share in (0.15, 0.85) for side in case.mask.shape[::-1]))
     )
-    table["click: GrabCut around it"] = lambda case: cut_around(case.rgb, case.click)
+    table["click: GrabCut around it"] = lambda case: cut_surroundings(case.rgb, case.click)
     table["box: GrabCut"] = grabcut_box
     table["box: ellipse in it"] = lambda case: _ellipse(case.mask.shape, case.box)
     return table

@@ -1,67 +1,138 @@
-"""What is compared besides the trained designs: baselines and shipped models, and what these do when told more."""
+"""What is scored: a model, the same model given priors, and two baselines that need no network."""
 
 from __future__ import annotations
 
-import json
-from functools import partial
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from importlib import resources
 
 import numpy as np
 
 from anyprobe.core.frames import normalize
-from anyprobe.core.latlong import bilinear, direction_to_uv
-from anyprobe.core.response import response
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.core.response import inverse_response, response
 from anyprobe.dataset.pair import Pair, shot_of
-from anyprobe.evaluate.baselines import chrome_ball, mean_map
-from anyprobe.evaluate.panel import Estimate, Method
-from anyprobe.files.graphs import open_graph
-from anyprobe.infer.known_material import use_material
-from anyprobe.infer.known_normals import SHORTEST
-from anyprobe.infer.runtime import (
-    LIFT_STAGES,
-    NORMALS_SIZE,
-    SPREAD,
-    Models,
-    Outputs,
-    model_id,
-    stages_of,
-    weights_folder,
-)
-from anyprobe.infer.surroundings import see_around, use_surroundings
+from anyprobe.estimate.material_prior import use_material
+from anyprobe.estimate.normals_prior import SHORTEST
+from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, NORMALS_SIZE, Models, Outputs
+from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
+from anyprobe.files.radiance import read_radiance
+from anyprobe.light.environment import MAP_HEIGHT
 
-TOLD = {
+PRIORS = {
     "normals": {"normals"},
     "material": {"material"},
     "normals and material": {"normals", "material"},
     "surroundings": {"surroundings"},
     "all three": {"normals", "material", "surroundings"},
 }
-"""What a model may be told beside the object's crop, by the name of the row."""
+"""Priors that a model may be given beside the object's crop, by the name of the row."""
 PHONE_FOV_DEG = 65.0
 PHONE_PX = (256, 192)
 """The photo that shows the surroundings of a pair: a phone's, the object in its middle; width, height."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimate:
+    """A method's estimate of a pair, in the crop's frame; None where it has none.
+
+    ldr [64, 128, 3] display; radiance [64, 128, 3] exposure units; irradiance [128, 128, 3] display;
+    confidence [64, 128] in [0, 1].
+    """
+
+    ldr: np.ndarray
+    radiance: np.ndarray | None = None
+    irradiance: np.ndarray | None = None
+    confidence: np.ndarray | None = None
+
+    @property
+    def lights(self) -> np.ndarray:
+        """What lights virtual objects [64, 128, 3]: the radiance, else the LDR map through the inverse curve."""
+        return inverse_response(self.ldr) if self.radiance is None else self.radiance
+
+
+Method = Callable[[Pair], Estimate]
+
+
+def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, Method]:
+    """A model from the photo alone, with expected emitters where it has them and, if asked, with priors: by row.
+
+    told: also a row for each of TOLD.
+    """
+
+    def method(
+        pair: Pair, models: Models = models, priors: frozenset[str] | set[str] = frozenset()
+    ) -> Estimate:
+        outputs = run_with_priors(models, pair, priors)
+        return Estimate(
+            ldr=outputs.ldr.clip(0.0, 1.0),
+            radiance=outputs.radiance,
+            irradiance=outputs.irradiance,
+            confidence=outputs.confidence,
+        )
+
+    methods: dict[str, Method] = {name: method}
+    if models.stages == LIFT_STAGES:
+        methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
+    rows = PRIORS if priors else {}
+    return methods | {
+        f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()
+    }
+
+
 def baselines() -> dict[str, Method]:
-    """The mean training map, and the object taken for a chrome ball."""
+    """The mean training map, and the object taken for a chrome sphere."""
 
     def of(radiance: np.ndarray) -> Estimate:
         return Estimate(ldr=response(radiance), radiance=radiance)
 
     return {
         "mean map": lambda pair: of(mean_map()),
-        "chrome ball": lambda pair: of(chrome_ball(pair.crop)),
+        "chrome sphere": lambda pair: of(chrome_sphere(pair.crop)),
     }
 
 
-def run_told(models: Models, pair: Pair, told: set[str]) -> Outputs:
+@lru_cache(maxsize=1)
+def mean_map() -> np.ndarray:
+    """Geometric mean of the training maps in the camera's frame and the photo's exposure units, [64, 128, 3].
+
+    Written with the weights, from the pairs they were trained on.
+    """
+    return read_radiance(str(resources.files("anyprobe") / "weights" / "mean_map.exr"))
+
+
+def chrome_sphere(photo: np.ndarray) -> np.ndarray:
+    """Take the object for a chrome sphere and unwrap it: photo [S, S, 4] -> radiance [64, 128, 3].
+
+    The sphere is as large as the longer side of the mask's bounding box. Where it has
+    no pixel of the object the object's mean stands in.
+    """
+    mask = photo[..., 3] > 0.5
+    rows, columns = np.nonzero(mask)
+    centre = np.array([columns.min() + columns.max() + 1, rows.min() + rows.max() + 1]) / 2
+    radius = max(np.ptp(columns), np.ptp(rows)) / 2 + 0.5
+    radiance = inverse_response(photo[..., :3])
+    d = pixel_directions(MAP_HEIGHT)
+    n = normalize(d + np.array([0.0, 0.0, 1.0], np.float32))  # reflect(+Z, n) = d
+    x = np.clip((centre[0] + n[..., 0] * radius).astype(int), 0, mask.shape[1] - 1)
+    y = np.clip((centre[1] - n[..., 1] * radius).astype(int), 0, mask.shape[0] - 1)
+    mean = radiance[mask].mean(axis=0)
+    return np.where(mask[y, x][..., None], radiance[y, x], mean).astype(np.float32)
+
+
+def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
     """A model's answer where the pair's true normals, its true material or its surroundings are told."""
-    normals = true_normals(pair) if "normals" in told else None
-    around = surroundings(pair) if "surroundings" in told else None
-    outputs = models(pair.crop, pair.tan_half, normals, around)
-    if "material" in told:
+    normals = true_normals(pair) if "normals" in priors else None
+    surroundings_map = surroundings(pair) if "surroundings" in priors else None
+    outputs = models(pair.crop, pair.tan_half, normals, surroundings_map)
+    if "material" in priors:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
-    return outputs if around is None else use_surroundings(outputs, around, tint="material" not in told)
+    return (
+        outputs
+        if surroundings_map is None
+        else use_surroundings(outputs, surroundings_map, tint="material" not in priors)
+    )
 
 
 def true_normals(pair: Pair) -> np.ndarray:
@@ -77,7 +148,7 @@ def true_normals(pair: Pair) -> np.ndarray:
 
 
 def surroundings(pair: Pair) -> np.ndarray | None:
-    """What a phone's photo shows of a pair's map around its object, see infer.surroundings.see_around."""
+    """What a phone's photo shows of a pair's map around its object, see estimate.surroundings.visible_surroundings."""
     width, height = PHONE_PX
     slope = np.tan(np.radians(PHONE_FOV_DEG) / 2)
     x = (np.arange(width) + 0.5) / width * 2 - 1
@@ -85,35 +156,6 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
     shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
     display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
-    return see_around(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
-
-
-def shipped(model: str, told: bool = False) -> tuple[dict[str, Method], dict[str, str | int]]:
-    """A bundled model or a folder of graphs by its name, and what identifies it.
-
-    told: also the model told a pair's true normals, where it can be, as <name>_normals, and with its lamps spread, as
-        <name>_spread.
-    """
-    models, name = Models(model), Path(model).name
-
-    def method(pair: Pair, told: set[str], models: Models = models) -> Estimate:
-        outputs = run_told(models, pair, told)
-        return Estimate(
-            ldr=outputs.ldr.clip(0.0, 1.0), radiance=outputs.radiance, irradiance=outputs.irradiance
-        )
-
-    methods = {name: partial(method, told=set())}
-    if told and models.stages == LIFT_STAGES:
-        methods[f"{name}_normals"] = partial(method, told={"normals"})
-        methods[f"{name}_spread"] = partial(method, told=set(), models=models.with_lamps(SPREAD))
-    return methods, origin(model)
-
-
-def origin(model: str) -> dict[str, str | int]:
-    """What result files say of a shipped model: its id, and how many pairs the last run of its training saw, drawn by
-    which seed, as far as its graphs tell it."""
-    folder = weights_folder(model)
-    told = open_graph(folder / f"{stages_of(folder)[0]}.onnx", 1).get_modelmeta().custom_metadata_map
-    seed = json.loads(told.get("config", "{}")).get("pairs", {}).get("seed")
-    found = {"last_run_pairs": int(told["pairs"]) if "pairs" in told else None, "last_run_seed": seed}
-    return {"model": model_id(model)} | {name: value for name, value in found.items() if value is not None}
+    return visible_surroundings(
+        display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half
+    )

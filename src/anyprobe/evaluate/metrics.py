@@ -64,8 +64,8 @@ def ssim(a: np.ndarray, b: np.ndarray, data_range: float = 1.0, wrap_longitude: 
     if a.ndim == 2:
         a, b = a[..., None], b[..., None]
     if wrap_longitude:
-        around, edge = ((0, 0), (SSIM_RADIUS,) * 2, (0, 0)), ((SSIM_RADIUS,) * 2, (0, 0), (0, 0))
-        a, b = (np.pad(np.pad(image, around, mode="wrap"), edge, mode="edge") for image in (a, b))
+        surroundings, edge = ((0, 0), (SSIM_RADIUS,) * 2, (0, 0)), ((SSIM_RADIUS,) * 2, (0, 0), (0, 0))
+        a, b = (np.pad(np.pad(image, surroundings, mode="wrap"), edge, mode="edge") for image in (a, b))
     if min(a.shape[:2]) <= 2 * SSIM_RADIUS:
         raise ValueError(f"expected at least 11 x 11 pixels, got {a.shape[0]} x {a.shape[1]}")
     mean_a, mean_b = _window_mean(a), _window_mean(b)
@@ -120,15 +120,15 @@ def direction_error_deg(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
-def flux_ratio_stops(p: np.ndarray, g: np.ndarray) -> float:
+def power_ratio_stops(p: np.ndarray, g: np.ndarray) -> float:
     """log2( integral of luminance(p) dw / integral of luminance(g) dw ), +1 is twice too bright.
 
     Maps [H, 2H, 3], each weighted by its own solid angles, so their sizes may
     differ. A black p gives -inf, a black g +inf, two black maps 0.
     """
-    flux_p, flux_g = (float(luminance(integral(np.asarray(m, np.float64)))) for m in (p, g))
-    if flux_p == flux_g:
+    power_p, power_g = (float(luminance(integral(np.asarray(m, np.float64)))) for m in (p, g))
+    if power_p == power_g:
         return 0.0
-    if flux_p <= 0 or flux_g <= 0:
-        return -math.inf if flux_p <= 0 else math.inf
-    return math.log2(flux_p / flux_g)
+    if power_p <= 0 or power_g <= 0:
+        return -math.inf if power_p <= 0 else math.inf
+    return math.log2(power_p / power_g)

@@ -24,7 +24,7 @@ C_FROM_OURS = np.array([-1.0, 1.0, 1.0])
 """c = (-x, y, z)."""
 
 SUPERSAMPLE = 4
-"""Reads of the map along each side of a texel; a lamp of one pixel is then not missed."""
+"""Reads of the map along each side of a texel; an emitter of one pixel is then not missed."""
 
 READS = 1 << 18
 """Reads of the map at once, some 300 bytes each."""

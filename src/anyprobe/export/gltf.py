@@ -19,12 +19,12 @@ from PIL import Image
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.export.cubemap import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.light import ExportedLight, numbers
-from anyprobe.export.sh_layouts import gltf
+from anyprobe.export.exported_light import ExportedLight, numbers
+from anyprobe.export.target_frames import gltf
 from anyprobe.export.usd import pointing_away
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import NUM_LAMPS, shade_specular
+from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS
 
 RGBD_MAX = 255.0
@@ -60,7 +60,7 @@ def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
     count = max(1, size.bit_length() - SMALLEST_SIDE.bit_length() + 1)
     levels = [cube_faces(radiance, size)[:, ::-1]]
     light = reduced(radiance, LIGHT_ROWS)  # a larger map would be read at points between which a sun is lost
-    pyramid, u = build_pyramid(light, lamps=NUM_LAMPS), hammersley(NUM_SAMPLES)
+    pyramid, u = build_pyramid(light, emitters=NUM_EMITTERS), hammersley(NUM_SAMPLES)
     for i in range(1, count):
         roughness = i / (count - 1)
         side = size >> i
@@ -71,7 +71,7 @@ def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
 
 
 def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.glb: the light without its main lobe as an image-based light, the lobe as a directional one."""
+    """<name>.glb: the light without its dominant lobe as an image-based light, the lobe as a directional one."""
     levels = prefiltered(light.ambient, min(face_size(light.radiance.shape[0]), LARGEST_SIDE))
     pictures = [_png(pack_rgbd(face)) for level in levels for face in level]
     views, blob = [], bytearray()
@@ -102,7 +102,7 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
                 "lights": [
                     {
                         "type": "directional",
-                        "name": f"{light.name} main light",
+                        "name": f"{light.name} dominant light",
                         "color": numbers(light.main.color),
                         "intensity": numbers(light.main.irradiance.max()),
                     }
@@ -111,7 +111,7 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
         },
         "nodes": [
             {
-                "name": "main light",
+                "name": "dominant light",
                 "matrix": [value for row in direction for value in row],
                 "extensions": {"KHR_lights_punctual": {"light": 0}},
             }

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.export import blender, cube, estimates, gltf, mitsuba, three, unity, unreal, usd
-from anyprobe.export.frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame
-from anyprobe.export.light import ExportedLight, prepare, sidecar, write_json
+from anyprobe.export import cube_textures, engines, gltf, mitsuba_scene, usd
+from anyprobe.export.exported_light import ExportedLight, prepare, sidecar, write_json
+from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame
 from anyprobe.files.atomic import atomic_files
 
 
@@ -34,14 +34,18 @@ _THREE = "three.js r187 in Chromium shows it the right way round"
 
 TARGETS = {
     "three": Target(
-        write=three.write, frame=THREE, checked=f"{_THREE}: background, environment, LightProbe and sun agree"
+        write=engines.write_three,
+        frame=THREE,
+        checked=f"{_THREE}: background, environment, LightProbe and sun agree",
     ),
     "blender": Target(
-        write=blender.write, frame=BLENDER, checked="Blender 5.0.1: Cycles sees and lights by it as it is"
+        write=engines.write_blender,
+        frame=BLENDER,
+        checked="Blender 5.0.1: Cycles sees and lights by it as it is",
     ),
-    "unity": Target(write=unity.write, frame=UNITY, checked="by formula only: not opened in Unity"),
+    "unity": Target(write=engines.write_unity, frame=UNITY, checked="by formula only: not opened in Unity"),
     "unreal": Target(
-        write=unreal.write, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"
+        write=engines.write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"
     ),
     "usd": Target(
         write=usd.write,
@@ -49,28 +53,28 @@ TARGETS = {
         checked="OpenUSD 26.11 reads it; Blender 5.0.1 imports the dome as it is, the sun 4 times too strong",
     ),
     "mitsuba": Target(
-        write=mitsuba.write, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
+        write=mitsuba_scene.write, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
     ),
     "gltf": Target(
         write=gltf.write, frame=FRONT, checked="Babylon.js 9.34 shows it as it is, set as `gltf` says"
     ),
-    "cube": Target(write=cube.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
-    "ktx2": Target(write=cube.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
+    "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
+    "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
     "dds": Target(
-        write=cube.write_dds,
+        write=cube_textures.write_dds,
         frame=FRONT,
         checked=f"{_THREE} (DDSLoader, the BC6H file); the half-float file by a parser of our own",
     ),
     "webxr": Target(
-        write=estimates.write_webxr,
+        write=engines.write_webxr,
         frame=FRONT,
         checked="by the specification only: not run in a WebXR session",
     ),
     "arcore": Target(
-        write=estimates.write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"
+        write=engines.write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"
     ),
     "arkit": Target(
-        write=estimates.write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"
+        write=engines.write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"
     ),
 }
 

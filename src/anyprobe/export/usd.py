@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from anyprobe.export.frames import OPENEXR
-from anyprobe.export.light import ExportedLight, numbers, write_maps
+from anyprobe.export.exported_light import ExportedLight, numbers, write_maps
+from anyprobe.export.target_frames import OPENEXR
 
 STAGE = """#usda 1.0
 (
@@ -38,7 +38,7 @@ def Xform "Light" (
 
     variantSet "mainLight" = {{
         "separate" (
-            doc = "The dome without the main light, and the main light as a DistantLight."
+            doc = "The dome without the dominant light, and the dominant light as a DistantLight."
         ) {{
             over "Dome"
             {{
@@ -93,7 +93,7 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     path.write_text(stage, encoding="utf-8")
     maps = [folder / f"{light.name}_ambient.exr", folder / f"{light.name}.exr"]
     pack_usdz(folder / f"{light.name}.usdz", [path, *maps])
-    return {"usd": {"dome_light_pole": "+Y", "main_light_prim": "/Light/Main"}}
+    return {"usd": {"dome_light_pole": "+Y", "dominant_light_prim": "/Light/Main"}}
 
 
 def pointing_away(towards: np.ndarray) -> list[list[float]]:

@@ -10,7 +10,10 @@ import numpy as np
 from anyprobe.errors import InputError
 from anyprobe.files.meshes import read_mesh
 from anyprobe.render.mesh import Mesh, make_mesh
+from anyprobe.render.picture import draw_mesh
 from anyprobe.render.shapes import blob, lathe, rounded_polyhedron, sphere, superquadric
+from anyprobe.render.surface import frame_object
+from anyprobe.scatter.materials import Material, material_named
 
 BASE = 0.08
 """Of the vase's height: what its rounded foot is cut off at, so that it stands."""
@@ -25,7 +28,7 @@ def _vase() -> Mesh:
 
 
 OBJECTS: dict[str, Callable[[], Mesh]] = {
-    "ball": lambda: sphere(48),
+    "sphere": lambda: sphere(48),
     "vase": _vase,
     "pebble": lambda: blob(np.random.default_rng(7), rows=56),
     "block": lambda: superquadric(np.random.default_rng(2), rows=56),
@@ -42,3 +45,29 @@ def open_object(name: str) -> Mesh:
             f"object: expected one of {', '.join(OBJECTS)} or a mesh file (.glb, .obj, .ply), got {name!r}"
         )
     return read_mesh(name)
+
+
+def draw_under(
+    radiance: np.ndarray,
+    mesh: Mesh | str | Path,
+    material: Material | str = "chrome",
+    *,
+    size: int = 256,
+    fov_deg: float = 30.0,
+    world_from_camera: np.ndarray | None = None,
+) -> np.ndarray:
+    """A mesh lit by an environment map: [S, S, 4] linear radiance in the map's units, and coverage.
+
+    core.response makes display values of it.
+
+    Args:
+        radiance: [H, 2H, 3].
+        mesh: of render.shapes or render.mesh, one of OBJECTS, or a mesh file; +Y up, inside the unit sphere.
+        material: of scatter.materials, or a name.
+        size: pixels along a side. fov_deg: that the unit sphere fills.
+        world_from_camera: [3, 3], the world being the map's frame; None: the camera looks along -Z as the photo's did.
+    """
+    mesh = mesh if isinstance(mesh, Mesh) else open_object(str(mesh))
+    material = material if isinstance(material, Material) else material_named(material)
+    turn = np.eye(3) if world_from_camera is None else world_from_camera
+    return draw_mesh(mesh, frame_object(mesh, turn, fov_deg, size=size), radiance, material)

@@ -81,8 +81,8 @@ class Poses:
 
         width, height: of the clip's upright frames, pixels: a lens may be told across alone.
         """
-        told = [lens.long_fov_deg(width, height) for lens in self.lenses]
-        known = [one for one in told if one is not None]
+        given = [lens.long_fov_deg(width, height) for lens in self.lenses]
+        known = [one for one in given if one is not None]
         return float(np.median(known)) if known else None
 
     def _places(self, photos: list[Path]) -> list[int]:
@@ -145,9 +145,9 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     names = None
     if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):
         matrices = [one.get("transform_matrix") for one in frames]
-        told = [one.get("file_path") for one in frames]
-        if all(isinstance(name, str) for name in told):
-            names = tuple(bare_name(name) for name in told)
+        given = [one.get("file_path") for one in frames]
+        if all(isinstance(name, str) for name in given):
+            names = tuple(bare_name(name) for name in given)
     else:
         matrices = content if isinstance(content, list) else []
     if not matrices:
@@ -163,8 +163,8 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
             "leave out those of other photos"
         )
     rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
-    common = _told_of_lens(content)
-    lenses = tuple(_lens(file, common | _told_of_lens(one)) for one in frames or matrices)
+    common = _given_lens(content)
+    lenses = tuple(_lens(file, common | _given_lens(one)) for one in frames or matrices)
     return Poses(file=file, world_from_camera=rotations, names=names, lenses=lenses)
 
 
@@ -184,16 +184,16 @@ def _first_twice(names: Iterable[str]) -> str | None:
     return None
 
 
-def _told_of_lens(told: Any) -> dict[str, Any]:
+def _given_lens(given: Any) -> dict[str, Any]:
     """What an object of the file says of a lens; {} of anything else."""
-    return {key: told[key] for key in LENS_KEYS if key in told} if isinstance(told, dict) else {}
+    return {key: given[key] for key in LENS_KEYS if key in given} if isinstance(given, dict) else {}
 
 
-def _lens(file: str, told: dict[str, Any]) -> Lens:
+def _lens(file: str, given: dict[str, Any]) -> Lens:
     """By focal length and size in pixels, else by the angle in radians; pinholes, their axis in the middle."""
 
     def number(key: str, below: float = 1e9) -> float | None:
-        value = told.get(key)
+        value = given.get(key)
         if value is None or (isinstance(value, int | float) and 0 < value < below):
             return value
         raise InputError(

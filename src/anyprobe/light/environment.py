@@ -11,7 +11,7 @@ from anyprobe.errors import InvalidEnvironment
 MAP_HEIGHT = 64
 """Rows of every estimated map; the paper leaves the size open."""
 SEARCH_ROWS = 128
-"""Rows at which a larger map is searched for its main light, and blurred."""
+"""Rows at which a larger map is searched for its dominant light, and blurred."""
 
 
 def check_radiance(radiance: np.ndarray, name: str = "map") -> np.ndarray:
@@ -21,7 +21,7 @@ def check_radiance(radiance: np.ndarray, name: str = "map") -> np.ndarray:
     if radiance.ndim != 3 or shape[2] != 3 or shape[1] != 2 * shape[0] or shape[0] == 0:
         raise InvalidEnvironment(
             f"{name}: expected width = 2 x height and 3 channels, got shape {shape}; "
-            "convert a cube map or mirror ball to latitude-longitude first"
+            "convert a cube map or mirror sphere to latitude-longitude first"
         )
     if not np.isfinite(radiance).all():
         raise InvalidEnvironment(

@@ -12,10 +12,73 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, to_device
 
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.light.lamps import take_patches, take_pixels
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
+
+WIDENING = 0.75
+"""To second order in an emitter's size, the mean of D over it has the peak of a D whose alpha^2 is greater by
+1 - r (half vectors turn half as far). Its flanks are narrower than that D's, so a
+little less errs least over the whole lobe."""
+
+
+def take_pixels(radiance, count: int) -> tuple[Any, Any, Any]:
+    """The map [H, 2H, 3] without, and directions and power [K, 3] of, what its brightest pixels have in excess."""
+    xp = array_namespace(radiance)
+    height = radiance.shape[0]
+    flat = xp.reshape(radiance, (-1, 3))
+    order = xp.flip(xp.argsort(luminance(flat)), axis=0)
+    count = min(count, len(order) - 1)
+    chosen, cap = order[:count], luminance(flat)[order[count]]
+    bright = xp.take(flat, chosen, axis=0)
+    excess = bright * (1.0 - cap / xp.clip(luminance(bright), 1e-12, None))[:, None]
+    rest = xp.asarray(flat, copy=True)
+    rest[chosen] = bright - excess
+    directions = np.reshape(pixel_directions(height), (-1, 3)).astype(np.float32)
+    solid_angles = np.repeat(pixel_solid_angles(height), 2 * height, axis=1).reshape(-1, 1)
+    of_pixels = [xp.asarray(values, device=radiance.device) for values in (directions, solid_angles)]
+    directions, solid_angles = (xp.take(values, chosen, axis=0) for values in of_pixels)
+    return xp.reshape(rest, radiance.shape), directions, excess * solid_angles
+
+
+def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any, Any]:
+    """The same of whole patches of the sphere: what all their pixels have above the next patch's brightest.
+
+    An emitter in a room covers many pixels of one brightness, and few of them would leave nearly all of it.
+
+    Args:
+        patch: [H * 2H] int, the patch of every pixel.
+    Returns:
+        rest [H, 2H, 3]; directions, the middles of the emitters, and power [K, 3]; spread [K]: what their sizes
+        add to alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
+    """
+    xp = array_namespace(radiance)
+    height = radiance.shape[0]
+    flat = np.asarray(to_device(radiance, "cpu"), np.float64).reshape(-1, 3)
+    bright = luminance(flat)
+    highest = np.zeros(int(patch.max()) + 1)
+    np.maximum.at(highest, patch, bright)
+    order = np.argsort(-highest, kind="stable")
+    count = min(count, len(order) - 1)
+    cap = highest[order[count]]
+    pixels = np.flatnonzero(bright > cap)  # all of them lie in the chosen patches
+    emitter = np.argsort(order, kind="stable")[patch[pixels]]
+    excess = flat[pixels] * (1.0 - cap / bright[pixels])[:, None]
+    power = excess * np.repeat(pixel_solid_angles(height), 2 * height, axis=1).reshape(-1, 1)[pixels]
+    rest = flat.copy()
+    rest[pixels] -= excess
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(emitter, column, minlength=count) for column in values.T], axis=-1)
+
+    weight = luminance(power)[:, None]
+    pointing = total(pixel_directions(height).reshape(-1, 3)[pixels] * weight)
+    length = np.linalg.norm(pointing, axis=1)
+    directions = np.where(length[:, None] > 0, pointing / np.maximum(length, 1e-30)[:, None], (0.0, 1.0, 0.0))
+    spread = WIDENING * np.clip(1.0 - length / np.maximum(total(weight)[:, 0], 1e-30), 0.0, None)
+    found = (rest.reshape(radiance.shape), directions, total(power), np.where(length > 0, spread, 0.0))
+    return tuple(xp.asarray(values.astype(np.float32), device=radiance.device) for values in found)
 
 
 def _sign(x):
@@ -57,26 +120,28 @@ def octahedral_to_direction(st):
 class Pyramid:
     """Levels of a map: texels [T, 3], the side of level 0, and how many levels there are.
 
-    lamps [K, 3], lamp_flux [K, 3]: directions and irradiance (at normal incidence) of what the
+    emitters [K, 3], emitter_power [K, 3]: directions and irradiance (at normal incidence) of what the
     brightest pixels, or patches, have in excess of the next brightest. The texels then hold the
-    rest: shading adds the lamps exactly, so that no sample need hit the sun. None without lamps.
-    lamp_spread: how wide lamps are, as what they add to alpha^2; one number, or [K].
+    rest: shading adds the emitters exactly, so that no sample need hit the sun. None without emitters.
+    emitter_spread: how wide emitters are, as what they add to alpha^2; one number, or [K].
     """
 
     texels: Any
     side: int
     num_levels: int
-    lamps: Any = None
-    lamp_flux: Any = None
-    lamp_spread: Any = None
+    emitters: Any = None
+    emitter_power: Any = None
+    emitter_spread: Any = None
 
-    def without_lamps(self) -> Pyramid:
+    def without_emitters(self) -> Pyramid:
         """What is left of the map."""
-        return replace(self, lamps=None, lamp_flux=None, lamp_spread=None)
+        return replace(self, emitters=None, emitter_power=None, emitter_spread=None)
 
     def to(self, device) -> Pyramid:
         """The same on another device, for torch."""
-        arrays = {name: getattr(self, name) for name in ("texels", "lamps", "lamp_flux", "lamp_spread")}
+        arrays = {
+            name: getattr(self, name) for name in ("texels", "emitters", "emitter_power", "emitter_spread")
+        }
         return replace(self, **{name: a.to(device) for name, a in arrays.items() if hasattr(a, "to")})
 
 
@@ -112,7 +177,7 @@ def _patches(height: int, side: int) -> np.ndarray:
 
 
 def build_pyramid(
-    radiance, side: int = 256, supersample: int = 2, lamps: int = 0, patches: int | None = None
+    radiance, side: int = 256, supersample: int = 2, emitters: int = 0, patches: int | None = None
 ) -> Pyramid:
     """Unfold a map [H, 2H, 3] and average it down level by level to 4 x 4.
 
@@ -120,19 +185,19 @@ def build_pyramid(
         radiance: NumPy array or torch tensor.
         side: texels along level 0; 256 holds a 256 x 512 map.
         supersample: subsamples along a texel of level 0.
-        lamps: how many of the brightest pixels become lamps. A pyramid with lamps is for
+        emitters: how many of the brightest pixels become emitters. A pyramid with emitters is for
             shading; lookup alone does not see them.
-        patches: lamps are whole patches instead, of patches x patches on the unfolded sphere.
+        patches: emitters are whole patches instead, of patches x patches on the unfolded sphere.
     """
     xp = array_namespace(radiance)
-    directions = flux = spread = None
-    if lamps and patches:
-        radiance, directions, flux, spread = take_patches(
-            radiance, lamps, _patches(radiance.shape[0], patches)
+    directions = power = spread = None
+    if emitters and patches:
+        radiance, directions, power, spread = take_patches(
+            radiance, emitters, _patches(radiance.shape[0], patches)
         )
         spread = spread + 1.0 / side**2
-    elif lamps:
-        radiance, directions, flux = take_pixels(radiance, lamps)
+    elif emitters:
+        radiance, directions, power = take_pixels(radiance, emitters)
         spread = 1.0 / side**2
     uv = xp.asarray(_resampling(side, supersample), device=radiance.device)
     level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
@@ -148,9 +213,9 @@ def build_pyramid(
         texels=xp.concat(levels, axis=0),
         side=side,
         num_levels=len(levels),
-        lamps=directions,
-        lamp_flux=flux,
-        lamp_spread=spread,
+        emitters=directions,
+        emitter_power=power,
+        emitter_spread=spread,
     )
 
 

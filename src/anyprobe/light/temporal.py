@@ -62,7 +62,7 @@ class Smoothing:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Steadied:
+class FilterState:
     """What one frame hands to the next.
 
     steady, fast, last: [H, 2H, 3] float32, y of what is shown, of the leading average, of the
@@ -90,8 +90,8 @@ class Steadied:
 
 
 def step(
-    state: Steadied | None, radiance: np.ndarray, dt_s: float, smoothing: Smoothing | None = None
-) -> Steadied:
+    state: FilterState | None, radiance: np.ndarray, dt_s: float, smoothing: Smoothing | None = None
+) -> FilterState:
     """The state after one more frame; pure.
 
     Args:
@@ -102,11 +102,11 @@ def step(
     c = smoothing or Smoothing()
     y = np.log(check_radiance(radiance, "frame's light") + np.float32(OFFSET))
     if state is None:
-        return Steadied(steady=y, fast=y, last=y)
+        return FilterState(steady=y, fast=y, last=y)
     if not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
     if _rms(y - state.fast) > c.cut_level:
-        return Steadied(steady=y, fast=y, last=y) if state.held else replace(state, held=True)
+        return FilterState(steady=y, fast=y, last=y) if state.held else replace(state, held=True)
     age = state.age_s + dt_s
     noise = difference = _rms(y - state.last) / np.sqrt(2.0)
     if state.noise is not None:
@@ -122,7 +122,7 @@ def step(
         memory = min(memory, max(state.memory_s, c.moving_s))
     share = _gain(dt_s, memory)
     stale_fast -= lead * stale_fast
-    return Steadied(
+    return FilterState(
         steady=state.steady + np.float32(share) * (fast - state.steady),
         fast=fast,
         last=y,

@@ -55,7 +55,7 @@ def mask_from_box(rgb: np.ndarray, box: Sequence[float]) -> np.ndarray:
     return check_mask(_smooth(cv2, cut, width, height))
 
 
-def cut_around(rgb: np.ndarray, point: tuple[float, float]) -> np.ndarray | None:
+def cut_surroundings(rgb: np.ndarray, point: tuple[float, float]) -> np.ndarray | None:
     """What GrabCut makes of one click x, y alone: [H, W], or None where nothing stands out.
 
     The click's surroundings start as the object, the photo's border as what is not.
@@ -93,8 +93,8 @@ def cut_seeded(
     if (coarse > 0.5).any():
         x0, y0, x1, y1 = object_box(coarse)
         more = max(2, round(SEED_MARGIN * max(x1 - x0, y1 - y0)))
-        around = (slice(max(y0 - more, 0), y1 + more), slice(max(x0 - more, 0), x1 + more))
-        labels[around] = np.where(coarse[around] > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD)
+        surroundings = (slice(max(y0 - more, 0), y1 + more), slice(max(x0 - more, 0), x1 + more))
+        labels[surroundings] = np.where(coarse[surroundings] > 0.5, cv2.GC_PR_FGD, cv2.GC_PR_BGD)
     y, x = np.ogrid[: labels.shape[0], : labels.shape[1]]
     for points, label in ((on, cv2.GC_FGD), (off, cv2.GC_BGD)):
         for column, row in points:

@@ -138,8 +138,8 @@ class MaskNetwork:
             return first
         window = _square_around(found, width, height)
         seen = (found[0], found[1], found[0] + found[2], found[1] + found[3])
-        told = bool(on) or box is not None
-        closer = self._look(rgb, window, on, off, box if told else seen)
+        given = bool(on) or box is not None
+        closer = self._look(rgb, window, on, off, box if given else seen)
         if closer.confidence < first.confidence:
             return first
         return Proposal(cover=_paste(closer.cover, window, width, height), confidence=closer.confidence)

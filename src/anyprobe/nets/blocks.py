@@ -53,7 +53,7 @@ class Up(nn.Module):
         return self.conv(F.interpolate(x, scale_factor=2, mode="nearest"))
 
 
-class Rise(nn.Module):
+class UpBlock(nn.Module):
     """Twice the size, added to the skip, then a convolution: a third of what stacking them costs."""
 
     def __init__(self, inputs: int, outputs: int) -> None:

@@ -1,7 +1,9 @@
-"""Photo -> the light around its object, in one pass: told, lifted, completed, lit.
+"""The network that ships: photo -> environment map in one pass.
 
-Radiance is a sum of two: what a display shows, up to white, pixel by pixel; and what is
-brighter than white, as a flux and where it comes from (nets.lamps).
+Object features are extracted from the photo (ObjectNet), lifted to the directions their light came
+from (nets.lifting) and completed on the sphere (SphereNet). Radiance is the sum of what a display
+shows, up to white, and of emitters above white, as total power and where it comes from
+(nets.emitter_head).
 """
 
 from __future__ import annotations
@@ -12,140 +14,246 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets import tones
-from anyprobe.nets.eye import Eye
-from anyprobe.nets.lamps import FLUX_FLOOR, Lamps
-from anyprobe.nets.lift import lift, map_pixel, mirror_direction, pyramid
-from anyprobe.nets.normals_net import NormalsNet, told_or_guessed
-from anyprobe.nets.object_net import ObjectNet, Told
-from anyprobe.nets.queries import TOKENS, Queries
-from anyprobe.nets.sphere_net import SphereNet
+from anyprobe.nets.blocks import UpBlock, conv
+from anyprobe.nets.emitter_head import EmitterHead
+from anyprobe.nets.lifting import (
+    CameraRays,
+    NormalsNet,
+    given_or_estimated,
+    lift,
+    map_pixel,
+    mirror_direction,
+    pyramid,
+)
+
+HEIGHT = 32
+"""Rows that it works at; the map has twice as many."""
+MARGIN = 8
+"""Columns repeated beyond the seam, on both sides."""
+
+
+def _wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
+    return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=3)
+
+
+def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
+    """Undo _wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
+    left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
+    first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
+    fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
+    return torch.cat(
+        [first + fade * (right - first), middle, last + fade.flip(0) * (left - last)],
+        dim=3,
+    )
+
+
+class SphereNet(nn.Module):
+    """Lifted means at 64, 32, 16, 8 and 4 rows, a code and surroundings [N, 4, 64, 128] -> [N, outputs, 64, 128].
+
+    Those at 64 rows have `fine` channels, all others `lifted`. Every scale sees the lifted
+    pixels of its own size, so that gaps are filled from coarser ones; the pixels'
+    directions tell it where up and forward are.
+    """
+
+    def __init__(
+        self,
+        fine: int,
+        lifted: int,
+        code: int,
+        outputs: int,
+        widths: tuple[int, ...] = (24, 48, 96, 128),
+    ) -> None:
+        super().__init__()
+        directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
+        self.register_buffer("directions", _wrap(directions, MARGIN), persistent=False)
+        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        deepest = HEIGHT >> len(pairs)
+        self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
+        self.deepest = deepest
+        self.first = nn.Sequential(conv(4 * fine + lifted + 3 + 4, widths[0]), conv(widths[0], widths[0]))
+        self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
+        more = {widths[-1]: 48}
+        self.seen = nn.ModuleList(conv(b + lifted + more.get(b, 0), b) for _, b in pairs)
+        self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
+        self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
+
+    def forward(
+        self,
+        scales: list[torch.Tensor],
+        code: torch.Tensor,
+        surroundings: torch.Tensor,
+    ) -> torch.Tensor:
+        fine, *rest = scales
+        directions = self.directions.expand(fine.shape[0], -1, -1, -1)
+        seen = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
+        x = torch.cat([_wrap(seen, MARGIN), directions], dim=1)
+        levels = [self.first(x)]
+        start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
+        for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
+            parts = [down(levels[-1]), _wrap(rest[depth], MARGIN >> depth)]
+            if depth == len(self.down):
+                parts.append(_wrap(start, MARGIN >> depth))
+            levels.append(seen(torch.cat(parts, dim=1)))
+        x = levels.pop()
+        for up in self.up:
+            x = up(x, levels.pop())
+        return _close(F.pixel_shuffle(self.head(x), 2), 2 * MARGIN)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectFeatures:
+    """Output of ObjectNet.
+
+    irradiance [N, 3, 128, 128] display; features [N, F, 64, 64]; weight [N, 1, 64, 64] in [0, 1], zero outside
+    the mask; root_alpha [N, 1]; code [N, C].
+    """
+
+    irradiance: torch.Tensor
+    features: torch.Tensor
+    weight: torch.Tensor
+    root_alpha: torch.Tensor
+    code: torch.Tensor
+
+
+class ObjectNet(nn.Module):
+    """photo [N, 4, 128, 128] (display RGB times mask, mask), slope [N, 2, 64, 64] of CameraRays, unit normals
+    [N, 3, 64, 64] and where they are given [N, 1, 64, 64] rather than estimated; surroundings [N, 4, H, 2H] (see
+    LightNet) -> ObjectFeatures.
+
+    Two pixels in each direction are folded into channels at once, so that nothing is
+    computed at full size.
+    """
+
+    def __init__(
+        self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192
+    ) -> None:
+        super().__init__()
+        self.num_features = features
+        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        self.first = nn.Sequential(conv(16 + 2 + 4, widths[0]), conv(widths[0], widths[0]))
+        self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
+        self.surroundings = nn.Sequential(
+            nn.AvgPool2d(8),
+            nn.Flatten(),
+            nn.Linear(4 * 8 * 16, 64),
+            nn.LeakyReLU(0.1),
+            nn.Linear(64, widths[-1]),
+        )
+        self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 16, code), nn.LeakyReLU(0.1))
+        self.alpha = nn.Linear(code, 1)
+        self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
+        self.head = nn.Conv2d(widths[0], 3 * 4 + 1 + features, 3, padding=1)
+
+    def forward(
+        self,
+        photo: torch.Tensor,
+        slope: torch.Tensor,
+        normals: torch.Tensor,
+        given: torch.Tensor,
+        surroundings: torch.Tensor,
+    ) -> ObjectFeatures:
+        levels = [self.first(torch.cat([F.pixel_unshuffle(photo, 2), slope, normals, given], dim=1))]
+        for down in self.down:
+            levels.append(down(levels[-1]))
+        x = levels.pop() + self.surroundings(surroundings)[:, :, None, None]
+        code = self.code(x)
+        for up in self.up:
+            x = up(x, levels.pop())
+        residual, weight, features = self.head(x).split([12, 1, self.num_features], dim=1)
+        return ObjectFeatures(
+            irradiance=(photo[:, :3] + F.pixel_shuffle(residual, 2)) * photo[:, 3:],
+            features=features,
+            weight=torch.sigmoid(weight.float()) * F.avg_pool2d(photo[:, 3:], 2),
+            root_alpha=torch.sigmoid(self.alpha(code)),
+            code=code,
+        )
+
 
 SCALES = 5
 """Lifted maps of 64, 32, 16, 8 and 4 rows."""
 COLORS = 6
-"""What is lifted whole: the photo and the irradiance; learned features only from 32 rows on."""
-ASKED = 48
-"""Numbers that each direction that asked is told."""
+"""Channels lifted at full resolution: photo and irradiance; learned features only from 32 rows on."""
 MEAN_LN = -1.2
 """ln radiance before anything is learned: about the mean over indoor and outdoor photos."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Guess:
-    """What LightNet says.
+class LightPrediction:
+    """Output of LightNet.
 
-    normals [N, 3, 64, 64]: unit, camera frame, those that were told, else those guessed; wo [N, 3, 64, 64] of Eye.
-    ln_radiance [N, 3, 64, 128]: the whole, its lamps drawn; ln_expected: the mean over all that they may be.
+    normals [N, 3, 64, 64]: unit, camera frame, the given ones, else estimated; wo [N, 3, 64, 64] of CameraRays.
+    ln_radiance [N, 3, 64, 128]: with emitters at their most likely positions; ln_expected: mean radiance over all
+        positions.
     ln_shown [N, 3, 64, 128]: what is not above white.
-    ln_flux [N, 3]: ln(flux above white + FLUX_FLOOR), in sr of white.
-    lamp_logit [N, 1, 64, 128]: where it comes from, ln of flux a steradian but for a constant.
+    ln_power [N, 3]: ln(power above white + POWER_FLOOR), in sr of white.
+    emitter_logit [N, 1, 64, 128]: ln of power per steradian up to a constant.
     confidence_logit [N, 1, 64, 128]: of being close to the true map.
-    tones [N, 6, 64, 128]: Reinhard's and the logarithm's maps of a network that has these in the place of lamps.
     """
 
-    told: Told
+    features: ObjectFeatures
     normals: torch.Tensor
     wo: torch.Tensor
     ln_radiance: torch.Tensor
     ln_expected: torch.Tensor
     ln_shown: torch.Tensor
-    ln_flux: torch.Tensor
-    lamp_logit: torch.Tensor
+    ln_power: torch.Tensor
+    emitter_logit: torch.Tensor
     confidence_logit: torch.Tensor
-    tones: torch.Tensor | None = None
 
 
 class LightNet(nn.Module):
-    """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1], normals [N, 3, 64, 64] -> Guess.
+    """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1] -> LightPrediction.
 
-    normals: those that somebody knows (a tracked model, a depth camera), camera frame; zero where they are not
-    known, by default everywhere.
-    lifting: False leaves the lifted maps empty, so that all passes through the code.
-    queries, dual: ideas that were tried (nets.queries, nets.tones; docs/ablation.md).
+    Optional inputs: given normals [N, 3, 64, 64], camera frame, zero where not given; surroundings
+    [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map.
     """
 
-    def __init__(
-        self,
-        features: int = 8,
-        code: int = 192,
-        lifting: bool = True,
-        queries: bool = False,
-        dual: bool = False,
-    ) -> None:
+    def __init__(self, features: int = 8, code: int = 192) -> None:
         super().__init__()
-        self.lifting, self.dual = lifting, dual
-        self.eye = Eye()
+        self.camera_rays = CameraRays()
         self.normals = NormalsNet()
         self.object = ObjectNet(features=features, code=code)
-        self.queries = Queries(self.object.num_tokens, code + 1, ASKED) if queries else None
-        outputs, asked = 7 if dual else 5, ASKED if queries else 0
-        self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, outputs, asked=asked)
-        self.lamps = Lamps(code + 1)
+        self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, outputs=5)
+        self.emitters = EmitterHead(code + 1)
 
     def forward(
         self,
         photo: torch.Tensor,
         tan_half: torch.Tensor,
-        normals: torch.Tensor | None = None,
-        around: torch.Tensor | None = None,
-    ) -> Guess:
-        if around is None:
-            around = photo.new_zeros(len(photo), 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
-        slope, wo = self.eye(tan_half)
-        normals, known = told_or_guessed(normals, self.normals(photo, slope, wo))
-        told = self.object(photo, slope, normals, known, around)
-        mask = photo[:, 3:]
-        cover = F.avg_pool2d(mask, 2) + 1e-4
-        seen = torch.cat(
-            [F.avg_pool2d(photo[:, :3], 2) / cover, F.avg_pool2d(told.irradiance, 2) / cover], dim=1
-        )
-        mirror = mirror_direction(normals, wo).detach()
-        pixel = map_pixel(mirror, MAP_HEIGHT)
-        values = torch.cat([seen, told.features], dim=1).float()
-        weight = told.weight if self.lifting else torch.zeros_like(told.weight)
-        scales = pyramid(lift(values, weight, pixel, MAP_HEIGHT), SCALES)
-        scales[0] = torch.cat([scales[0][:, :COLORS], scales[0][:, -1:]], dim=1)
-        code = torch.cat([told.code, told.root_alpha], dim=1)
-        asked = None
-        if self.queries is not None:
-            step = mirror.shape[2] // TOKENS
-            toward = F.normalize(F.avg_pool2d(mirror * cover, step), dim=1, eps=1e-4)
-            asked = self.queries(told.tokens, toward, F.avg_pool2d(cover, step), code)
-        out = self.sphere(scales, code, around, asked).float()
-        if self.dual:
-            return self._merged(out, told, normals, wo)
-        ln_shown, ln_flux, lamp_logit = out[:, :3] * 2 + MEAN_LN, self.lamps(code), out[:, 4:] * 4
-        shown, fixed = torch.exp(ln_shown.clamp(max=0.0)), lamp_logit.detach()
-        return Guess(
-            told=told,
+        given_normals: torch.Tensor | None = None,
+        surroundings: torch.Tensor | None = None,
+    ) -> LightPrediction:
+        if surroundings is None:
+            surroundings = photo.new_zeros(len(photo), 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
+        slope, wo = self.camera_rays(tan_half)
+        normals, given = given_or_estimated(given_normals, self.normals(photo, slope, wo))
+        features = self.object(photo, slope, normals, given, surroundings)
+        code = torch.cat([features.code, features.root_alpha], dim=1)
+        out = self.sphere(self._lifted(photo, features, normals, wo), code, surroundings).float()
+        ln_shown, ln_power, logit = out[:, :3] * 2 + MEAN_LN, self.emitters(code), out[:, 4:] * 4
+        shown, fixed = torch.exp(ln_shown.clamp(max=0.0)), logit.detach()
+        return LightPrediction(
+            features=features,
             normals=normals,
             wo=wo,
-            ln_radiance=torch.log(shown + self.lamps.drawn(ln_flux, fixed)),
-            ln_expected=torch.log(shown + self.lamps.expected(ln_flux, fixed)),
+            ln_radiance=torch.log(shown + self.emitters.mode(ln_power, fixed)),
+            ln_expected=torch.log(shown + self.emitters.expected(ln_power, fixed)),
             ln_shown=ln_shown,
-            ln_flux=ln_flux,
-            lamp_logit=lamp_logit,
+            ln_power=ln_power,
+            emitter_logit=logit,
             confidence_logit=out[:, 3:4],
         )
 
-    def _merged(self, out: torch.Tensor, told: Told, normals: torch.Tensor, wo: torch.Tensor) -> Guess:
-        """What two tone-mapped maps and a confidence say."""
-        # at the start the tones of exp(MEAN_LN)
-        maps = torch.sigmoid(torch.cat([out[:, :3] * 2 - 1.2, out[:, 4:] * 2 - 3.5], dim=1))
-        radiance = tones.merge(*maps.split(3, dim=1))
-        ln = torch.log(radiance + 1e-4)
-        flux = ((radiance - 1).clamp(min=0.0) * self.lamps.solid_angles).sum(dim=(2, 3))
-        return Guess(
-            told=told,
-            normals=normals,
-            wo=wo,
-            ln_radiance=ln,
-            ln_expected=ln,
-            ln_shown=ln,
-            ln_flux=torch.log(flux + FLUX_FLOOR),
-            lamp_logit=ln.mean(dim=1, keepdim=True),
-            confidence_logit=out[:, 3:4],
-            tones=maps,
-        )
+    def _lifted(
+        self, photo: torch.Tensor, features: ObjectFeatures, normals: torch.Tensor, wo: torch.Tensor
+    ) -> list[torch.Tensor]:
+        """Photo, irradiance and features at their mirror directions, at SCALES scales."""
+        cover = F.avg_pool2d(photo[:, 3:], 2) + 1e-4
+        seen = [F.avg_pool2d(photo[:, :3], 2) / cover, F.avg_pool2d(features.irradiance, 2) / cover]
+        pixel = map_pixel(mirror_direction(normals, wo).detach(), MAP_HEIGHT)
+        values = torch.cat([torch.cat(seen, dim=1), features.features], dim=1).float()
+        scales = pyramid(lift(values, features.weight, pixel, MAP_HEIGHT), SCALES)
+        scales[0] = torch.cat([scales[0][:, :COLORS], scales[0][:, -1:]], dim=1)
+        return scales

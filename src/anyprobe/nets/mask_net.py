@@ -52,8 +52,8 @@ class MaskNet(nn.Module):
 
     def logits(self, image: torch.Tensor) -> torch.Tensor:
         """[N, 1, 160, 160] before the sigmoid."""
-        told = torch.cat([image[:, :3], HINT_GAIN * image[:, 3:]], dim=1)
-        features = [self.first(told)]
+        given = torch.cat([image[:, :3], HINT_GAIN * image[:, 3:]], dim=1)
+        features = [self.first(given)]
         for down in self.down:
             features.append(down(features[-1]))
         x = self.deep(features.pop())

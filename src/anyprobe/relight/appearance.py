@@ -1,7 +1,7 @@
 """What the real object tells beside its light: its material, and how bright the light is at least.
 
-A ball of each of a few widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
-as a metal its f0 is the one whose ball has the object's mean colour: the shading is linear in either, so
+A sphere of each of a few widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
+as a metal its f0 is the one whose sphere has the object's mean colour: the shading is linear in either, so
 this is one division a channel. Of those the one is taken whose luminances, sorted, are nearest to the
 object's in display values: shape is not known, so where on the object they lie does not count. A light
 whose colour was taken for the object's, or the other way round, cannot be found out this way.
@@ -14,12 +14,12 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
-from anyprobe.infer.photo import Photo
+from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.balls import ball_normals, diffuse, mirror
-from anyprobe.render.integrate import NUM_LAMPS, shade
-from anyprobe.scatter.brdf import Material
+from anyprobe.render.integrate import NUM_EMITTERS, shade
+from anyprobe.render.spheres import diffuse, mirror, sphere_normals
+from anyprobe.scatter.materials import Material
 
 ALPHAS = (0.05, 0.15, 0.35, 0.8)
 DIELECTRIC_F0 = 0.045
@@ -27,7 +27,7 @@ LEAST_METAL_F0 = 0.2
 MOST_REFLECTED = 0.9
 """Of the light on it; paper and silver send back about so much."""
 
-BALL = 24
+SPHERE = 24
 NUM_QUANTILES = 32
 
 
@@ -38,14 +38,14 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
     mean = inverse_response(seen).mean(axis=0)
     quantiles = np.quantile(luminance(seen), _levels())
     # a larger map would be read at points between which a sun is lost
-    pyramid, u = build_pyramid(reduced(radiance), side=64, lamps=NUM_LAMPS), hammersley(64)
-    n, _ = ball_normals(BALL)
+    pyramid, u = build_pyramid(reduced(radiance), side=64, emitters=NUM_EMITTERS), hammersley(64)
+    n, _ = sphere_normals(SPHERE)
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
     best, least = None, np.inf
     for alpha in ALPHAS:
-        ball = shade(pyramid, n, wo, alpha, u)
-        for material in _candidates(ball, mean, alpha):
-            shown = luminance(response(ball.radiance(material)))
+        sphere = shade(pyramid, n, wo, alpha, u)
+        for material in _candidates(sphere, mean, alpha):
+            shown = luminance(response(sphere.radiance(material)))
             error = float(np.square(np.quantile(shown, _levels()) - quantiles).mean())
             if error < least:
                 best, least = material, error
@@ -55,21 +55,21 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
 def least_scale(photo: Photo, radiance: np.ndarray) -> float:
     """The gain, at least 1, that a map needs so that the object sends back no more than MOST_REFLECTED.
 
-    Estimates tend to be too dim where the lamps are small and strong; the real object then looks
+    Estimates tend to be too dim where the emitters are small and strong; the real object then looks
     brighter than anything could under them, and a virtual one beside it looks unlit. The object is taken
-    for a ball, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
+    for a sphere, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
     """
     seen = photo.rgb[photo.mask > 0.9]
     seen = photo.rgb[photo.mask > 0.5] if len(seen) == 0 else seen
-    on = ball_normals(BALL)[1]
-    white = max(float(luminance(ball(radiance, BALL)[on]).mean()) for ball in (diffuse, mirror))
+    on = sphere_normals(SPHERE)[1]
+    white = max(float(luminance(sphere(radiance, SPHERE)[on]).mean()) for sphere in (diffuse, mirror))
     return max(1.0, float(luminance(inverse_response(seen)).mean()) / (MOST_REFLECTED * max(white, 1e-6)))
 
 
-def _candidates(ball, mean: np.ndarray, alpha: float):
+def _candidates(sphere, mean: np.ndarray, alpha: float):
     """A dielectric and, unless it would hardly reflect, a metal with the mean colour [3]."""
     specular, grazing, diffuse = (
-        np.maximum(part.mean(axis=0), 1e-6) for part in (ball.specular, ball.grazing, ball.diffuse)
+        np.maximum(part.mean(axis=0), 1e-6) for part in (sphere.specular, sphere.grazing, sphere.diffuse)
     )
     coat = DIELECTRIC_F0 * specular + (1 - DIELECTRIC_F0) * grazing
     albedo = (mean - coat) / ((1 - DIELECTRIC_F0) * diffuse)

@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.errors import InputError
-from anyprobe.infer.photo import Photo, object_box
+from anyprobe.estimate.photo import Photo, object_box
 from anyprobe.render.mesh import Mesh
 
 LEAST_SLOPE_DEG = 12.0
@@ -21,7 +21,7 @@ LEAST_SLOPE_DEG = 12.0
 
 UNKNOWN_LENS_DEG = 38.0
 """Along the longer side, where neither EXIF nor the caller told. Of a cropped or zoomed photo the 65
-degrees that estimates take would stretch a ball near its border; too narrow a guess shows far less."""
+degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
 
 GAP = 0.15
 """Between the real object and the virtual one, in widths of the latter."""
@@ -94,7 +94,7 @@ class Placement:
     """A mesh on the ground.
 
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
-    smallest ball around it. pitch_deg: camera's, downwards.
+    smallest sphere around it. pitch_deg: camera's, downwards.
     """
 
     mesh: Mesh

@@ -1,4 +1,4 @@
-"""The shadow of a mesh on the ground under a whole map: contact shadow and main light's at once.
+"""The shadow of a mesh on the ground under a whole map: contact shadow and dominant light's at once.
 
     ratio(p) = integral of L V(p, wi) cos dwi / integral of L cos dwi      (over the sky above the ground)
 

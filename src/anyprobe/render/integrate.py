@@ -13,6 +13,7 @@ The functions run on NumPy arrays and on torch tensors, compiled or not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,29 +23,45 @@ from array_api_compat import array_namespace, is_torch_array
 from anyprobe.core.frames import dot, orthonormal_basis
 from anyprobe.core.sampling import cosine_hemisphere_xyz, ggx_visible_normal_xyz
 from anyprobe.light.octahedral import Pyramid, build_pyramid, lookup_rgb
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
+
+INDUCTOR_OPTIONS = {
+    # By default the compiler writes every long expression to memory and reads it back, and
+    # checks each index. 6,200 points x 64 samples on two cores: 27 ms so, 5 ms with these.
+    "realize_opcount_threshold": 100_000,
+    "realize_reads_threshold": 100_000,
+    "assert_indirect_indexing": False,
+}
+
+
+def compile_kernel(function: Callable) -> Callable:
+    """torch.compile for shade_specular, shade_diffuse and lookup; one kernel for each size of arguments."""
+    import torch
+
+    return torch.compile(function, options=INDUCTOR_OPTIONS, dynamic=False)
+
 
 LOD_BIAS = 0.0
 """Levels added to the one whose texel matches a sample's solid angle.
 
-Measured with 16 lamps against an unbiased integral (benchmarks/reference.py), 32 samples, ten materials
+Measured with 16 emitters against an unbiased integral (benchmarks/reference.py), 32 samples, ten materials
 under a room and a sun, 40 pixels across: 0.5 errs by 2.7-14 %, 0 by 2.4-9 %, -0.5 by 2.1-9 %, -1 by 2.1-13 %.
 """
 
-NUM_LAMPS = 16
-"""Lamps that pyramids for shading have, enough for a sun's disc.
+NUM_EMITTERS = 16
+"""Emitters that pyramids for shading have, enough for a sun's disc.
 
 64 samples under a sun err by 1-4 % with them and by 20-115 % without. They cost as much time as ten samples.
 """
 
 PATCHES = ((0.3, 16, 128), (0.2, 32, 128), (0.1, 64, 128))
-"""From which alpha on lamps are patches, how many along the unfolded sphere and how many lamps, and the
+"""From which alpha on emitters are patches, how many along the unfolded sphere and how many emitters, and the
 pyramid's side: what such a lobe hardly tells from points.
 
-Under a room with a square lamp 14 degrees wide (that of benchmarks/ball.py), 64 samples of a conductor err by 12, 13
-and 10 % at alpha 0.1, 0.3 and 1 with lamps of a pixel, by 1.4, 0.6 and 0.7 % with patches; 512 samples by 3.3, 3.8 and
-4.3 %, and by 1.3, 0.2 and 0.3 %.
+In a room with a square emitter 14 degrees wide (benchmarks/sphere.py), 64 samples of a conductor err by 12, 13 and
+10 % at alpha 0.1, 0.3 and 1 with emitters of a pixel, by 1.4, 0.6 and 0.7 % with patches; 512 samples by 3.3, 3.8
+and 4.3 %, and by 1.3, 0.2 and 0.3 %.
 """
 
 
@@ -52,8 +69,8 @@ def shading_pyramid(radiance, alpha: float = 1.0) -> Pyramid:
     """A map [H, 2H, 3] as lobes of alpha are shaded with; that of alpha 1 for the diffuse term."""
     for least, patches, side in PATCHES:
         if alpha >= least:
-            return build_pyramid(radiance, side=side, lamps=patches, patches=patches)
-    return build_pyramid(radiance, lamps=NUM_LAMPS)
+            return build_pyramid(radiance, side=side, emitters=patches, patches=patches)
+    return build_pyramid(radiance, emitters=NUM_EMITTERS)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -138,47 +155,47 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     irradiance = xp.stack([xp.sum(channel * share, axis=1) for channel in light], axis=-1) / total
     specular = xp.stack([xp.mean(channel * weight, axis=1) for channel in light], axis=-1)
     weak = xp.stack([xp.mean(channel * grazing, axis=1) for channel in light], axis=-1)
-    if pyramid.lamps is None:
+    if pyramid.emitters is None:
         return irradiance, specular, weak
-    lit = lamps_specular(pyramid, n, wo, alpha)
+    lit = emitters_specular(pyramid, n, wo, alpha)
     return irradiance + lit[0] * (u.shape[0] / total), specular + lit[1], weak + lit[2]
 
 
-def _lamp_cosines(pyramid: Pyramid, n, wo):
-    """n.wi, wo.h and n.h [P, K] of every lamp; |wo + wi| = 2 wo.h."""
+def _emitter_cosines(pyramid: Pyramid, n, wo):
+    """n.wi, wo.h and n.h [P, K] of every emitter; |wo + wi| = 2 wo.h."""
     xp = array_namespace(n)
-    lamps = [pyramid.lamps[None, :, k] for k in range(3)]
-    n_dot_wi = _against(lamps, n)
-    wo_dot_h = xp.sqrt(xp.clip(0.5 + 0.5 * _against(lamps, wo), 1e-8, None))
+    emitters = [pyramid.emitters[None, :, k] for k in range(3)]
+    n_dot_wi = _against(emitters, n)
+    wo_dot_h = xp.sqrt(xp.clip(0.5 + 0.5 * _against(emitters, wo), 1e-8, None))
     n_dot_h = (n_dot_wi + dot(n, wo)) / (2.0 * wo_dot_h)
     return n_dot_wi, wo_dot_h, xp.clip(n_dot_h, 1e-6, 1.0)
 
 
-def _gather(weight, flux) -> Any:
-    """Sum over lamps: [P, K] times flux [K, 3] to [P, 3]."""
+def _gather(weight, power) -> Any:
+    """Sum over emitters: [P, K] times power [K, 3] to [P, 3]."""
     if is_torch_array(weight):
-        return weight @ flux  # compiled, a third of the time of nine sums
+        return weight @ power  # compiled, a third of the time of nine sums
     # a matrix product of NumPy's differs in the last bit from processor to processor
-    return np.stack([np.sum(weight * flux[None, :, k], axis=1) for k in range(3)], axis=-1)
+    return np.stack([np.sum(weight * power[None, :, k], axis=1) for k in range(3)], axis=-1)
 
 
-def lamps_specular(pyramid: Pyramid, n, wo, alpha):
-    """The lamps' part of shade_specular's three integrals, Eq. 5's before division by the kept share.
+def emitters_specular(pyramid: Pyramid, n, wo, alpha):
+    """The emitters' part of shade_specular's three integrals, Eq. 5's before division by the kept share.
 
-    A lamp is no point: D is widened by what its size is between half vectors.
+    An emitter is no point: D is widened by what its size is between half vectors.
     """
     xp = array_namespace(n)
-    n_dot_wi, wo_dot_h, n_dot_h = _lamp_cosines(pyramid, n, wo)
+    n_dot_wi, wo_dot_h, n_dot_h = _emitter_cosines(pyramid, n, wo)
     n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)
     above = xp.astype(n_dot_wi > 0, n.dtype)
-    d = ggx_distribution(n_dot_h, (alpha * alpha + pyramid.lamp_spread) ** 0.5) * above
+    d = ggx_distribution(n_dot_h, (alpha * alpha + pyramid.emitter_spread) ** 0.5) * above
     density = d * n_dot_h / (4.0 * wo_dot_h)
     weight = d * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * n_dot_wi
-    flux = pyramid.lamp_flux
+    power = pyramid.emitter_power
     return (
-        _gather(density, flux),
-        _gather(weight, flux),
-        _gather(weight * schlick_weight(wo_dot_h), flux),
+        _gather(density, power),
+        _gather(weight, power),
+        _gather(weight * schlick_weight(wo_dot_h), power),
     )
 
 
@@ -192,11 +209,11 @@ def shade_diffuse(pyramid: Pyramid, n, wo, u):
     rest = 1.0 - schlick_weight(wo_dot_h)
     light = lookup_rgb(pyramid, *wi, _lod(pdf, u.shape[0], pyramid))
     diffuse = xp.stack([xp.mean(channel * rest, axis=1) for channel in light], axis=-1)
-    if pyramid.lamps is None:
+    if pyramid.emitters is None:
         return diffuse
-    n_dot_wi, wo_dot_h, _ = _lamp_cosines(pyramid, n, wo)
+    n_dot_wi, wo_dot_h, _ = _emitter_cosines(pyramid, n, wo)
     weight = (1.0 - schlick_weight(wo_dot_h)) * xp.clip(n_dot_wi, 0.0, None) / np.pi
-    return diffuse + _gather(weight, pyramid.lamp_flux)
+    return diffuse + _gather(weight, pyramid.emitter_power)
 
 
 def shade(pyramid: Pyramid, n, wo, alpha, u, u_diffuse=None, wide: Pyramid | None = None) -> Shading:

@@ -73,7 +73,7 @@ def lobe_normal(n, wo, alpha):
     return normalize(n + mirrored * (straight_on_normal(n, wo) - n))
 
 
-def stand_ins(n, wo, alpha, table) -> tuple:
+def lookup_coords(n, wo, alpha, table) -> tuple:
     """What stands for normals n seen along wo in maps that are seen along +Z.
 
     Args:
@@ -84,13 +84,13 @@ def stand_ins(n, wo, alpha, table) -> tuple:
         [..., 2] each, and what S1 and Ss found there are to be multiplied by, [...]: the lobe is
         there, but n has its own albedo.
     """
-    stand_in = lobe_normal(n, wo, alpha)
+    lookup_coord = lobe_normal(n, wo, alpha)
     own = directional_albedo(dot(n, wo)[..., 0], alpha[..., 0], table)
-    found = directional_albedo(stand_in[..., 2], alpha[..., 0], table)
+    found = directional_albedo(lookup_coord[..., 2], alpha[..., 0], table)
     gain_one, gain_grazing = (
         (a + ALBEDO_FLOOR) / (b + ALBEDO_FLOOR) for a, b in zip(own, found, strict=True)
     )
-    places = (normal_to_reflectance_xy(normal) for normal in (straight_on_normal(n, wo), stand_in, n))
+    places = (normal_to_reflectance_xy(normal) for normal in (straight_on_normal(n, wo), lookup_coord, n))
     return *places, gain_one, gain_grazing
 
 
@@ -100,5 +100,5 @@ def read_map(picture, xy, channels) -> list:
     size = picture.shape[0]
     flat = xp.reshape(picture, (size * size, -1))
     column, row = (xp.clip((xy[..., k] + 1.0) * (size / 2) - 0.5, 0.0, size - 1.001) for k in range(2))
-    around = corners(column, row, size)
-    return [sum(flat[index, channel] * share for index, share in around) for channel in channels]
+    surroundings = corners(column, row, size)
+    return [sum(flat[index, channel] * share for index, share in surroundings) for channel in channels]

@@ -16,8 +16,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from anyprobe.core.color import to_bytes
-from anyprobe.infer.photo import Photo
-from anyprobe.infer.result import Light
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import Light
 from anyprobe.masks.check import object_box
 
 JSON = "application/json"

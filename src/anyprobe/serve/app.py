@@ -17,14 +17,14 @@ from starlette.requests import ClientDisconnect
 
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
+from anyprobe.estimate.estimator import Estimator
 from anyprobe.export.targets import TARGETS, find_target
-from anyprobe.infer.estimate import Estimator
 from anyprobe.serve import answers, estimates, openapi
 from anyprobe.serve.guards import BodyLimit, OwnNamesOnly, OwnPagesOnly, SecureHeaders
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, WorkerPool
-from anyprobe.serve.several import estimate_several, read_several
+from anyprobe.serve.several import estimate_uploads, read_multiview
 from anyprobe.serve.uploads import read_upload, take_unread
 
 log = logging.getLogger("anyprobe.serve")
@@ -118,10 +118,10 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            several = await read_several(request, limits)
+            several = await read_multiview(request, limits)
 
             def work(job: Job) -> Response:
-                photo, light = estimate_several(estimator, several, job)
+                photo, light = estimate_uploads(estimator, several, job)
                 job.step()
                 return answers.light_response(light, media, several.uploads[0].include, photo)
 

@@ -10,13 +10,12 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_of
 from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import Photo, load_photo
+from anyprobe.estimate.result import Light
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_radiance
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import Photo, load_photo
-from anyprobe.infer.result import Light
-from anyprobe.scatter.brdf import Material
-from anyprobe.scatter.presets import told_material
+from anyprobe.scatter.materials import Material, given_material
 from anyprobe.serve.pool import Job
 from anyprobe.serve.uploads import Upload
 
@@ -45,17 +44,17 @@ def open_photo(upload: Upload, job: Job) -> Photo:
 
 def estimate_light(estimator: Estimator, upload: Upload, job: Job) -> tuple[Photo, Light]:
     """What Estimator does, with a look between decoding and computing at whether it is still wanted."""
-    estimator, material = as_told(estimator, upload)
+    estimator, material = as_given(estimator, upload)
     start = time.perf_counter()
     photo = open_photo(upload, job)
     job.step()
     return photo, estimator.from_photo(photo, start, material=material)
 
 
-def as_told(estimator: Estimator, upload: Upload) -> tuple[Estimator, Material | None]:
-    """The estimator with the lamps that were asked for, and the material that was told."""
-    material = told_material(upload.material, upload.albedo)
-    return estimator if upload.lamps is None else estimator.with_lamps(upload.lamps), material
+def as_given(estimator: Estimator, upload: Upload) -> tuple[Estimator, Material | None]:
+    """The estimator with the emitters that were asked for, and the material that was told."""
+    material = given_material(upload.material, upload.albedo)
+    return estimator if upload.emitters is None else estimator.with_emitters(upload.emitters), material
 
 
 def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:
@@ -76,7 +75,7 @@ def upright_picture(data: bytes, job: Job) -> tuple[np.ndarray, float | None]:
 
 def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
     """Write a map (.exr or .hdr bytes in the place of the photo) for one target into an empty folder."""
-    from anyprobe.export.origin import check_front, map_from_camera, origin_turned
+    from anyprobe.export.exported_light import check_front, map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
     job.step()
@@ -94,6 +93,6 @@ def export_map(upload: Upload, target: str, folder: Path, job: Job) -> None:
         raise InvalidEnvironment(
             f"map: expected at most {MAP_MAX_ROWS} rows, got {len(radiance)}; shrink it first"
         )
-    told, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
-    turn = None if told is None else rotation_of(told)
+    given, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
+    turn = None if given is None else rotation_of(given)
     export(radiance, target, folder, "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=turned)

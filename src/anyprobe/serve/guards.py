@@ -39,8 +39,8 @@ class BodyLimit:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        told = Headers(scope=scope).get("content-length", "0")
-        if told.isdigit() and int(told) > self._max_bytes:
+        given = Headers(scope=scope).get("content-length", "0")
+        if given.isdigit() and int(given) > self._max_bytes:
             answer = JSONResponse({"error": too_large(self._max_bytes)}, 413, {"Connection": "close"})
             return await answer(scope, receive, send)
         num_bytes = 0

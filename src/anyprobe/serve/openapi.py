@@ -16,7 +16,7 @@ _OPTIONS: dict[str, str] = {
 }
 
 _KNOWN = {
-    "normals": "ball, if the object is one; normals that are known come as a file part",
+    "normals": "sphere, if the object is one; normals that are known come as a file part",
     "surroundings": "photo, if what it shows beside the object lights it; a panorama comes as a file part",
     "material": "the object's, where known: chrome, gold, plastic or matte",
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
@@ -29,7 +29,7 @@ _EXPORT = {
 }
 
 _ANSWER = {
-    "lamps": "drawn, where they most likely are, for shadows and highlights; or spread over all places as likely as "
+    "emitters": "drawn, where they most likely are, for shadows and highlights; or spread over all places as likely as "
     "they are, which lights dull objects better",
     "include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides",
 }
@@ -52,7 +52,7 @@ _ERRORS = {
 
 _MASK = {"mask": "picture of the photo's size, white on the object"}
 _NORMALS = {
-    "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera; or the word ball"
+    "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera; or the word sphere"
 }
 _SURROUNDINGS = {
     "surroundings": "panorama in the camera's frame, transparent where nothing is known; or the word photo"
@@ -95,7 +95,7 @@ ESTIMATE = _upload(
 )
 
 
-def _several() -> dict[str, Any]:
+def _multiview() -> dict[str, Any]:
     """As ESTIMATE, of several photos in a form."""
     texts = {"fov": _OPTIONS["fov"], **_KNOWN, **_ANSWER}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
@@ -114,7 +114,7 @@ def _several() -> dict[str, Any]:
     }
 
 
-FUSE = _several()
+FUSE = _multiview()
 MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_MASK)
 PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
 EXPORT = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})

@@ -24,12 +24,12 @@ from starlette.routing import Match
 from anyprobe import __version__
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import ModelError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.runtime import stages_of, weights_folder
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import read_image
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.photo import load_photo
-from anyprobe.infer.runtime import stages_of, weights_folder
 from anyprobe.serve.answers import light_json, mask_png, png
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import Job, WorkerPool

@@ -12,14 +12,14 @@ import numpy as np
 from starlette.requests import Request
 
 from anyprobe.errors import InvalidMask, InvalidPhoto
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.multiview import estimate_multiview
+from anyprobe.estimate.normals_prior import SPHERE
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.surroundings import PHOTO
 from anyprobe.files.poses import parse_poses
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.known_normals import BALL
-from anyprobe.infer.photo import Photo
-from anyprobe.infer.result import Light
-from anyprobe.infer.several import estimate_together
-from anyprobe.infer.surroundings import PHOTO
-from anyprobe.serve.estimates import as_told, open_photo
+from anyprobe.serve.estimates import as_given, open_photo
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.openapi import FUSE
 from anyprobe.serve.pool import Job
@@ -45,7 +45,7 @@ class Several:
     world_from_camera: np.ndarray
 
 
-async def read_several(request: Request, limits: Limits) -> Several:
+async def read_multiview(request: Request, limits: Limits) -> Several:
     """Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
 
     Raises:
@@ -55,8 +55,8 @@ async def read_several(request: Request, limits: Limits) -> Several:
     async with read_form(request, limits, max_files=2 * MOST + 1) as form:
         photos = [await read_part(part, "photo") for part in form.getlist("photo")]
         masks = [(await read_part(part, "mask"))[0] for part in form.getlist("mask")]
-        told = form.get("poses", "null")
-        poses = told.encode() if isinstance(told, str) else await told.read()
+        hints = form.get("poses", "null")
+        poses = hints.encode() if isinstance(hints, str) else await hints.read()
         files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
     option = Options(form, request.query_params)
     unused = [name for name in files if name in ("normals", "surroundings")]
@@ -78,7 +78,7 @@ async def read_several(request: Request, limits: Limits) -> Several:
         await check_pixels(data, name, limits)
     for mask in masks:
         await check_pixels(mask, "mask", limits)
-    normals, around = option.word("normals", BALL), option.word("surroundings", PHOTO)
+    normals, surroundings_map = option.word("normals", SPHERE), option.word("surroundings", PHOTO)
     turned, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     light = option.of_light()
     uploads = tuple(
@@ -88,7 +88,7 @@ async def read_several(request: Request, limits: Limits) -> Several:
             mask=masks[k] if masks else None,
             box=boxes[k] if boxes else None,
             normals=normals,
-            surroundings=around,
+            surroundings=surroundings_map,
             **light | ({"fov_deg": fovs[k]} if light["fov_deg"] is None else {}),
         )
         for k, (data, name) in enumerate(photos)
@@ -98,16 +98,16 @@ async def read_several(request: Request, limits: Limits) -> Several:
 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
     """world_from_camera [N, 3, 3] of photos (their data and names), and what Poses.fovs_deg says of them."""
-    told, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
-    return told.of(names), told.fovs_deg(names, [data for data, _ in photos])
+    hints, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
+    return hints.of(names), hints.fovs_deg(names, [data for data, _ in photos])
 
 
-def estimate_several(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
+def estimate_uploads(estimator: Estimator, several: Several, job: Job) -> tuple[Photo, Light]:
     """The first photo and the light of all, in its camera's frame."""
     start = time.perf_counter()
-    estimator, material = as_told(estimator, several.uploads[0])  # told of all alike
+    estimator, material = as_given(estimator, several.uploads[0])  # told of all alike
     photos = (open_photo(upload, job) for upload in several.uploads)
     first = next(photos)
     turned = several.world_from_camera
-    light = estimate_together(estimator, chain([first], photos), turned, start=start, material=material)
+    light = estimate_multiview(estimator, chain([first], photos), turned, start=start, material=material)
     return first, light

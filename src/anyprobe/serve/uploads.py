@@ -15,9 +15,9 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
+from anyprobe.estimate.normals_prior import SPHERE
+from anyprobe.estimate.surroundings import PHOTO
 from anyprobe.files.images import declared_pixels
-from anyprobe.infer.known_normals import BALL
-from anyprobe.infer.surroundings import PHOTO
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.openapi import FORM, form_names, query_names
 
@@ -31,14 +31,14 @@ class Upload:
     Attributes:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
-        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "ball";
+        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "sphere";
         surroundings: of a panorama in the camera's frame, or "photo".
         box: X0, Y0, X1, Y1 in pixels of the upright photo.
         clicks: x, y on the object, in pixels of the upright photo.
         clicks_off: likewise beside it.
         fov_deg: field of view of the longer side.
         material: name of the object's; albedo: its linear albedo, one number or three.
-        lamps: how they are asked for, of infer.runtime.LAMPS.
+        emitters: how they are asked for, of estimate.runtime.EMITTERS.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
         exposure: stops that an export is brightened by.
         world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
@@ -55,7 +55,7 @@ class Upload:
     fov_deg: float | None = None
     material: str | None = None
     albedo: tuple[float, ...] | None = None
-    lamps: str | None = None
+    emitters: str | None = None
     include: frozenset[str] = frozenset()
     exposure: float | None = None
     world_from_camera: tuple[float, ...] | None = None
@@ -81,7 +81,7 @@ async def read_upload(request: Request, limits: Limits, address: dict[str, Any])
         HTTPException: 408 too slow, 413 too many pixels.
         InputError: no photo came, or an option that is unknown or cannot be read.
     """
-    name, mask, normals, around = "photo", b"", b"", b""
+    name, mask, normals, surroundings_map = "photo", b"", b"", b""
     async with read_form(request, limits, max_files=4) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
@@ -89,7 +89,7 @@ async def read_upload(request: Request, limits: Limits, address: dict[str, Any])
             if not isinstance(form.get("normals"), str):
                 normals, _ = await _file(form, "normals")
             if not isinstance(form.get("surroundings"), str):
-                around, _ = await _file(form, "surroundings")
+                surroundings_map, _ = await _file(form, "surroundings")
         else:
             photo = await request.body()
     refuse_unknown(form, request.query_params, address)
@@ -97,15 +97,20 @@ async def read_upload(request: Request, limits: Limits, address: dict[str, Any])
         raise InvalidPhoto(
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
         )
-    for picture, called in ((photo, name), (mask, "mask"), (normals, "normals"), (around, "surroundings")):
+    for picture, called in (
+        (photo, name),
+        (mask, "mask"),
+        (normals, "normals"),
+        (surroundings_map, "surroundings"),
+    ):
         await check_pixels(picture, called, limits)
     option = Options(form, request.query_params)
     return Upload(
         photo=photo,
         name=name,
         mask=mask or None,
-        normals=normals or option.word("normals", BALL),
-        surroundings=around or option.word("surroundings", PHOTO),
+        normals=normals or option.word("normals", SPHERE),
+        surroundings=surroundings_map or option.word("surroundings", PHOTO),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
@@ -181,8 +186,8 @@ class Options:
         self._form, self._query = form, query
 
     def texts(self, name: str) -> list[str]:
-        told = [text for text in self._form.getlist(name) if isinstance(text, str)]
-        return [text.strip() for text in told or self._query.getlist(name) if text.strip()]
+        hints = [text for text in self._form.getlist(name) if isinstance(text, str)]
+        return [text.strip() for text in hints or self._query.getlist(name) if text.strip()]
 
     def number(self, name: str) -> float | None:
         found = self.numbers(name, 1)
@@ -222,7 +227,7 @@ class Options:
             "fov_deg": self.number("fov"),
             "material": self.text("material"),
             "albedo": self.numbers("albedo", 1, 3),
-            "lamps": self.text("lamps"),
+            "emitters": self.text("emitters"),
             "include": self.words("include", {"radiance", "stages", "mask"}),
         }
 

@@ -1,4 +1,4 @@
-"""Chain (noun): the paper's three networks and what each learns from a batch of pairs.
+"""Losses of the paper's three networks, with gradual targets (Eq. 6).
 
 Each network's input is the one before's output, cut off from its gradient: the three
 losses do not mix, and one pass over the pairs trains all three.
@@ -12,12 +12,33 @@ from torch import nn
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.dataset.pairs import Batch
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.hdr_net import HdrNet
-from anyprobe.nets.illumination_net import IlluminationNet
-from anyprobe.nets.irradiance_net import IrradianceNet
+from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.light.reconstruct import blend_weight
+from anyprobe.nets.paper_nets import HdrNet, IlluminationNet, IrradianceNet
 from anyprobe.train.config import RunConfig
-from anyprobe.train.gradual import gradual_target
-from anyprobe.train.hdr_loss import hdr_loss
+
+NUM_EPOCHS = 11
+GRADUAL_SHARE = 0.7
+"""Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
+
+
+def sharpness(progress: float) -> float | None:
+    """beta e with beta = e^2: 1, 8, ... 1331 over the epochs; None when the map is left alone.
+
+    progress: share of the run's steps done, [0, 1). The paper ends with the 11th epoch; the steps after it, on
+    unfiltered maps, are ours.
+    """
+    epoch = 1 + int(progress / GRADUAL_SHARE * NUM_EPOCHS)
+    return None if epoch > NUM_EPOCHS else float(epoch**3)
+
+
+def gradual_target(ldr: torch.Tensor, progress: float) -> torch.Tensor:
+    """The LDR map [N, 3, H, 2H] filtered as in the epoch at this progress (Eq. 6)."""
+    exponent = sharpness(progress)
+    if exponent is None:
+        return ldr
+    return blur_cosine_power(ldr.permute(0, 2, 3, 1), exponent).permute(0, 3, 1, 2)
+
 
 NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": HdrNet}
 
@@ -67,7 +88,7 @@ class Chain:
         return torch.cat([seen, mask], dim=1)
 
     def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
-        target = gradual_target(ldr, progress, self.config.gradual_share) if self.config.gradual else ldr
+        target = gradual_target(ldr, progress) if self.config.gradual else ldr
         return (self.solid_angle * (estimate - target) ** 2).mean()
 
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch) -> torch.Tensor:
@@ -84,3 +105,18 @@ def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Te
     """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
     share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
     return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
+
+
+def hdr_loss(
+    estimate: torch.Tensor, target: torch.Tensor, shown: torch.Tensor, solid_angle: torch.Tensor
+) -> torch.Tensor:
+    """Mean squared error of ln radiance, weighted by solid angle and 0.1 + gamma (Eq. 8).
+
+    Args:
+        estimate, target: [B, 3, H, 2H].
+        shown: display values [B, 3, H, 2H], of which gamma is.
+        solid_angle: [1, 1, H, 1].
+    """
+    gamma = blend_weight(shown.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
+    weight = solid_angle * (0.1 + gamma)
+    return (weight * (estimate - target) ** 2).sum() / weight.sum() / 3

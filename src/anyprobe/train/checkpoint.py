@@ -3,14 +3,93 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import nn
 
-from anyprobe.errors import ModelError
+from anyprobe.errors import InputError, ModelError
+
+RENAMED = (
+    ("light.emitters.power.", "light.emitters.power."),
+    ("light.object.around.", "light.object.surroundings."),
+    (".rise.", ".up."),
+)
+"""Parts of LightNet that older checkpoints call by the first name."""
+FREE = ("name", "steps")
+"""Settings that may change: the folder's name, and how long the run is."""
+EXPLAINED = {
+    "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
+    "processes": "as many processes as",
+    "assets": "--data with",
+    "start": "--start with",
+}
+
+
+def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
+    """Refuse to go on from a checkpoint that has weights alone, with other settings, or to fewer steps than are done.
+
+    Args:
+        path: where it is.
+        stored: of train.checkpoint.read_checkpoint.
+        config: a run's configuration, a dataclass with `steps`.
+    Raises:
+        InputError: naming the first setting that differs.
+        ModelError: it was kept without what the next step needs.
+    """
+    if "optimizer" not in stored:
+        raise ModelError(
+            f"{path}: expected a run's checkpoint, got weights that were kept to be scored; train in another "
+            "folder with --start"
+        )
+    for name, then, now in differing(config, json.loads(stored["config"])):
+        if name not in FREE:
+            raise _another_run(path, name, then, now)
+    if config.steps < stored["step"]:
+        raise InputError(
+            f"{path}: expected steps of at least the {stored['step']} that are done, got {config.steps}; "
+            "give more --steps, or train in another --runs folder"
+        )
+
+
+def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
+    """The origin of the run at path: what is known of how it began, and of now; InputError where these differ."""
+    for name, value in now.items():
+        if began.get(name, value) != value:
+            raise _another_run(path, name, began[name], value)
+    return {**now, **began}
+
+
+def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Name, as part.name, then its stored value and the one now, of each setting in which a dataclass differs from
+    its stored form; one that is not stored had its default."""
+    for setting in fields(config):
+        now = getattr(config, setting.name)
+        then = stored[setting.name] if setting.name in stored else _default(setting, now)
+        if is_dataclass(now):
+            yield from differing(now, then, f"{part}{setting.name}.")
+        elif then != now:
+            yield part + setting.name, then, now
+
+
+def _default(setting: Field, now: Any) -> Any:
+    """A setting's default in its stored form; the value now where it has none."""
+    value = now
+    if setting.default is not MISSING:
+        value = setting.default
+    elif setting.default_factory is not MISSING:
+        value = setting.default_factory()
+    return asdict(value) if is_dataclass(value) else value
+
+
+def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
+    return InputError(
+        f"{path}: expected {EXPLAINED.get(name, name)} {'nothing' if then is None else then}, as the run began, "
+        f"got {now}; go on as it began, or train in another --runs folder"
+    )
 
 
 def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("nets",)) -> dict[str, Any]:
@@ -42,9 +121,23 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("
     return dict(stored)
 
 
+def current_names(
+    weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    """Weights under the names that networks of this release have (`wanted`), where they were RENAMED."""
+    result = {}
+    for name, value in weights.items():
+        renamed = name
+        for old, new in RENAMED:
+            renamed = renamed.replace(old, new)
+        result[renamed if renamed in wanted else name] = value
+    return result
+
+
 def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
     """Give networks the weights that a checkpoint at path holds; ModelError that names the first that does not fit."""
     wanted = nets.state_dict()
+    weights = current_names(weights, wanted)
     for name in {**wanted, **weights}:
         expected, found = (
             list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"

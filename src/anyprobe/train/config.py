@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 
 from anyprobe.dataset.pairs import PairConfig
 from anyprobe.dataset.surfaces import SurfaceConfig
-from anyprobe.train.gradual import GRADUAL_SHARE
 from anyprobe.train.lift import LiftConfig
 
 
@@ -32,18 +31,11 @@ class RunConfig:
     """The training of one model on pairs made as it goes.
 
     name: of the run's folder.
-    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the map, "normals",
-        the part of it that guesses normals, "designs", every design of the paper's Table 1 and two rivals
-        at half size, "tiny_designs", some of them at a quarter, or "hdr", the designs' HDR network alone,
-        which sees views of maps in the place of pairs;
-        truth_share, gradual, gradual_share and hdr_share concern the first, lift the second, truth_share,
-        gradual_share and hdr_share the designs.
+    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the environment map, or "normals",
+        the part of it that estimates normals. truth_share, gradual and hdr_share concern the first, lift the second.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
-    gradual: whether the LDR targets sharpen as in Eq. 6; gradual_share: of the steps that this takes, the others
-        after them see the maps themselves.
-    irradiance_learns: whether the irradiance network of the designs, the shipped one at first, goes on learning
-        beside them; else it stays as it is.
+    gradual: whether the LDR targets sharpen as in Eq. 6.
     hdr_share: share of a batch that the HDR net learns from, half true LDR maps, half estimated.
     cooldown: last share of the steps in which the learning rate falls to zero.
     """
@@ -57,10 +49,8 @@ class RunConfig:
     cooldown: float = 0.25
     seed: int = 0
     truth_share: float = 0.25
-    irradiance_learns: bool = False
     hdr_share: float = 0.5
     gradual: bool = True
-    gradual_share: float = GRADUAL_SHARE
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
@@ -87,11 +77,11 @@ def lift() -> RunConfig:
         pairs=PairConfig(
             seed=101,
             cut_out=0.2,
-            told=0.3,
-            around=0.7,
-            gathered=0.4,
+            given_normals=0.3,
+            surroundings=0.7,
+            merged_surroundings=0.4,
             joined=0.3,
-            reshaped=0.4,
+            shape_augment=0.4,
             textured=0.15,
             two_materials=0.1,
         ),
@@ -126,39 +116,24 @@ def normals() -> RunConfig:
     )
 
 
-def designs() -> RunConfig:
-    """The paper's designs and two rivals, each on the same pairs, to be compared (docs/results.md)."""
-    return RunConfig(
-        name="designs",
-        model="designs",
-        steps=10_000,
-        learning_rate=2e-3,
-        warmup=100,
-        cooldown=0.5,
-        pairs=PairConfig(seed=43, batch=16),
-        surfaces=lift().surfaces,
-        light=replace(lift().light, seed=16),
-    )
+RUNS = {run.__name__: run for run in (paper, lift, normals)}
+"""What `anyprobe train` can train, besides the mask network."""
 
 
-def designs_laboratory() -> RunConfig:
-    """The same with one camera, exact masks and eight materials; the irradiance network learns these too."""
+def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
+    """The same run made small: a dry run for any machine."""
     return replace(
-        designs(),
-        name="designs_laboratory",
-        steps=5_000,
-        irradiance_learns=True,
-        pairs=PairConfig(seed=47, batch=16, conditions=0, laboratory=True),
-    )
-
-
-def hdr_curves() -> RunConfig:
-    """The HDR network of `designs` alone, as the paper trains it (Sect. 3.4-3.5): on true maps, which are those of
-    `designs`, through cameras of random curve."""
-    return replace(
-        designs(),
-        name="hdr_curves",
-        model="hdr",
-        steps=2_500,
-        pairs=PairConfig(seed=61, batch=64, reuse=5, group=64, pool=4, conditions=0),
+        config,
+        name=f"{config.name}-dry",
+        steps=steps,
+        warmup=2,
+        pairs=replace(config.pairs, batch=4, group=2, pool=2),
+        surfaces=replace(
+            config.surfaces,
+            views=1,
+            procedural=3,
+            figures=min(config.surfaces.figures, 3),
+            parts=min(config.surfaces.parts, 3),
+        ),
+        light=replace(config.light, procedural=3, variants=min(config.light.variants, 3)),
     )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,20 +14,45 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from anyprobe.core.response import response
+from anyprobe.dataset.pair import Pair
+from anyprobe.dataset.pairs import PairSource
 from anyprobe.errors import ModelError
+from anyprobe.estimate.runtime import (
+    CONTRACT,
+    LIFT_INPUTS,
+    LIFT_OUTPUTS,
+    NORMALS_SIZE,
+    PHOTO_SIZE,
+    lift_inputs,
+)
+from anyprobe.evaluate.methods import surroundings, true_normals
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
+from anyprobe.files.graphs import open_graph
+from anyprobe.files.radiance import write_exr
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.reconstruct import LN_MAX
 from anyprobe.nets.light_net import LightNet
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
+
+def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
+    """exp(mean ln radiance) over pairs, in the camera's frame and the photos' exposure units, as .exr."""
+    stride = 6  # neighbouring batches share lights
+    total = torch.zeros(())
+    for k in range(batches):
+        total = total + source.batch(k * stride).ln_radiance.mean(dim=0).cpu()
+    mean = torch.exp(total / batches).permute(1, 2, 0).numpy()
+    write_exr(path, np.ascontiguousarray(mean))
+
+
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
-AROUND = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
+SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
 AS_LEARNED = (1.0, 0.0)
 FLOATS = "float32"
-WHOLE_NUMBERS = "int8 convolutions"
+INT8 = "int8 convolutions"
 """What a graph's metadata says that it computes in."""
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
@@ -46,10 +72,10 @@ class Graph:
 
 
 class LightGraph(nn.Module):
-    """What the runtime reads of LightNet, in the order of LIFT_OUTPUTS: irradiance, ln radiance with lamps drawn,
-    confidence [N, 1, 64, 128] in [0, 1], normals, ln radiance with lamps spread as likely as they are.
+    """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
+    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance.
 
-    sureness: slope and offset of the confidence's logit, see evaluate.calibrate.
+    sureness: slope and offset of the confidence's logit, see evaluate.calibration.
     """
 
     def __init__(self, net: LightNet, sureness: tuple[float, float] = AS_LEARNED) -> None:
@@ -58,19 +84,23 @@ class LightGraph(nn.Module):
         self.sureness = sureness
 
     def forward(
-        self, photo: torch.Tensor, tan_half: torch.Tensor, normals: torch.Tensor, around: torch.Tensor
+        self,
+        photo: torch.Tensor,
+        tan_half: torch.Tensor,
+        given_normals: torch.Tensor,
+        surroundings: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
-        guess = self.net(photo, tan_half, normals, around)
+        guess = self.net(photo, tan_half, given_normals, surroundings)
         slope, offset = self.sureness
         confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
-        return guess.told.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
+        return guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
 
 
 def graphs_of(nets: nn.ModuleDict, sureness: tuple[float, float] = AS_LEARNED) -> dict[str, Graph]:
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(nets["light"], sureness).eval()
-        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, AROUND), strict=True))
+        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
@@ -176,3 +206,95 @@ def store_half(model) -> None:
         casts.append(onnx.helper.make_node("Cast", [name + "_half"], [name], to=onnx.TensorProto.FLOAT))
     for node in reversed(casts):
         model.graph.node.insert(0, node)
+
+
+EXACT = ("/head/", "/sphere/rise.2/", "/object/first/", "/object/rise.3/")
+"""Parts of the names of convolutions that stay as they are: the heads, and the scales beside the map and the irradiance
+image, where 256 steps are seen (SSIM -.005, irradiance 1 %; docs/ablation.md)."""
+INT8_TOLERANCE = 0.03
+"""In display values: how much the steps may change a map on the mean; those of the shipped weights by .0125."""
+CHECKED = 24
+"""Examples, evenly out of all, on which that is looked at."""
+
+
+def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
+    """What the lifting model's graph is given for pairs: nothing told, normals, surroundings, both, in turn."""
+    for k, pair in enumerate(pairs):
+        normals = true_normals(pair) if k % 2 else None
+        surroundings_map = surroundings(pair) if k % 4 > 1 else None
+        yield lift_inputs(pair.crop, pair.tan_half, normals, surroundings_map)
+
+
+def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
+    """Write a graph of export_onnx.export again, with the same inputs, outputs and contract, but for "computes".
+
+    Args:
+        examples: its inputs by name, as many as there are; the ranges are theirs.
+    Returns:
+        How much its steps change the map: mean difference of display values on some of the examples.
+    Raises:
+        ModelError: no example, a graph without the convolutions of EXACT, or one that its steps change by more than
+            INT8_TOLERANCE.
+    """
+    import onnx
+    from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static
+    from onnxruntime.quantization.shape_inference import quant_pre_process
+
+    given = list(examples)
+    if not given:
+        raise ModelError(f"{source.name}: expected examples to see its ranges on, got none; add some")
+
+    class Examples(CalibrationDataReader):
+        rest = iter(given)
+
+        def get_next(self) -> dict[str, np.ndarray] | None:
+            return next(self.rest, None)
+
+    with TemporaryDirectory() as folder, atomic_path(target) as temporary:
+        plain = Path(folder) / source.name
+        quant_pre_process(str(source), str(plain), skip_symbolic_shape=True)  # folds the half floats' casts
+        nodes = onnx.load(str(plain)).graph.node
+        names = [node.name for node in nodes if node.op_type == "Conv"]
+        exact = [name for name in names if any(part in name for part in EXACT)]
+        if not all(any(part in name for name in exact) for part in EXACT):
+            raise ModelError(
+                f"{source.name}: expected convolutions named {' and '.join(EXACT)}, got none; use a run of lift"
+            )
+        quantize_static(
+            str(plain),
+            str(temporary),
+            Examples(),
+            quant_format=QuantFormat.QDQ,
+            per_channel=True,
+            reduce_range=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            op_types_to_quantize=["Conv"],
+            nodes_to_exclude=exact,
+        )
+        model = onnx.load(str(temporary))
+        store_half(model)
+        contract = {entry.key: entry.value for entry in onnx.load(str(source)).metadata_props}
+        contract["computes"] = INT8
+        onnx.helper.set_model_props(model, contract)  # without what the tools note there
+        onnx.checker.check_model(model)
+        onnx.save(model, str(temporary))
+        changed = difference(source, temporary, given[:: -(-len(given) // CHECKED)])
+        if not changed <= INT8_TOLERANCE:
+            raise ModelError(
+                f"{source.name}: expected 8 bits to change maps by {INT8_TOLERANCE} in display values at most, got "
+                f"{changed:.3g}; keep more convolutions in EXACT"
+            )
+    return changed
+
+
+def difference(one: Path, other: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
+    """Between the maps of two graphs of the lifting model: mean over examples, in display values."""
+    sessions = [open_graph(path) for path in (one, other)]
+
+    def shown(session, example: dict[str, np.ndarray]) -> np.ndarray:
+        return response(np.exp(np.minimum(session.run(["ln_radiance"], example)[0], LN_MAX)))
+
+    return float(
+        np.mean([np.abs(np.subtract(*(shown(s, one) for s in sessions))).mean() for one in examples])
+    )

@@ -1,4 +1,4 @@
-"""Lift (noun): the network that lifts pixels to the map, and what it learns from a batch of pairs."""
+"""Losses of the network that ships (LightNet), and of its normal estimator trained alone."""
 
 from __future__ import annotations
 
@@ -15,34 +15,65 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.pairs import Batch
 from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.lamps import FLUX_FLOOR
-from anyprobe.nets.light_net import Guess, LightNet
-from anyprobe.train.lift_ideas import (
-    ANCHOR_ROWS,
-    anchors_loss,
-    angles_between,
-    harmonic_matrix,
-    harmonics_loss,
-    next_frame,
-    part,
-    stillness_loss,
-    tones_loss,
-)
-from anyprobe.train.normals import normals_loss
+from anyprobe.nets.emitter_head import POWER_FLOOR
+from anyprobe.nets.light_net import LightNet, LightPrediction
+
+
+def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
+    """Mean of 1 - cos(error) over the object's inner pixels.
+
+    Args:
+        normals: unit [N, 3, 64, 64].
+        where: [N, 1, 64, 64], 0 where pixels do not count.
+    """
+    true = F.avg_pool2d(batch.normals, 2)
+    inside = (F.avg_pool2d(batch.photo[:, 3:], 2) > 0.99).float() * where
+    inside = inside * (true.square().sum(dim=1, keepdim=True) > 0.25)
+    along = (F.normalize(true, dim=1) * normals).sum(dim=1, keepdim=True)
+    return ((1 - along) * inside).sum() / inside.sum().clip(min=1.0)
+
+
+class Normals:
+    """Loss of NormalsNet, from the photo alone; float32 weights, bfloat16 arithmetic."""
+
+    columns = ("normals",)
+
+    def __init__(self, config: object, device: str) -> None:
+        self.device = device
+        self.nets = self.networks()
+        self.nets.to(device, memory_format=torch.channels_last)
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({"light": LightNet()})
+
+    def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
+        """The same whatever the progress."""
+        return {"normals": normals_loss(self._guess(batch), batch)}
+
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Photos, true normals and those it guesses, as colours: (n + 1) / 2 inside the mask."""
+        inside = F.avg_pool2d(batch.photo[:, 3:], 2)
+        true, guess = F.avg_pool2d(batch.normals, 2), self._guess(batch) * inside
+        return batch.photo[:, :3], 0.5 + 0.5 * true, 0.5 + 0.5 * guess
+
+    def _guess(self, batch: Batch) -> torch.Tensor:
+        net = self.nets["light"]
+        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
+            photo = batch.photo.contiguous(memory_format=torch.channels_last)
+            return net.normals(photo, *net.camera_rays(batch.tan_half[:, None]))
+
 
 LOBES = (1.0, 16.0, 128.0)
-"""Powers of the cosine: what a diffuse, a glossy and a nearly mirroring ball see of the map."""
+"""Powers of the cosine: what a diffuse, a glossy and a nearly mirror-like sphere see of the map."""
 FAINT = 0.02
 """Added to radiance before its logarithm is compared: darker than this does not matter."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LiftConfig:
-    """What each loss counts; 0 leaves it out. lifting: False for the network that has only its code.
-
-    anchors, stillness, harmonics, tones (which changes the network too) and queries: ideas that were tried
-    (train.lift_ideas, nets.tones, nets.queries, docs/ablation.md).
-    """
+    """Weight of each loss; 0 leaves it out."""
 
     irradiance: float = 3.0
     normals: float = 0.3
@@ -53,14 +84,8 @@ class LiftConfig:
     ln: float = 0.08
     transport: float = 0.25
     confidence: float = 0.05
-    lamps: float = 0.04
-    flux: float = 0.1
-    anchors: float = 0.0
-    stillness: float = 0.0
-    harmonics: float = 0.0
-    tones: float = 0.0
-    lifting: bool = True
-    queries: bool = False
+    emitters: float = 0.04
+    power: float = 0.1
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:
@@ -92,9 +117,9 @@ def structure_loss(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     return 1 - (likeness / ((mean_a**2 + mean_b**2 + c1) * (spread + c2))).mean()
 
 
-def told_normals(batch: Batch) -> torch.Tensor:
-    """The normals that come with the photos [N, 3, 64, 64], with their errors; zero where none do."""
-    turned = torch.einsum("nij,njhw->nihw", batch.told, F.avg_pool2d(batch.normals, 2))
+def given_normals(batch: Batch) -> torch.Tensor:
+    """Normals given with the photos [N, 3, 64, 64], with their errors; zero where none are."""
+    turned = torch.einsum("nij,njhw->nihw", batch.given_normals_rotation, F.avg_pool2d(batch.normals, 2))
     length = turned.square().sum(dim=1, keepdim=True).sqrt()
     return torch.where(length > 0.5, turned / length.clamp(min=0.5), 0.0)
 
@@ -106,71 +131,56 @@ class Lift:
         self.config, self.device = config, device
         weighed = (field.name for field in fields(config) if field.type == "float")
         self.columns = tuple(name for name in weighed if getattr(config, name) > 0)
-        self.nets = self.networks(config)
+        self.nets = self.networks()
         self.nets.to(device, memory_format=torch.channels_last)
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]  # [1, 1, H, 2H]
-        self._weight = (
-            0.5 + 0.5 * self._angles / angles.mean()
-        )  # between pixels that count alike and true areas
+        # halfway between equal pixels and true solid angles
+        self._weight = 0.5 + 0.5 * self._angles / angles.mean()
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
-        self._between = angles_between(ANCHOR_ROWS).to(device)
-        self._harmonics = harmonic_matrix(MAP_HEIGHT).to(device)
 
     @staticmethod
-    def networks(config: LiftConfig) -> nn.ModuleDict:
+    def networks() -> nn.ModuleDict:
         """Untrained."""
-        net = LightNet(lifting=config.lifting, queries=config.queries, dual=config.tones > 0)
-        return nn.ModuleDict({"light": net})
+        return nn.ModuleDict({"light": LightNet()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
-        """Every loss, weighted; all sharpnesses are learned at once, whatever the progress."""
-        photo, count = batch.photo, len(batch.photo)
-        again = count // 4 if self.config.stillness > 0 else 0  # photos that are taken twice
-        photo = torch.cat([photo, next_frame(photo[:again], progress)])
-        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
-            photo = photo.contiguous(memory_format=torch.channels_last)
-            normals = told_normals(batch)
-            tan_half = batch.tan_half[:, None]
-            guess = self.nets["light"](
-                photo, *(torch.cat([one, one[:again]]) for one in (tan_half, normals, batch.around))
-            )
-        guess, second = part(guess, slice(count)), part(guess, slice(count, None))
+        """Every loss, weighted."""
+        guess, normals = self._predict(batch)
         terms = {
-            **self._told(guess, batch, normals),
+            **self._object(guess, batch, normals),
             **self._map(guess, batch),
-            **self._above_white(guess, batch),
+            **self._emitters(guess, batch),
         }
-        if self.config.harmonics > 0:
-            terms["harmonics"] = harmonics_loss(guess.ln_expected, batch.ln_radiance, self._harmonics).mean()
-        if guess.tones is not None:
-            terms["tones"] = tones_loss(guess.tones, batch.ln_radiance, self._weight)
-        if again:
-            terms["stillness"] = stillness_loss(part(guess, slice(again)), second)
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
+
+    def _predict(self, batch: Batch) -> tuple[LightPrediction, torch.Tensor]:
+        """The network's output, and the normals it was given."""
+        photo = batch.photo.contiguous(memory_format=torch.channels_last)
+        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
+            normals = given_normals(batch)
+            return self.nets["light"](photo, batch.tan_half[:, None], normals, batch.surroundings), normals
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
         """Photos, true LDR maps and those it estimates."""
-        photo = batch.photo.contiguous(memory_format=torch.channels_last)
-        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
-            guess = self.nets["light"](photo, batch.tan_half[:, None], told_normals(batch), batch.around)
+        guess, _ = self._predict(batch)
         return batch.photo[:, :3], batch.ldr, display(guess.ln_radiance).clip(max=1.0)
 
-    def _told(self, guess: Guess, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
-        told, mask = guess.told, batch.photo[:, 3:]
+    def _object(self, guess: LightPrediction, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
+        features, mask = guess.features, batch.photo[:, 3:]
         share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
-        wrong = (told.irradiance.float() - batch.irradiance * mask) ** 2
-        guessed = (given.square().sum(dim=1, keepdim=True) == 0).float()  # what was told need not be
+        squared = (features.irradiance.float() - batch.irradiance * mask) ** 2
+        estimated = (given.square().sum(dim=1, keepdim=True) == 0).float()  # given normals are not learned
         return {
-            "irradiance": (wrong.mean(dim=(1, 2, 3)) / share).mean(),
-            "normals": normals_loss(guess.normals, batch, guessed),
-            "alpha": (told.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
+            "irradiance": (squared.mean(dim=(1, 2, 3)) / share).mean(),
+            "normals": normals_loss(guess.normals, batch, estimated),
+            "alpha": (features.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
         }
 
-    def _map(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
+    def _map(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
         ln = guess.ln_shown
         shown = display(ln)
-        # above white nothing is seen: no matter how far above, while the truth is white too
+        # clipped in both: how far above white does not matter
         shown = torch.where((shown > 1) & (batch.ldr >= 1), shown.clip(max=1.0), shown)
         difference = shown - batch.ldr
         weight = self._weight
@@ -190,28 +200,25 @@ class Lift:
             "confidence": confidence,
         }
 
-    def _above_white(self, guess: Guess, batch: Batch) -> dict[str, torch.Tensor]:
-        """What is brighter than white: how much in all, and where, by the cross entropy of flux."""
+    def _emitters(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+        """Radiance above white: its total power, and where it comes from by cross entropy."""
         above = (torch.exp(batch.ln_radiance) - 1).clip(min=0.0) * self._angles
-        flux = above.sum(dim=(2, 3))  # [N, 3]
-        share = above.sum(dim=1).flatten(1) / flux.sum(dim=1, keepdim=True).clip(min=1e-6)
-        guessed = torch.log_softmax((guess.lamp_logit + torch.log(self._angles)).flatten(1), dim=1)
-        mean = flux.mean(dim=1)
+        power = above.sum(dim=(2, 3))  # [N, 3]
+        share = above.sum(dim=1).flatten(1) / power.sum(dim=1, keepdim=True).clip(min=1e-6)
+        guessed = torch.log_softmax((guess.emitter_logit + torch.log(self._angles)).flatten(1), dim=1)
+        mean = power.mean(dim=1)
         counts = mean / (mean + 1.0)
-        terms = {
-            "lamps": -(counts * (share * guessed).sum(dim=1)).mean(),
-            "flux": (guess.ln_flux - torch.log(flux + FLUX_FLOOR)).abs().mean(),
+        return {
+            "emitters": -(counts * (share * guessed).sum(dim=1)).mean(),
+            "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
         }
-        if self.config.anchors > 0:
-            terms["anchors"] = (counts * anchors_loss(guessed.exp(), share, self._between)).mean()
-        return terms
 
     def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:
-        """What balls of three kinds would see, compared in stops and colours: energy counts, not pixels."""
+        """Means over three lobes as spheres of three kinds see them, in ln radiance: energy counts, not pixels."""
         seen = []
         for one in (ln, true_ln):
             power = F.avg_pool2d(torch.exp(one.clip(*LN_RANGE)) * self._angles, 2)
             radiance = power / F.avg_pool2d(self._angles, 2)
-            balls = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
-            seen.append(torch.log(balls + FAINT))
+            means = torch.einsum("lop,ncp->nclo", self._lobes, radiance.flatten(2))
+            seen.append(torch.log(means + FAINT))
         return (seen[0] - seen[1]).abs().mean()

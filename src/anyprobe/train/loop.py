@@ -18,18 +18,13 @@ from anyprobe.dataset.pairs import PairSource
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
-from anyprobe.train.checkpoint import load_weights, read_checkpoint
+from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
 from anyprobe.train.config import RunConfig
-from anyprobe.train.designs import IMAGE, IMAGE_RATE, Designs
-from anyprobe.train.hdr_curves import HdrCurves
-from anyprobe.train.journal import Journal, run_folder
-from anyprobe.train.lift import Lift, LiftConfig
-from anyprobe.train.normals import Normals
-from anyprobe.train.resume import agreed, check_goes_on
-from anyprobe.train.start import load_start, start_id
-from anyprobe.train.supply import load_assets, name_assets, open_batches, sees_objects
-from anyprobe.train.team import Team
-from anyprobe.train.tiny_designs import TinyDesigns
+from anyprobe.train.dataloader import load_assets, name_assets, open_batches
+from anyprobe.train.distributed import ProcessGroup
+from anyprobe.train.init_weights import init_weights_id, load_init_weights
+from anyprobe.train.lift import Lift, Normals
+from anyprobe.train.logger import RunLogger, run_folder
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -42,29 +37,10 @@ def learning_rate(config: RunConfig, step: int) -> float:
     )
 
 
-def parameter_groups(nets: torch.nn.ModuleDict) -> list[dict]:
-    """For the optimizer: all networks in one group, but for one that learns slower, by "share" of the rate."""
-    groups: list[dict] = [
-        {"params": [p for name, net in nets.items() if name != IMAGE for p in net.parameters()]}
-    ]
-    if IMAGE in nets:
-        groups.append({"params": list(nets[IMAGE].parameters()), "share": IMAGE_RATE})
-    return groups
+LEARNERS = {"paper": Chain, "lift": Lift, "normals": Normals}
 
 
-LEARNERS = {
-    "paper": Chain,
-    "lift": Lift,
-    "normals": Normals,
-    "designs": Designs,
-    "tiny_designs": TinyDesigns,
-    "hdr": HdrCurves,
-}
-
-
-def make_learner(
-    config: RunConfig, device: str
-) -> Chain | Lift | Normals | Designs | TinyDesigns | HdrCurves:
+def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals:
     """What trains: networks, and their losses by name."""
     return LEARNERS[config.model](config.lift if config.model == "lift" else config, device)
 
@@ -72,20 +48,13 @@ def make_learner(
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     """The trained networks of a checkpoint, ready to run; ModelError if there are none, or of another release."""
     stored = read_checkpoint(checkpoint)
-    config = json.loads(stored["config"])
-    model = config.get("model", "paper")
-    try:
-        if model == "lift":
-            nets = Lift.networks(LiftConfig(**config["lift"]))
-        elif model == "designs":
-            nets = Designs.networks(config.get("irradiance_learns", False))
-        else:
-            nets = LEARNERS[model].networks()
-    except (KeyError, TypeError) as error:  # a model or a setting that is not, or no longer, there
+    model = json.loads(stored["config"]).get("model", "paper")
+    if model not in LEARNERS:
         raise ModelError(
-            f"{checkpoint}: expected a run of this release, got one of {model} with other settings ({error}); "
+            f"{checkpoint}: expected a run of this release, got one of {model}; "
             "take the release that trained it"
-        ) from error
+        )
+    nets = LEARNERS[model].networks()
     load_weights(nets, stored["nets"], checkpoint)
     return nets.eval().requires_grad_(False)
 
@@ -106,7 +75,7 @@ def save_checkpoint(
 ) -> None:
     """Everything that the next step depends on; pairs depend on the step's number alone.
 
-    origin: of train.resume, as far as it is known.
+    origin: of train.checkpoint, as far as it is known.
     """
     with atomic_path(path) as temporary:
         torch.save(
@@ -136,7 +105,7 @@ def train(
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
-    Started by torchrun, its processes train together (train.team).
+    Started by torchrun, its processes train together (train.distributed).
 
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
@@ -145,29 +114,29 @@ def train(
             so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already.
-        start: weights to begin from, of train.start; a run that goes on may name those that it began from.
+        start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
     Raises:
-        InputError: a device that is not there, or a checkpoint of another run (train.resume).
+        InputError: a device that is not there, or a checkpoint of another run (train.checkpoint).
         ModelError: a damaged checkpoint, or weights of another network.
     """
     warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
-    team = Team(device)
-    device = team.device
+    processes = ProcessGroup(device)
+    device = processes.device
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
-        config = replace(config, pairs=replace(config.pairs, lanes=workers * team.size))
+        config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
     learner = make_learner(config, device)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
-        parameter_groups(nets), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
+        nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = seen = 0
-    origin: dict[str, Any] = {"team": team.size}
+    origin: dict[str, Any] = {"processes": processes.size}
     if start is not None:
-        origin["start"] = start_id(start)
+        origin["start"] = init_weights_id(start)
     if path.is_file():
         stored = read_checkpoint(path, device)
         check_goes_on(path, stored, config)
@@ -176,44 +145,48 @@ def train(
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
     elif start is not None:
-        load_start(nets, start)
+        load_init_weights(nets, start)
     else:
         origin["start"] = None
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
-    steps = range(first * team.size + team.rank, last * team.size + team.rank, team.size)
+    steps = range(
+        first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size
+    )
     if pairs is not None:
         batches = map(pairs.batch, steps)
     else:
-        stock = load_assets(config.light, data, sees_objects(config))
-        origin = agreed(path, origin, {"assets": name_assets(stock)})
-        batches = open_batches(config, stock, data, runs / "cache", device, compiled, steps, workers)
-        del stock  # hundreds of maps, of which the batches keep what they need
-    journal = Journal(folder, config.name, learner, first, last, config.steps)
-    saved, each = time.monotonic(), config.pairs.batch * team.size
-    with journal if team.is_first else nullcontext():
+        store = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(store)})
+        batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
+        del store  # hundreds of maps, of which the batches keep what they need
+    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    saved, each = time.monotonic(), config.pairs.batch * processes.size
+    with logger if processes.is_first else nullcontext():
         for step, batch in enumerate(batches, start=first):
             rate = learning_rate(config, step)
             for group in optimizer.param_groups:
-                group["lr"] = rate * group.get("share", 1.0)
+                group["lr"] = rate
             losses = learner.losses(batch, step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
-            due = team.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)
+            due = processes.average_gradients(
+                nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS
+            )
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()
             seen += each
-            if team.is_first:
-                journal.see(batch)
-                journal.note(step + 1, seen, each, losses, rate)
+            if processes.is_first:
+                logger.see(batch)
+                logger.note(step + 1, seen, each, losses, rate)
             if due or step + 1 == last:
-                team.average_statistics(nets)
-                if team.is_first:
+                processes.average_statistics(nets)
+                if processes.is_first:
                     save_checkpoint(path, nets, config, optimizer, step + 1, seen, origin)
-                    journal.draw(step + 1)
+                    logger.draw(step + 1)
                 saved = time.monotonic()
-    team.leave()
+    processes.leave()
     return path

@@ -17,19 +17,18 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch.nn import functional as F
 
 from anyprobe.dataset.asks import Batch, SceneConfig, SceneSource
+from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.sprites import ViewSource
-from anyprobe.dataset.stock import Stock, own_map
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
-from anyprobe.train.checkpoint import load_weights, read_checkpoint
+from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
 from anyprobe.train.config import LightConfig
-from anyprobe.train.journal import LOG_STEPS, forget_after, run_folder
+from anyprobe.train.dataloader import load_assets, name_assets
+from anyprobe.train.init_weights import init_weights_id, load_init_weights
+from anyprobe.train.logger import LOG_STEPS, forget_after, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS
-from anyprobe.train.resume import agreed, check_goes_on
-from anyprobe.train.start import load_start, start_id
-from anyprobe.train.supply import load_assets, name_assets
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,12 +66,12 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
     )
 
 
-def make_scenes(config: MaskRunConfig, stock: Stock, cache: Path) -> SceneSource:
+def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
     """The endless scenes of a run: training assets, if there are any, and our own."""
     light = config.light
-    radiance = [asset.radiance for asset in stock.maps.values()] if light.real else []
+    radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
-    surfaces = build_surfaces(list(stock.shapes.values()), config.surfaces, cache)
+    surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
     views = ViewSource(Illuminator(radiance, compiled=False), surfaces, config.scenes.seed)
     return SceneSource(views, config.scenes)
 
@@ -83,8 +82,8 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     cover = torch.sigmoid(logits)
     shared = (cover * target).sum(dim=(1, 2, 3))
     either = (cover + target - cover * target).sum(dim=(1, 2, 3))
-    told = (target.sum(dim=(1, 2, 3)) > 0).float()
-    return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * told).mean()
+    given = (target.sum(dim=(1, 2, 3)) > 0).float()
+    return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * given).mean()
 
 
 def shrink(batch: Batch, size: int) -> Batch:
@@ -110,11 +109,11 @@ def train_mask(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         scenes: the batches, when they are at hand already.
-        start: weights to begin from, of train.start; a run that goes on may name those that it began from.
+        start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
     Raises:
-        InputError: a checkpoint of another run (train.resume).
+        InputError: a checkpoint of another run (train.checkpoint).
         ModelError: a damaged checkpoint, or weights of another network.
     """
     torch.manual_seed(config.seed)
@@ -122,7 +121,7 @@ def train_mask(
     net = MaskNet().to(memory_format=torch.channels_last)
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     first = 0
-    origin: dict[str, Any] = {} if start is None else {"start": start_id(start)}
+    origin: dict[str, Any] = {} if start is None else {"start": init_weights_id(start)}
     if path.is_file():
         stored = read_checkpoint(path, holds=("net",))
         check_goes_on(path, stored, config)
@@ -131,7 +130,7 @@ def train_mask(
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     elif start is not None:
-        load_start(net, start)
+        load_init_weights(net, start)
     else:
         origin["start"] = None
     folder = run_folder(runs, config.name)
@@ -139,10 +138,10 @@ def train_mask(
     if first >= last:
         return path
     if scenes is None:
-        stock = load_assets(config.light, data)
-        origin = agreed(path, origin, {"assets": name_assets(stock)})
-        scenes = make_scenes(config, stock, runs / "cache")
-        del stock  # hundreds of maps, of which the scenes keep what they need
+        store = load_assets(config.light, data)
+        origin = agreed(path, origin, {"assets": name_assets(store)})
+        scenes = make_scenes(config, store, runs / "cache")
+        del store  # hundreds of maps, of which the scenes keep what they need
     log_path = folder / "log.csv"
     forget_after(log_path, first)
     columns = (TextColumn(config.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -209,9 +208,9 @@ def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> tuple
     torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
     optimizer.step()
     found, true = logits.detach() > 0, batch.mask > 0.5
-    told = true.sum(dim=(1, 2, 3)) > 0
+    given = true.sum(dim=(1, 2, 3)) > 0
     iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
-    return float(loss.detach()), float(iou[told].mean())
+    return float(loss.detach()), float(iou[given].mean())
 
 
 def _learning_rate(config: MaskRunConfig, step: int) -> float:

@@ -11,19 +11,19 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import FRAME, SCALE, Light
+from anyprobe.estimate.surroundings import turned
 from anyprobe.files.radiance import write_exr
-from anyprobe.infer.estimate import Estimator
-from anyprobe.infer.panorama import cut_out, lay_over, seen_from, window
-from anyprobe.infer.photo import Photo
-from anyprobe.infer.result import FRAME, SCALE, Light
-from anyprobe.infer.surroundings import turned
 from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
-from anyprobe.relight.relight import Arrangement, Stage
+from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import GroundShadow
 from anyprobe.render.mesh import Mesh
-from anyprobe.scatter.brdf import Material
+from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.track import (
@@ -59,7 +59,7 @@ def forget_run(folder: Path) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualObject:
-    """What the relit clip shows; see relight.relight."""
+    """What the relit clip shows; see relight.insert."""
 
     mesh: Mesh
     material: str
@@ -91,6 +91,7 @@ class ClipRun:
         exr: bool = False,
         virtual: VirtualObject | None = None,
         poses: np.ndarray | None = None,
+        material: Material | None = None,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a folder goes on only with the same.
@@ -99,8 +100,10 @@ class ClipRun:
         poses: world_from_camera [N, 3, 3] of the frames. The filter then works in the world, where light stands still
             while the camera turns, and the surroundings that frames show are gathered; what is written is in each
             frame's camera all the same.
+        material: the real object's, if given.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
+        self.material = material
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
         self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
@@ -163,7 +166,7 @@ class ClipRun:
             self._photo = self.follower.photo(frame)
             light = self._estimate(self._photo, frame.index)
         except AnyprobeError as error:
-            if frame.index == 0 and self.follower.told:
+            if frame.index == 0 and self.follower.hints:
                 raise
             self._photo = None
             kept = self._turned(frame.index) or self._same()
@@ -178,7 +181,7 @@ class ClipRun:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
             write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady, attributes=header)
         if self.virtual is not None:
-            done.gain = least_scale(self._photo, steady)
+            done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
             self._set_up(self._photo)
             done.stage_index, done.stage_last = frame.index, before
@@ -191,17 +194,19 @@ class ClipRun:
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or photo.around is None:
-            return self.estimator.from_photo(photo)
+        if self.poses is None or photo.surroundings_map is None:
+            return self.estimator.from_photo(photo, material=self.material)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if photo.around is not True and done.panorama is None:
-            crop = replace(crop, around=turned(photo.around, self.poses[0].T @ world_from_crop))
-        if crop.around is not None:
-            done.panorama = lay_over(window(crop.around, world_from_crop), done.panorama)
-        known = seen_from(done.panorama, world_from_crop, crop.around)
-        return self.estimator.from_crop(photo, crop, gathered=known)
+        if photo.surroundings_map is not True and done.panorama is None:
+            crop = replace(
+                crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop)
+            )
+        if crop.surroundings_map is not None:
+            done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
+        known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
+        return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""

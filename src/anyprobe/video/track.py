@@ -12,15 +12,15 @@ from zipfile import BadZipFile
 import numpy as np
 
 from anyprobe.errors import InputError
+from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
-from anyprobe.infer.result import FRAME, SCALE
+from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
-from anyprobe.light.main_light import split_main_light
-from anyprobe.light.temporal import Steadied
+from anyprobe.light.temporal import FilterState
 
 STATE = ".state.npz"
 MAPS = ("steady", "fast", "last")
-NUMBERS = tuple(part.name for part in fields(Steadied) if part.name not in MAPS)
+NUMBERS = tuple(part.name for part in fields(FilterState) if part.name not in MAPS)
 
 
 @dataclass(kw_only=True)
@@ -35,13 +35,13 @@ class Progress:
     its mask is found again. material: the object's, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
-    cover, and cover; from an .exr or .hdr also how much of the cover is measured above white, see infer.panorama.
+    cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
     """
 
     settings: dict[str, Any]
     next_index: int = 0
     frames: list[dict] = field(default_factory=list)
-    light: Steadied | None = None
+    light: FilterState | None = None
     light_time_s: float = 0.0
     last: list[float] | None = None
     pieces: int = 0
@@ -86,7 +86,7 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             numbers = words.pop("filter", None)
             light, panorama = None, kept["panorama"] if "panorama" in kept else None
             if numbers is not None:
-                light = Steadied(**{name: kept[name] for name in MAPS}, **numbers)
+                light = FilterState(**{name: kept[name] for name in MAPS}, **numbers)
         found = Progress(light=light, panorama=panorama, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
@@ -105,12 +105,12 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:
-    """One light in a few numbers: SH of all of it, SH without the main light, and the main light."""
-    main, ambient = split_main_light(radiance)
+    """One light in a few numbers: SH of all of it, SH without the dominant light, and the dominant light."""
+    main, ambient = split_dominant_light(radiance)
     return {
         "sh9": _numbers(project(radiance)),
         "sh9_ambient": _numbers(project(ambient)),
-        "main_light": {
+        "dominant_light": {
             "direction": _numbers(main.direction),
             "irradiance": _numbers(main.irradiance),
             "solid_angle_sr": round(float(main.solid_angle), 5),
@@ -123,7 +123,7 @@ def write_track(path: Path, progress: Progress, fps: float, size: tuple[int, int
     track = {
         "frame": FRAME,
         "scale": SCALE,
-        "sh9": "radiance, order and signs of WebXR and three.js; sh9_ambient is without the main light",
+        "sh9": "radiance, order and signs of WebXR and three.js; sh9_ambient is without the dominant light",
         "fps": fps,
         "size": list(size),
         **progress.settings,

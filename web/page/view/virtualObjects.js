@@ -4,7 +4,7 @@ import { Box3, Group, Mesh, MeshStandardMaterial, Vector3 } from "three";
 import { clone } from "three/addons/utils/SkeletonUtils.js";
 import { SHAPES } from "./shapes.js";
 
-/** Materials of the picker, as anyprobe.scatter.presets: colours are linear reflectances, roughness the root of alpha. */
+/** Materials of the picker, as anyprobe.scatter.materials: colours are linear reflectances, roughness the root of alpha. */
 export const MATERIALS = {
   chrome: { color: [0.65, 0.66, 0.66], metalness: 1, roughness: Math.sqrt(0.03) },
   gold: { color: [1, 0.77, 0.34], metalness: 1, roughness: Math.sqrt(0.12) },

@@ -1,5 +1,5 @@
 /**
- * The networks of anyprobe through onnxruntime-web, as anyprobe.infer.runtime runs them.
+ * The networks of anyprobe through onnxruntime-web, as anyprobe.estimate.runtime runs them.
  *
  * A model is one graph that lifts pixels to the map, or the paper's chain of three; the mask
  * network is optional.

@@ -1,4 +1,4 @@
-/** The square crop around the object that the networks see, as anyprobe.infer.photo.crop_object. */
+/** The square crop around the object that the networks see, as anyprobe.estimate.photo.crop_object. */
 
 import { turnTowards } from "../core/frames.js";
 import { objectBox } from "./picture.js";

@@ -1,4 +1,4 @@
-/** What a picture shows beside its object, as a part of the map, as anyprobe.infer.surroundings. */
+/** What a picture shows beside its object, as a part of the map, as anyprobe.estimate.surroundings. */
 
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";

@@ -3,9 +3,9 @@
     blender scene.blend --python NAME_blender.py
     or in Blender: Scripting > Open > this file > Run
 
-The World is the whole map. With SUN = True below, a Sun stands for the main light, to be moved and
+The World is the whole map. With SUN = True below, a Sun stands for the dominant light, to be moved and
 for renderers that draw no shadow of a World; the camera still sees the whole map, everything else is
-lit by the map without the main light, and mirrors show the Sun as a disc.
+lit by the map without the dominant light, and mirrors show the Sun as a disc.
 
 Front of the photo is +Y. Run it again to replace what it made.
 """
@@ -72,11 +72,11 @@ def make_sun(light):
     sun = bpy.data.lights.new(NAME, "SUN")
     sun.energy = strength
     sun.color = [value / strength for value in rgb]
-    sun.angle = light["main_light"]["angle_deg"] * 3.14159265 / 180
-    lamp = bpy.data.objects.new(NAME, sun)
-    towards = Vector(light["main_light"]["direction_in_target"])
-    lamp.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
-    bpy.context.scene.collection.objects.link(lamp)
+    sun.angle = light["dominant_light"]["angle_deg"] * 3.14159265 / 180
+    sun_object = bpy.data.objects.new(NAME, sun)
+    towards = Vector(light["dominant_light"]["direction_in_target"])
+    sun_object.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
+    bpy.context.scene.collection.objects.link(sun_object)
 
 
 here = folder_of_the_light()

@@ -1,0 +1,1 @@
+"""Research on anyprobe: run from a clone as `python -m research.NAME`; not part of the installed package."""

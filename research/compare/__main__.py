@@ -1,0 +1,70 @@
+"""python -m research.compare: models and baselines on the frozen test set, by every published figure, into a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import track
+
+from anyprobe.dataset.asset_store import AssetStore
+from anyprobe.dataset.catalog import load_maps, load_shapes
+from anyprobe.dataset.recipe import digest
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.evaluate.methods import baselines, model_methods
+from anyprobe.evaluate.scoring import GROUPS, score_pairs
+from anyprobe.evaluate.test_sets import FROZEN, kept_pairs, read_recipes
+from research.compare.figures import score_pair
+from research.compare.study import difference, means
+from research.results import commit, write_result
+
+AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")
+"""Figures by which the first model is set against each other method, pair by pair."""
+
+
+def compare(
+    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for anyprobe evaluate.")],
+    meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
+    model: Annotated[
+        list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")
+    ] = None,
+    pairs: Annotated[int, typer.Option(min=2, max=1000, help="The first so many frozen pairs.")] = 1000,
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/compare.json"),
+    kept: Annotated[
+        Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
+    ] = None,
+) -> None:
+    """Score every method on the frozen test set, by every figure of docs/evaluation.md."""
+    names = model or [DEFAULT_MODEL]
+    methods = baselines()
+    for name in names:
+        methods |= model_methods(Models(name), Path(name).name)
+    store = AssetStore(load_maps(hdri), load_shapes(meshes))
+    recipes = read_recipes(FROZEN)[:pairs]
+    progress = track(kept_pairs(recipes, store, kept), "comparing", total=len(recipes))
+    scores = score_pairs(progress, methods, score_pair)
+    first = Path(names[0]).name
+    write_result(
+        out,
+        {
+            "commit": commit(),
+            "models": {Path(name).name: model_id(name) for name in names},
+            "recipes": digest(recipes),
+            "groups": {
+                group: {method: means(scores, method, group) for method in methods}
+                for group in GROUPS
+                if any(group in member for member in scores.groups)
+            },
+            "differences": {
+                other: {name: difference(scores, first, other, name) for name in AHEAD}
+                for other in methods
+                if other != first
+            },
+        },
+    )
+    typer.echo(out)
+
+
+if __name__ == "__main__":
+    typer.run(compare)

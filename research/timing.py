@@ -1,0 +1,104 @@
+"""python -m research.timing: each network of a model, and the whole call (paper, Sect. 5)."""
+
+from __future__ import annotations
+
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.runtime import (
+    DEFAULT_ENGINE,
+    DEFAULT_MODEL,
+    ENGINES,
+    open_engine,
+    stages_of,
+    weights_folder,
+)
+from anyprobe.files.graphs import open_graph
+
+WARM = 3
+"""Calls that do not count."""
+
+
+def time_model(
+    model: str, photo: Path, threads: int, repeats: int, engine: str = DEFAULT_ENGINE
+) -> dict[str, Any]:
+    """Seconds of each network on one input, and of Estimator on a photo's path.
+
+    Returns:
+        {"networks": {stage: times}, "whole": times} with times "median" and "fastest" by the clock on the
+        wall, and "processor", the median of processor time: what counts with one thread on a machine
+        that does other things too.
+    """
+    estimator = Estimator(model, threads=threads, engine=engine)
+    folder = weights_folder(model)
+    networks = {
+        stage: _seconds(_network(folder / f"{stage}.onnx", threads, engine), repeats)
+        for stage in stages_of(folder)
+    }
+    return {"networks": networks, "whole": _seconds(lambda: estimator(photo), repeats)}
+
+
+def machine_name() -> str:
+    """The processor's name where the system tells it."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
+    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor() or platform.machine()
+
+
+def _network(path: Path, threads: int, engine: str) -> Callable[[], Any]:
+    """One run of a graph on zeros of its inputs' shapes, batch of one."""
+    session = open_graph(path, threads)
+    run = open_engine(session, path, engine, threads)
+    values = [
+        np.zeros([side if isinstance(side, int) else 1 for side in given.shape], np.float32)
+        for given in session.get_inputs()
+    ]
+    return lambda: run(*values)
+
+
+def _seconds(call: Callable[[], Any], repeats: int) -> dict[str, float]:
+    for _ in range(WARM):
+        call()
+    wall, processor = [], []
+    for _ in range(repeats):
+        start, used = time.perf_counter(), time.process_time()
+        call()
+        wall.append(time.perf_counter() - start)
+        processor.append(time.process_time() - used)
+    return {
+        "median": round(statistics.median(wall), 6),
+        "fastest": round(min(wall), 6),
+        "processor": round(statistics.median(processor), 6),
+    }
+
+
+def timing(
+    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
+    engine: Annotated[
+        list[str] | None, typer.Option(help=f"One of {', '.join(ENGINES)}; repeat for more.")
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the runtime.")] = 1,
+    repeats: Annotated[int, typer.Option(min=3, help="Calls, of which the median counts.")] = 50,
+    photo: Annotated[Path, typer.Option(help="A photo with an alpha channel.")] = Path("examples/vase.png"),
+) -> None:
+    """Print milliseconds of each network and of the whole call."""
+    typer.echo(machine_name())
+    for name in model or [DEFAULT_MODEL]:
+        for one in engine or [DEFAULT_ENGINE]:
+            made = time_model(name, photo, threads, repeats, one)
+            parts = {**made["networks"], "whole call": made["whole"]}
+            figures = ", ".join(f"{part} {1e3 * times['median']:.1f}" for part, times in parts.items())
+            typer.echo(f"{Path(name).name}, {one}: {figures} ms")
+
+
+if __name__ == "__main__":
+    typer.run(timing)

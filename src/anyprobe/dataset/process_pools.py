@@ -1,0 +1,309 @@
+"""The same tasks on a Ray cluster: any node may take any task, and a lost node's tasks go to others."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import socket
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from anyprobe.errors import AnyprobeError, InputError, MissingExtra
+
+ATTEMPTS = 3
+"""How often a task is tried whose workers die."""
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+Work = Callable[[Any, Callable[[int], None]], Any]
+"""work(task, tell) does a task, calls tell(n) on the way, and returns its result; all of it can be pickled."""
+
+
+class WorkerFailed(AnyprobeError):
+    """A task could not be done by any worker."""
+
+
+@dataclass(slots=True)
+class _Worker:
+    process: multiprocessing.process.BaseProcess
+    pipe: Connection
+    task: Any = None
+
+
+def run_local(
+    work: Work,
+    tasks: Sequence[Any],
+    watch: Callable[[Any, int], None],
+    *,
+    workers: int,
+    say: Callable[[str], None],
+) -> dict[Any, Any]:
+    """Do every task in one of so many processes; result by task.
+
+    watch(task, n) hears of progress in this process, say(line) of workers that died.
+
+    Raises:
+        AnyprobeError: what a task raised, at once; its other exceptions and three deaths as WorkerFailed.
+    """
+    waiting, results, deaths = deque(tasks), {}, Counter()
+    crew: list[_Worker] = []
+    try:
+        while waiting or any(one.task is not None for one in crew):
+            while waiting and len(crew) < min(workers, len(tasks)):
+                crew.append(_hire(work))
+            for one in crew:
+                if one.task is None and waiting:
+                    one.task = waiting.popleft()
+                    _try_send(one.pipe, one.task)
+            ready = wait([one.pipe for one in crew])
+            for one in [one for one in crew if one.pipe in ready]:
+                message = _receive(one.pipe)
+                if message is None:
+                    crew.remove(one)
+                    _bury(one, waiting, deaths, watch, say)
+                elif message[0] == "progress":
+                    watch(one.task, message[1])
+                elif message[0] == "done":
+                    results[one.task], one.task = message[1], None
+                else:
+                    raise message[1]
+    finally:
+        for one in crew:
+            one.process.terminate()
+        for one in crew:
+            one.process.join()
+            one.pipe.close()
+    return results
+
+
+def _bury(one: _Worker, waiting: deque, deaths: Counter, watch: Callable, say: Callable) -> None:
+    """Give a dead worker's task back, unless it killed too many."""
+    one.process.join()
+    one.pipe.close()
+    code = one.process.exitcode or 0
+    cause = f"signal {-code}" if code < 0 else f"status {code}"
+    if one.task is None:
+        say(f"an idle worker died ({cause})")
+        return
+    deaths[one.task] += 1
+    watch(one.task, 0)
+    if deaths[one.task] >= ATTEMPTS:
+        raise WorkerFailed(
+            f"task {one.task}: expected a result, but its worker died {ATTEMPTS} times (last by {cause}); "
+            "if memory is short, use fewer --workers"
+        )
+    say(f"a worker died ({cause}); task {one.task} is done again by another")
+    waiting.appendleft(one.task)
+
+
+def _hire(work: Work) -> _Worker:
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(work, theirs), daemon=True)
+    with one_thread(), _interrupts_held():
+        process.start()
+    theirs.close()
+    return _Worker(process=process, pipe=ours)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Numeric libraries loaded by processes begun here use one thread each: as fast, and the same sums.
+
+    NumPy's products of small matrices are on every path that makes pairs, and its second thread would spin
+    between them on a core that another worker needs.
+    """
+    old = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in old.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Processes begun here never see Ctrl-C; this one sees it afterwards and ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # by itself it would unblock the signal when it begins
+    old = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, old)
+
+
+def _try_send(pipe: Connection, message: Any) -> None:
+    try:
+        pipe.send(message)
+    except OSError:  # it died; the pipe says so when it is read
+        pass
+
+
+def _receive(pipe: Connection) -> Any:
+    try:
+        return pipe.recv()
+    except (EOFError, OSError):
+        return None
+
+
+def _serve(work: Work, pipe: Connection) -> None:
+    """A worker's life; a parent that is gone breaks the pipe and so ends it, at the next pair at the latest."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        while True:
+            task = pipe.recv()
+            try:
+                answer = ("done", work(task, lambda count: pipe.send(("progress", count))))
+            except AnyprobeError as error:
+                answer = ("failed", _portable(error))
+            except (BrokenPipeError, ConnectionError):
+                return
+            except Exception as error:
+                traceback.print_exc()
+                answer = ("failed", WorkerFailed(f"task {task}: expected a result, got {error!r}"))
+            pipe.send(answer)
+    except (EOFError, OSError):
+        return
+
+
+def _portable(error: AnyprobeError) -> AnyprobeError:
+    """An error that can be pickled, whatever its constructor takes."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return AnyprobeError(str(error))
+    return error
+
+
+AHEAD = 2
+"""Tasks handed to Ray per CPU; the rest wait here, so that a long job stays light."""
+
+KNOCK_S = 10.0
+
+_QUIET = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # else ray.init warns of a change of theirs
+}
+
+
+def run_ray(
+    work: Work,
+    tasks: Sequence[Any],
+    watch: Callable[[Any, int], None],
+    *,
+    address: str | None = None,
+    workers: int = 2,
+    say: Callable[[str], None],
+    finished: Callable[[Any], int] = lambda task: 1,
+) -> dict[Any, Any]:
+    """Do every task on a cluster, one CPU each; result by task.
+
+    address: a cluster's, "auto" for the one this machine is a node of; None begins one here
+    with so many workers, which ends with this call. watch(task, finished(task)) tells of
+    each task that is done. Tasks must not mind being done twice: a node that was given up
+    may still be at work.
+
+    Raises:
+        AnyprobeError: what a task raised; its other exceptions, and a task whose
+            workers were lost three times, as WorkerFailed.
+    """
+    ray = _connect(address, workers)
+    try:
+        remote = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1, scheduling_strategy="SPREAD")(_call)
+        shared = ray.put(work)
+        waiting, running, results = list(reversed(tasks)), {}, {}
+        nodes = _alive(ray)
+        while waiting or running:
+            cpus = int(ray.cluster_resources().get("CPU", 1))
+            while waiting and len(running) < AHEAD * max(1, cpus):
+                task = waiting.pop()
+                running[remote.remote(shared, task)] = task
+            ready, _ = ray.wait(list(running), num_returns=1, timeout=1.0)
+            for reference in ready:
+                task = running.pop(reference)
+                results[task] = _result(ray, reference, task)
+                watch(task, finished(task))
+            now = _alive(ray)
+            for node in sorted(nodes - now):
+                say(f"node {node} was lost; what it had in hand is done again by others")
+            nodes = now
+        return results
+    finally:
+        ray.shutdown()
+
+
+def _call(work: Work, task: Any) -> Any:
+    return work(task, lambda count: None)
+
+
+def _result(ray, reference: Any, task: Any) -> Any:
+    try:
+        return ray.get(reference)
+    except ray.exceptions.RayTaskError as error:
+        if isinstance(error.cause, AnyprobeError):
+            raise error.cause from None
+        reason = f"{type(error.cause).__name__}: {_short(error.cause)}"
+        raise WorkerFailed(f"task {task}: expected a result, got {reason}") from error
+    except ray.exceptions.RayError as error:
+        raise WorkerFailed(
+            f"task {task}: expected a result, but its workers were lost {ATTEMPTS} times ({_short(error)})"
+        ) from error
+
+
+def _short(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160]
+
+
+def _alive(ray) -> set[str]:
+    return {f"{node['NodeManagerAddress']} ({node['NodeID'][:8]})" for node in ray.nodes() if node["Alive"]}
+
+
+def _connect(address: str | None, workers: int):
+    for name, value in _QUIET.items():
+        os.environ.setdefault(name, value)
+    try:
+        import ray
+    except ImportError as error:
+        raise MissingExtra("ray", "ray", "--engine ray") from error
+    if address is None:
+        where = {"num_cpus": workers, "include_dashboard": False}
+    else:
+        _knock(address)
+        where = {"address": address}
+    try:
+        ray.init(**where, log_to_driver=False, logging_level="ERROR", configure_logging=False)
+    except Exception as error:  # of many kinds, bare ones too
+        ray.shutdown()
+        raise InputError(
+            f"--engine ray: expected a cluster {f'at {address}' if address else 'to begin here'}, "
+            f"got {type(error).__name__} ({_short(error)}); see `ray status`"
+        ) from error
+    return ray
+
+
+def _knock(address: str) -> None:
+    """Ray itself tries for minutes and then ends the process."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not host:  # "auto" and the like: found by files on this machine
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=KNOCK_S).close()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"--address {address}: expected a Ray cluster, got no answer ({_short(error)}); see `ray status`"
+        ) from error

@@ -1,0 +1,125 @@
+"""What else a photo shows: the part of the map around the object that lies inside the picture's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.core.latlong import pixel_directions
+
+GROW = 4
+"""Pixels of the crop around the object that are left out: its edge is not where the mask says."""
+ASPECTS = (4 / 3, 3 / 2, 16 / 9)
+TURN_COLUMNS = 2
+"""Columns of the map (2.8 degrees) that the surroundings are off by at most: they are not as far as the light."""
+GAIN_STOPS = 0.1
+"""Standard deviation of what they are brighter by in the photo, by vignetting and the like."""
+MOST_OTHERS = 7
+"""Photos beside the one, of which surroundings may be gathered."""
+PITCH_DEG = 10.0
+"""Standard deviation of how far up or down the others look."""
+
+
+def draw_frame(rng: np.random.Generator, tan_half: float) -> np.ndarray:
+    """A picture's frame around a crop: least x, greatest x, least y, greatest y on the plane z = -1 before the eye.
+
+    Longer side 45 to 80 degrees wide, upright or across; the crop, [-tan_half, tan_half] both ways, anywhere in it.
+    """
+    half = np.tan(np.radians(rng.uniform(45.0, 80.0)) / 2) / np.array([1.0, rng.choice(ASPECTS)])
+    half = np.maximum(half[:: rng.choice([1, -1])], tan_half)
+    center = rng.uniform(-1, 1, 2) * (half - tan_half)
+    return np.stack([center - half, center + half], axis=-1).ravel()
+
+
+def photo_surroundings(
+    light: torch.Tensor,
+    mask: torch.Tensor,
+    tan_half: torch.Tensor,
+    frames: np.ndarray,
+    tone: Callable[[torch.Tensor], torch.Tensor],
+) -> torch.Tensor:
+    """The map as far as a photo shows it, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
+
+    Args:
+        light: [B, 3, H, 2H] in the crop's frame and exposure units, with the photo's white balance.
+        mask: [B, 1, S, S] of the object in the crop, whose side takes in tan_half [B] to either side.
+        frames: [B, 4] of draw_frame; an empty one shows nothing.
+        tone: the cameras' response.
+    """
+    turns = np.broadcast_to(np.eye(3), (len(light), 3, 3))
+    cover = _shown(light.shape[2], mask, tan_half, frames, turns)
+    display = (tone(light).clip(0.0, 1.0) * 255).round() / 255
+    return torch.cat([display * cover, cover], dim=1)
+
+
+def gather(
+    surroundings: torch.Tensor,
+    light: torch.Tensor,
+    mask: torch.Tensor,
+    tan_half: torch.Tensor,
+    chosen: np.ndarray,
+    rng: np.random.Generator,
+    tone: Callable[[torch.Tensor], torch.Tensor],
+) -> torch.Tensor:
+    """What photos show, of photo_surroundings, and where they show nothing what other photos of the same object do.
+
+    Their cameras went round it; each shows the map a little off in its own way.
+
+    Args:
+        chosen: [B], which photos come with 1 to MOST_OTHERS others.
+        light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
+    """
+    counts = rng.integers(1, MOST_OTHERS + 1, len(chosen)) * chosen
+    for number in range(counts.max(initial=0)):
+        turns = np.stack([_turn_round(rng) for _ in chosen])
+        frames = np.stack([draw_frame(rng, each) for each in tan_half.tolist()])
+        frames *= (counts > number)[:, None]
+        cover = _shown(light.shape[2], mask, tan_half, frames, turns)
+        display = (tone(unsteady(light, rng)).clip(0.0, 1.0) * 255).round() / 255
+        surroundings = surroundings + (1 - surroundings[:, 3:]) * torch.cat([display * cover, cover], dim=1)
+    return surroundings
+
+
+def _turn_round(rng: np.random.Generator) -> np.ndarray:
+    """map_from_other [3, 3] of a camera somewhere else round the object, about as high as the first."""
+    turn = rotation_y(rng.uniform(-np.pi, np.pi)) @ rotation_x(np.radians(rng.normal(0.0, PITCH_DEG)))
+    return turn.astype(np.float32)
+
+
+def _shown(
+    height: int, mask: torch.Tensor, tan_half: torch.Tensor, frames: np.ndarray, map_from_photo: np.ndarray
+) -> torch.Tensor:
+    """Which part of a map's pixels photos show beside the object, [B, 1, H, 2H] in [0, 1]; see photo_surroundings.
+
+    map_from_photo: [B, 3, 3], how each camera was turned.
+    """
+    device = mask.device
+    turns = torch.from_numpy(np.asarray(map_from_photo, np.float32)).to(device)
+    d = (
+        torch.from_numpy(pixel_directions(height)).to(device) @ turns[:, None]
+    )  # as rows: in the photos' frames
+    depth = -d[..., 2].clip(max=-0.05)
+    plane = d[..., :2] / depth[..., None]  # [B, H, 2H, 2]
+    x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(device).T[..., None, None]
+    x, y = plane.unbind(dim=-1)
+    inside = (d[..., 2] < -0.05) & (x > x0) & (x < x1) & (y > y0) & (y < y1)
+    on_crop = plane * torch.tensor([1.0, -1.0], device=device) / tan_half.reshape(-1, 1, 1, 1)
+    grown = F.max_pool2d(mask, 2 * GROW + 1, 1, GROW)
+    hidden = F.grid_sample(grown, on_crop, mode="bilinear", align_corners=False)
+    return inside[:, None] * (1 - hidden)
+
+
+def unsteady(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
+    """Maps [B, 3, H, 2H] a little turned about the vertical and a little too bright or dark, each in its own way."""
+    turns = rng.integers(-TURN_COLUMNS, TURN_COLUMNS + 1, len(light))
+    gains = np.exp2(rng.normal(0.0, GAIN_STOPS, len(light)))
+    return torch.stack(
+        [
+            torch.roll(one, int(turn), dims=2) * float(gain)
+            for one, turn, gain in zip(light, turns, gains, strict=True)
+        ]
+    )

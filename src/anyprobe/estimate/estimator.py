@@ -1,0 +1,347 @@
+"""The main job: one photo in, the light around its object out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.errors import InputError
+from anyprobe.estimate.material_prior import use_material
+from anyprobe.estimate.multiview import estimate_multiview
+from anyprobe.estimate.normals_prior import NormalsSource
+from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.runtime import (
+    DEFAULT_ENGINE,
+    DEFAULT_MODEL,
+    LIFT_STAGES,
+    MODE,
+    PHOTO_SIZE,
+    Models,
+    model_id,
+)
+from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
+from anyprobe.files.images import ImageSource
+from anyprobe.light.environment import integral, rotate
+from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.pointing import Clicks
+from anyprobe.masks.sources import MaskSource
+from anyprobe.scatter.materials import MATERIALS, Material, given_material
+
+Albedo = float | Sequence[float]
+"""Linear: one number for grey, or red, green and blue."""
+
+ENOUGH_EXPOSED = 0.5
+"""Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
+
+
+class Estimator:
+    """Networks opened once, called like a function on many photos.
+
+    >>> estimator = Estimator()                          # doctest: +SKIP
+    >>> light = estimator("vase.png", mask="mask.png")   # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        model: str = DEFAULT_MODEL,
+        *,
+        threads: int | None = None,
+        engine: str = DEFAULT_ENGINE,
+        emitters: str = MODE,
+    ) -> None:
+        """Open a bundled model, or a folder of graphs, with an engine of estimate.runtime.ENGINES.
+
+        threads: of the engine; None leaves the choice to it.
+        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
+            the mean radiance over all positions (soft, and truer on matte objects).
+        """
+        self.models = Models(model, threads, engine, emitters)
+        self.model_id, self.emitters = model_id(model), emitters
+
+    def with_emitters(self, emitters: str) -> Estimator:
+        """The same open networks with other emitters."""
+        other = copy(self)
+        other.models, other.emitters = self.models.with_emitters(emitters), emitters
+        return other
+
+    def __call__(
+        self,
+        source: ImageSource,
+        *,
+        mask: MaskSource | None = None,
+        click: Clicks | None = None,
+        click_off: Clicks | None = None,
+        box: Sequence[float] | None = None,
+        depth: DepthSource | None = None,
+        near: float | None = None,
+        far: float | None = None,
+        fov_deg: float | None = None,
+        normals: NormalsSource | None = None,
+        material: Material | str | None = None,
+        albedo: Albedo | None = None,
+        roughness: float | None = None,
+        surroundings: SurroundingsSource | None = None,
+    ) -> Light:
+        """The light around the object of one photo.
+
+        Args:
+            source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
+            mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function
+                from the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the
+                photo's alpha channel is taken, else the mask network's proposal.
+            click, click_off: x, y in pixels on the object and beside it, one or several.
+            box: x0, y0, x1, y1 around the object, in pixels.
+            depth: depth image of the same view; near, far: where to cut it, in its unit.
+            fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
+            normals: the object's normal map of the photo's size in the camera's frame (see
+                normals_prior.read_normals), or "sphere".
+            material: the object's: a Material, or a name of scatter.materials ("chrome"). Level and colour of the
+                light are fitted to it.
+            albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
+            roughness: as in glTF, 0.1 to 1, likewise.
+            surroundings: "photo", to use the photo's background; or a panorama in the camera's frame, transparent
+                where unknown.
+        Raises:
+            InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
+        """
+        start = time.perf_counter()
+        material = as_material(material, albedo, roughness)
+        photo = load_photo(
+            source,
+            mask=mask,
+            click=click,
+            click_off=click_off,
+            box=box,
+            depth=depth,
+            near=near,
+            far=far,
+            fov_deg=fov_deg,
+            normals=normals,
+            surroundings=surroundings,
+        )
+        return self.from_photo(photo, start, material=material)
+
+    def multiview(
+        self,
+        photos: Iterable[Photo],
+        world_from_camera: Sequence[np.ndarray],
+        *,
+        material: Material | str | None = None,
+        albedo: Albedo | None = None,
+        roughness: float | None = None,
+    ) -> Light:
+        """One light of several photos of one object in one place; see multiview.estimate_multiview.
+
+        Args:
+            photos: of load_photo, read in turn; their pixels are not kept.
+            world_from_camera: [3, 3] of each.
+            material, albedo, roughness: the object's, as above.
+        """
+        given = as_material(material, albedo, roughness)
+        return estimate_multiview(self, photos, world_from_camera, material=given)
+
+    def from_photo(
+        self, photo: Photo, start: float | None = None, *, material: Material | None = None
+    ) -> Light:
+        """The same for a Photo that is loaded already.
+
+        Args:
+            start: of time.perf_counter, when its loading began; the sidecar's seconds count from it.
+            material: the object's, if given.
+        """
+        start = time.perf_counter() if start is None else start
+        return self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+
+    def from_crop(
+        self,
+        photo: Photo,
+        crop: Crop,
+        start: float | None = None,
+        *,
+        material: Material | None = None,
+        merged_surroundings: np.ndarray | None = None,
+    ) -> Light:
+        """The same for an object that is cut out already; the photo's pixels are not read.
+
+        merged_surroundings: [64, 128, 4 or 5] in the crop's frame, surroundings that other photos show too. They stay
+            in the result as they are; the network sees the photo's own alone, as in training.
+        """
+        loaded = time.perf_counter()
+        start = loaded if start is None else start
+        material = as_material(material)
+        self._check_use(crop, material)
+        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
+        known = {"normals": crop.normals is not None}
+        if material is not None:
+            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
+            known |= done
+        exposed = _well_exposed(crop.image)
+        if outputs.confidence is not None:
+            outputs = replace(outputs, confidence=outputs.confidence * min(1.0, exposed / ENOUGH_EXPOSED))
+        surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
+        if surroundings_map is not None:
+            outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
+            known["surroundings"] = _share(surroundings_map)
+        estimated = time.perf_counter()
+        radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
+        if outputs.confidence is None:
+            confidence = np.full(radiance.shape[:2], exposed, np.float32)
+        else:
+            confidence = rotate(outputs.confidence[..., None], crop.camera_from_crop)[..., 0].clip(0.0, 1.0)
+        return Light(
+            radiance=radiance,
+            confidence=confidence,
+            well_exposed_fraction=exposed,
+            warnings=photo.warnings,
+            stages={
+                "photo": crop.image,
+                "irradiance": outputs.irradiance,
+                "ldr": outputs.ldr,
+                "ln_radiance": outputs.ln_radiance,
+            },
+            camera_from_crop=crop.camera_from_crop,
+            info={
+                "photo": photo.name,
+                "model": self.model_id,
+                "emitters": self.emitters,
+                **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
+                "long_fov_deg": round(float(photo.long_fov_deg), 3),
+                "fov_source": photo.fov_source,
+                "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
+                "priors": known,
+                "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
+                "seconds": {
+                    "load": round(loaded - start, 4),
+                    "networks": round(estimated - loaded, 4),
+                    "turn": round(time.perf_counter() - estimated, 4),
+                },
+            },
+        )
+
+    def _check_use(self, crop: Crop, material: Material | None) -> None:
+        """Only the model that lifts pixels can use what is known."""
+        known = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
+        given = [name for name, value in known if value is not None]
+        if given and self.models.stages != LIFT_STAGES:
+            raise InputError(
+                f"{' and '.join(given)}: expected a model that tells normals, got {self.models.name}; "
+                f"use {DEFAULT_MODEL}"
+            )
+
+
+def as_material(
+    material: Material | str | None, albedo: Albedo | None = None, roughness: float | None = None
+) -> Material | None:
+    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
+
+    Raises:
+        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
+    """
+    if not isinstance(material, Material | str | None):
+        raise InputError(
+            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
+            "give an albedo alone as albedo="
+        )
+    try:
+        values = None if albedo is None else np.asarray(albedo, np.float64).reshape(-1)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
+        ) from error
+    if not isinstance(material, Material):
+        return given_material(material, values, roughness)
+    if albedo is not None or roughness is not None:
+        raise InputError(
+            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
+            "leave one of them out"
+        )
+    return _checked(material)
+
+
+def _checked(material: Material) -> Material:
+    """The same with arrays for its numbers; InputError where they are no surface's."""
+    albedo, f0, alpha = material.albedo, material.f0, material.alpha
+    try:
+        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
+        alpha = float(alpha)
+    except (TypeError, ValueError):
+        colors = np.full((2, 3), np.nan)
+    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
+        raise InputError(
+            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
+            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
+        )
+    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)
+
+
+def _well_exposed(image: np.ndarray) -> float:
+    """Share of the object's pixels of a crop [S, S, 4] that are neither black nor clipped."""
+    inside = image[..., 3] > 0.5
+    if not inside.any():
+        return 0.0
+    display = luminance(image[inside][:, :3] / image[inside][:, 3:])
+    return float(((display > 0.02) & (display < 0.98)).mean())
+
+
+def _share(surroundings_map: np.ndarray) -> float:
+    """How much of the sphere is known."""
+    return round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+
+
+def _rounded(confidence: float | None) -> float | None:
+    return None if confidence is None else round(confidence, 4)
+
+
+@lru_cache(maxsize=2)
+def _shared(model: str) -> Estimator:
+    return Estimator(model)
+
+
+def estimate(
+    source: ImageSource,
+    *,
+    mask: MaskSource | None = None,
+    click: Clicks | None = None,
+    click_off: Clicks | None = None,
+    box: Sequence[float] | None = None,
+    depth: DepthSource | None = None,
+    near: float | None = None,
+    far: float | None = None,
+    fov_deg: float | None = None,
+    normals: NormalsSource | None = None,
+    material: Material | str | None = None,
+    albedo: Albedo | None = None,
+    roughness: float | None = None,
+    surroundings: SurroundingsSource | None = None,
+    model: str = DEFAULT_MODEL,
+    emitters: str = MODE,
+) -> Light:
+    """The light around the object of one photo; an Estimator used once (and kept for the next call).
+
+    Args:
+        model, emitters: of Estimator.
+        source and all others: of Estimator.__call__, which also lists what is raised.
+    """
+    return _shared(model).with_emitters(emitters)(
+        source,
+        mask=mask,
+        click=click,
+        click_off=click_off,
+        box=box,
+        depth=depth,
+        near=near,
+        far=far,
+        fov_deg=fov_deg,
+        normals=normals,
+        material=material,
+        albedo=albedo,
+        roughness=roughness,
+        surroundings=surroundings,
+    )

@@ -1,0 +1,331 @@
+"""A given material settles what a photo alone cannot: the colour and level of the light.
+
+A matte red sphere in white light looks like a white one in red light, and a bright sphere in weak light like a
+dark one in strong light. The network decides by what is likely; a given material decides it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.frames import dot, normalize, reflect
+from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
+from anyprobe.core.response import MEAN_CURVE, inverse_response, response
+from anyprobe.core.sampling import hammersley
+from anyprobe.estimate.runtime import Outputs
+from anyprobe.light.environment import shrink
+from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
+from anyprobe.render.surface import pixel_rays
+from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.microfacet import schlick_weight
+
+SMOOTH = 0.1
+"""Largest alpha of a mirror: its lobe is a pixel or three of the map wide."""
+MIRROR_STEEP = 0.2
+"""Least n.wo of a pixel that counts: at the rim one pixel mirrors a tenth of the sphere."""
+CLIPPED = 0.97
+"""Display value from which on a pixel says only how bright its light is at least."""
+LEVELS = 3
+"""Maps of 64, 32 and 16 rows that pixels fall into: where they lie far apart, a coarse one joins them."""
+ENOUGH = 0.5
+"""Pixels that a place of a map must have seen for the measured light to count half."""
+MEASURED = 0.65
+"""How likely a display value that is measured whole is within 0.1 of the truth, on training maps and shapes: a camera's
+curve is not known, and its normals are told by a pixel in two."""
+ODDS = 10.0
+"""How much likelier light above white is in a place that is clipped than in one that is not seen."""
+
+
+def is_mirror(material: Material) -> bool:
+    """A metal smooth enough to show its surroundings."""
+    return not np.any(material.albedo) and material.alpha <= SMOOTH
+
+
+def measure(
+    radiance: np.ndarray, image: np.ndarray, normals: np.ndarray, tan_half: float, material: Material
+) -> tuple[np.ndarray, np.ndarray]:
+    """Replace what the object mirrors of a map by what its photo shows of it.
+
+    A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
+    has seen enough of a place tells it, the given map what none has seen. A clipped pixel tells where light above
+    white may come from but not how much there is: that is the given map's.
+
+    Args:
+        radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
+        image: [S, S, 4], the crop: display RGB times mask, and mask.
+        normals: [S / 2, S / 2, 3] the true ones in the crop's frame, unit or zero.
+        tan_half: of half the angle that the crop's side takes in.
+        material: the mirror.
+    Returns:
+        the map [H, 2H, 3] float32, and the share [H, 2H] of each of its pixels that was measured.
+    """
+    height = radiance.shape[0]
+    n, known = _twice(normals)
+    wo = pixel_rays(tan_half, len(image))
+    seen = known & (image[..., 3] > 0.99) & (dot(n, wo)[..., 0] > MIRROR_STEEP)
+    n, wo, display = n[seen], wo[seen], image[seen][:, :3]
+    fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(dot(n, wo))
+    light = inverse_response(np.minimum(display, CLIPPED)) / fresnel
+    clipped = display.max(axis=-1, keepdims=True) >= CLIPPED
+    uv, at = direction_to_uv(reflect(wo, n)), direction_to_uv(pixel_directions(height))
+    result, unseen = np.minimum(radiance, 1.0).astype(np.float64), np.ones((height, 2 * height, 1))
+    for level in reversed(range(LEVELS)):
+        sums, count = _gather(light, uv, height >> level)
+        share = count / (count + ENOUGH)
+        given = np.concatenate([share * sums / np.maximum(count, 1e-6), share], axis=-1)
+        given = given if level == 0 else bilinear(given, at)
+        result = result * (1.0 - given[..., 3:]) + given[..., :3]
+        unseen = unseen * (1.0 - given[..., 3:])
+    place, count = _gather(clipped.repeat(3, axis=1), uv, height)
+    place = place[..., :1] / (count + ENOUGH)
+    result = result + _above_white(np.maximum(radiance - 1.0, 0.0), place, unseen)
+    return result.astype(np.float32), 1.0 - unseen[..., 0]
+
+
+def _above_white(above: np.ndarray, clipped: np.ndarray, unseen: np.ndarray) -> np.ndarray:
+    """Light `above` white [H, 2H, 3] moved to where it can be: shares [H, 2H, 1] of places clipped, and not seen.
+
+    One half of its power is shared among all clipped places: an emitter and a white wall clip alike. The other goes
+    to those where `above` has its own. Where nothing is clipped, the unseen part of it stays.
+    """
+    if not clipped.any():
+        return above * unseen
+    areas = pixel_solid_angles(len(above))[..., None]
+    one, power = above.mean(axis=-1, keepdims=True), (above * areas).sum(axis=(0, 1))
+    alike = power.mean() / (clipped * areas).sum()
+    share = ODDS * clipped * (one + alike) + unseen * one
+    return share * power / max((share * areas).sum(), 1e-12)
+
+
+def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normals at twice the size by bilinear interpolation, and where all that they are made of are known."""
+    side = 2 * len(normals)
+    planes = [Image.fromarray(np.ascontiguousarray(normals[..., k], np.float32)) for k in range(3)]
+    mixed = np.stack([plane.resize((side, side), Image.Resampling.BILINEAR) for plane in planes], axis=-1)
+    return normalize(mixed), np.linalg.norm(mixed, axis=-1) > 0.9
+
+
+def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sums [H, 2H, 3] and counts [H, 2H, 1] of values [P, 3], shared among the four pixels around each uv [P, 2]."""
+    width = 2 * height
+    column = np.mod(uv[:, 0] * width - 0.5, width)
+    row = np.clip(uv[:, 1] * height - 0.5, 0.0, height - 1.001)
+    sums = np.zeros((height * (width + 1) + 1, 4))
+    stacked = np.concatenate([values, np.ones_like(values[:, :1])], axis=1)
+    for index, share in corners(column, row, width + 1):
+        np.add.at(sums, index, stacked * share[:, None])
+    wide = sums[:-1].reshape(height, width + 1, 4)
+    wide[:, 0] += wide[:, width]  # one column further is the first again
+    return wide[:, :width, :3], wide[:, :width, 3:]
+
+
+ROWS = 32
+"""Rows of the map that the object's points are lit by."""
+COARSE = 16
+"""Rows of the map that x is told on."""
+NUM_POINTS = 200
+"""Of the object, at most; they are shaded with so many samples:"""
+NUM_SAMPLES = 64
+STEPS = 4
+WHOLE, FAR, NEAR = 0.3, 0.5, 1.0
+"""Variances of x: of its mean, and of its parts that reach as far as the two angles below."""
+FAR_DEG, NEAR_DEG = 30.0, 10.0
+NOISE_GIVEN, NOISE_GUESSED = 0.07, 0.5
+"""How far a display value may be off, where normals are known and where they are guessed: a point says little then."""
+NARROWEST = 0.15
+"""Least alpha of A: a lobe as wide as a pixel of its map. What the object shows of L is shaded with its own."""
+INSIDE = 0.99
+"""Coverage from which on a pixel is the object's alone."""
+FIT_STEEP = 0.15
+"""Least n.wo of a point that counts: at the rim masks and normals are wrong."""
+CLIPPED = 0.97
+"""Display value from which on a point says only how bright it is at least."""
+FEWEST = 10
+"""Points below which nothing is fitted."""
+
+
+def fit_map(
+    radiance: np.ndarray,
+    image: np.ndarray,
+    normals: np.ndarray,
+    tan_half: float,
+    material: Material,
+    known: np.ndarray,
+) -> np.ndarray:
+    """The map that an object of known material asks for, near the one given.
+
+    Args:
+        radiance: [64, 128, 3], a model's guess in the crop's frame and the photo's exposure units.
+        image: [S, S, 4], the crop: display RGB times mask, and mask.
+        normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
+        tan_half: of half the angle that the crop's side takes in.
+        material: of the object.
+        known: [S / k, S / k] bool, where the normals are known; elsewhere they are guessed.
+    Returns:
+        [64, 128, 3] float32; as given where the crop shows too little of the object.
+    """
+    found = _points(image, normals, tan_half, known)
+    if found is None:
+        return radiance
+    n, wo, display, noise = found
+    transport = _transport(radiance, n, wo, material)  # [3, N, P] of what each point shows from each pixel
+    likeness = _likeness()
+    x = np.zeros((3, len(likeness)), np.float32)
+    for _ in range(STEPS):
+        for channel in range(3):
+            parts = transport[channel] * np.exp(_finer(x[channel], ROWS))
+            slope, missing = _compare(parts.sum(axis=1), display[:, channel])
+            jacobian = _coarser(parts * slope[:, None])
+            spread = likeness @ jacobian.T
+            asked = np.linalg.solve(jacobian @ spread + np.diag(noise**2), missing + jacobian @ x[channel])
+            x[channel] += np.clip(spread @ asked - x[channel], -1.0, 1.0)
+    wrong = np.stack([_finer(one, len(radiance)) for one in x], axis=-1)
+    return (radiance * np.exp(wrong).reshape(radiance.shape)).astype(np.float32)
+
+
+def _points(
+    image: np.ndarray, normals: np.ndarray, tan_half: float, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Points spread over the object: unit n and wo [N, 3], display values [N, 3], how far these may be off [N].
+
+    None of too few.
+    """
+    size = len(normals)
+    small = image.reshape(size, len(image) // size, size, -1, 4).mean(axis=(1, 3))
+    wo = pixel_rays(tan_half, size)
+    facing = (normals * wo).sum(axis=-1) > FIT_STEEP
+    inside = np.argwhere((small[..., 3] > INSIDE) & (np.linalg.norm(normals, axis=-1) > 0.5) & facing)
+    if len(inside) < FEWEST:
+        return None
+    at = tuple(inside[np.unique(np.linspace(0, len(inside) - 1, NUM_POINTS).astype(int))].T)
+    noise = np.where(known[at], np.float32(NOISE_GIVEN), np.float32(NOISE_GUESSED))
+    return np.asarray(normals[at], np.float32), np.asarray(wo[at], np.float32), small[at][:, :3], noise
+
+
+def _transport(radiance: np.ndarray, n: np.ndarray, wo: np.ndarray, material: Material) -> np.ndarray:
+    """Eq. 1's summands f_r L (n.wi) dw of each channel, point and pixel, [3, N, P]; their sums are the renderer's."""
+    d = pixel_directions(ROWS).reshape(-1, 3).astype(np.float32)
+    angles = np.repeat(pixel_solid_angles(ROWS)[:, 0], 2 * ROWS).astype(np.float32)
+    wide = replace(material, alpha=max(float(material.alpha), NARROWEST))
+    power = shrink(radiance, ROWS).reshape(-1, 3) * angles[:, None]
+    reflected = evaluate(wide, wo[:, None], d[None], n[:, None]) * np.maximum(n @ d.T, 0.0)[..., None] * power
+    smooth = shading_pyramid(radiance)
+    pyramid = smooth if material.alpha >= PATCHES[0][0] else shading_pyramid(radiance, material.alpha)
+    shading = shade(pyramid, n, wo, np.float32(material.alpha), hammersley(NUM_SAMPLES), wide=smooth)
+    true = shading.radiance(material)
+    whole = reflected * ((true + 1e-4) / (reflected.sum(axis=1) + 1e-4))[:, None]
+    return np.ascontiguousarray(np.moveaxis(whole, -1, 0))
+
+
+def _compare(total: np.ndarray, display: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The slope of the mean camera's curve at radiances [N], before it clips, and what display values lack to it."""
+    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
+    power = np.maximum(total, 1e-6) ** n
+    shown = (1 + sigma) * power / (power + sigma)
+    slope = shown * n * sigma / (power + sigma) / np.maximum(total, 1e-6)
+    clipped = (display > CLIPPED) & (shown > CLIPPED)
+    return np.where(clipped, 0.0, slope), np.where(clipped, 0.0, display - shown)
+
+
+@lru_cache(maxsize=1)
+def _likeness() -> np.ndarray:
+    """Covariance of x between directions, [Q, Q]."""
+    d = pixel_directions(COARSE).reshape(-1, 3).astype(np.float64)
+    degrees = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
+    parts = zip((FAR, NEAR), (FAR_DEG, NEAR_DEG), strict=True)
+    covariance = WHOLE + sum(variance * np.exp(-0.5 * (degrees / angle) ** 2) for variance, angle in parts)
+    return covariance.astype(np.float32)
+
+
+def _finer(x: np.ndarray, rows: int) -> np.ndarray:
+    """From the Q pixels of the coarse map to those of one of more rows, between its pixels."""
+    at = direction_to_uv(pixel_directions(rows).reshape(-1, 3))
+    return bilinear(x.reshape(COARSE, 2 * COARSE, 1), at)[:, 0]
+
+
+def _coarser(values: np.ndarray) -> np.ndarray:
+    """Sums over the pixels of the finer map within each of the coarse, [N, P] to [N, Q]."""
+    step = ROWS // COARSE
+    return (
+        values.reshape(len(values), COARSE, step, 2 * COARSE, step).sum(axis=(2, 4)).reshape(len(values), -1)
+    )
+
+
+MAX_STOPS = 3.0
+"""Largest gain or loss of a channel: more is not the material's doing."""
+MAX_POINTS = 400
+
+
+def use_material(
+    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, given_normals: np.ndarray | None
+) -> tuple[Outputs, dict]:
+    """A model's answer, made to fit a material that is known.
+
+    A mirror whose normals are given too is measured where they are; all else gets fit_gain's gain, and
+    then what fit_map finds in the object's shading.
+
+    Args:
+        outputs, image, tan_half: of a crop, see estimate.runtime.Models.
+        given_normals: [64, 64, 3] as they were told, zero where they were not; None where nothing was.
+    Returns:
+        the answer, and what was done, for the sidecar.
+    """
+    done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {
+        "alpha": float(material.alpha)
+    }
+    if given_normals is not None and is_mirror(material):
+        radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material)
+        confidence = outputs.confidence
+        if confidence is not None:
+            confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
+        return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
+    gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
+    given = np.zeros_like(outputs.normals) if given_normals is None else given_normals
+    known = np.linalg.norm(given, axis=-1) > 0.5
+    radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, known)
+    return outputs.with_map(radiance, outputs.confidence), {"material": done, "gain": _list(gain)}
+
+
+def _list(values: np.ndarray) -> list[float]:
+    return np.round(np.asarray(values, np.float64), 5).tolist()
+
+
+def fit_gain(
+    radiance: np.ndarray, image: np.ndarray, normals: np.ndarray, tan_half: float, material: Material
+) -> np.ndarray:
+    """The gain of each channel at which the object, rendered with the map, is as bright as its photo.
+
+    Compared by the mean display value: where the light is placed wrongly, single pixels say nothing.
+
+    Args:
+        radiance: [H, 2H, 3], the map in the crop's frame.
+        image: [S, S, 4], the crop: display RGB times mask, and mask.
+        normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
+        tan_half: of half the angle that the crop's side takes in.
+        material: of the object.
+    Returns:
+        [3] float32, within MAX_STOPS; ones where no pixel is the object's alone.
+    """
+    size = len(normals)
+    small = image.reshape(size, len(image) // size, size, -1, 4).mean(axis=(1, 3))
+    inside = np.argwhere((small[..., 3] > INSIDE) & (np.linalg.norm(normals, axis=-1) > 0.5))
+    if len(inside) == 0:
+        return np.ones(3, np.float32)
+    chosen = inside[np.unique(np.linspace(0, len(inside) - 1, MAX_POINTS).astype(int))]
+    at = tuple(chosen.T)
+    n, wo = (np.asarray(v[at], np.float32) for v in (normals, pixel_rays(tan_half, size)))
+    wide = shading_pyramid(radiance)
+    pyramid = wide if material.alpha >= PATCHES[0][0] else shading_pyramid(radiance, material.alpha)
+    shading = shade(pyramid, n, wo, np.float32(material.alpha), hammersley(NUM_SAMPLES), wide=wide)
+    seen = shading.radiance(material)
+    target = small[at][:, :3].mean(axis=0)
+    low, high = np.full(3, -MAX_STOPS), np.full(3, MAX_STOPS)
+    for _ in range(24):
+        middle = (low + high) / 2
+        darker = response(seen * np.exp2(middle)).clip(max=1.0).mean(axis=0) < target
+        low, high = np.where(darker, middle, low), np.where(darker, high, middle)
+    return np.exp2((low + high) / 2).astype(np.float32)

@@ -1,0 +1,173 @@
+"""Several photos of one object in one place, whose cameras' poses are known: one light of all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import is_rotation
+from anyprobe.errors import InputError
+from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
+from anyprobe.estimate.photo import Crop, Photo
+from anyprobe.estimate.result import Light
+from anyprobe.light.environment import integral
+from anyprobe.light.temporal import OFFSET
+from anyprobe.scatter.materials import Material
+
+if TYPE_CHECKING:
+    from anyprobe.estimate.estimator import Estimator
+
+BRIGHT = 0.8
+"""Radiance above which light may be emitters; white is 1."""
+LEAST_FLUX = 0.01
+"""Of what is brighter, where power is given back to it: from less nobody knows where the emitters are."""
+
+
+def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The weighted geometric mean of maps, as much light in all as they have.
+
+    A geometric mean drops an emitter that only one of the maps has, which is right where estimates err, but also
+    emitters that they place side by side. The power missing from the maps' own (geometric mean) is added to what is
+    brighter than BRIGHT, in proportion.
+
+    Args:
+        maps: [N, H, 2H, 3] linear radiance, all in one frame and one scale.
+        weights: [N, H, 2H], positive somewhere at every pixel.
+    Returns:
+        [H, 2H, 3].
+    """
+    share = (weights / weights.sum(axis=0))[..., None]
+    mean = np.maximum(np.exp((share * np.log(maps + OFFSET)).sum(axis=0)) - OFFSET, 0.0)
+    power = np.exp(np.mean([np.log(max(_power(one), 1e-9)) for one in maps]))
+    bright = np.maximum(mean - BRIGHT, 0.0)
+    missing = max(power - _power(mean), 0.0)
+    return (mean + bright * (missing / max(_power(bright), LEAST_FLUX))).astype(np.float32)
+
+
+def _power(radiance: np.ndarray) -> float:
+    """Luminance over the whole sphere."""
+    return float(luminance(np.asarray(integral(radiance))))
+
+
+SURE = 2.0
+"""The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
+LEAST = 1e-4
+"""Weight of a pixel of which a map says nothing."""
+NOT_GIVEN = (
+    "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
+)
+
+
+def estimate_multiview(
+    estimator: Estimator,
+    photos: Iterable[Photo],
+    world_from_camera: Sequence[np.ndarray],
+    *,
+    start: float | None = None,
+    material: Material | None = None,
+) -> Light:
+    """One light of several photos, see fuse_lights; what each shows of the surroundings is known to all.
+
+    Args:
+        photos: of load_photo, in turn; their pixels are not kept. Surroundings that are a panorama are in the first
+            photo's frame.
+        world_from_camera: [3, 3] of each.
+        start: of time.perf_counter, when the first one's loading began, where that was before the call.
+        material: the object's, if given.
+    Raises:
+        InputError: as fuse_lights, or no such material.
+    """
+    start = time.perf_counter() if start is None else start
+    taken, spent = [], []
+    for k, photo in enumerate(photos):  # which may be loaded only now, one after another
+        taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
+        spent.append(time.perf_counter() - start)
+        start += spent[-1]
+    turns = _turns(len(taken), world_from_camera)
+    gains, _ = _gains([photo.exposure for photo, _ in taken])
+    to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
+    known = _gathered([crop for _, crop in taken], to_first, gains)
+    lights = [
+        estimator.from_crop(
+            photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen
+        )
+        for (photo, crop), seconds, seen in zip(taken, spent, known, strict=True)
+    ]
+    return fuse_lights(lights, world_from_camera)
+
+
+def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
+    """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
+    panorama = None
+    for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
+        if crop.surroundings_map is not None:
+            panorama = lay_over(window(crop.surroundings_map, turn, gain), panorama)
+    if panorama is None:
+        return [None] * len(crops)
+    return [
+        seen_from(panorama, turn, crop.surroundings_map, gain)
+        for crop, turn, gain in zip(crops, to_first, gains, strict=True)
+    ]
+
+
+def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]) -> Light:
+    """One light, in the camera's frame and the exposure units of the first photo.
+
+    What the object does not face in one photo it does in another; where all guess, their errors average out. Each
+    counts as it is sure of a direction. Photos of other exposures are brought to the first's where all say theirs
+    (EXIF); else they must have been taken with one, as with a locked camera.
+
+    Args:
+        lights: of an Estimator, one a photo; the light and the object must not have moved between them.
+        world_from_camera: [3, 3] each, of the same photos; any world whose axes do not move.
+    Raises:
+        InputError: no light, not as many poses as lights, or a pose that is no rotation.
+    """
+    turns, first = _turns(len(lights), world_from_camera), lights[0]
+    gains, given = _gains([light.info.get("exposure") for light in lights])
+    turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
+    maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
+    sure = np.stack(
+        [np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned]
+    )
+    weights = sure**SURE + LEAST
+    known = all(light.confidence is not None for light in lights)
+    notes = [line for light in lights for line in light.warnings]
+    notes += [] if len(lights) == 1 or given else [NOT_GIVEN]
+    return replace(
+        first,
+        radiance=fuse(maps, weights),
+        confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
+        well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
+        warnings=tuple(dict.fromkeys(notes)),
+        info={**first.info, "fused": [light.info.get("photo") for light in lights], **_seconds(lights)},
+    )
+
+
+def _turns(count: int, world_from_camera: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """first_from_camera [3, 3] of each photo."""
+    if not count or count != len(world_from_camera):
+        raise InputError(f"poses: expected one a light, got {len(world_from_camera)} for {count} lights")
+    for number, pose in enumerate(world_from_camera, start=1):
+        if not is_rotation(np.asarray(pose)):
+            raise InputError(f"poses: expected rotations [3, 3], got another matrix for photo {number}")
+    return [np.asarray(world_from_camera[0]).T @ np.asarray(pose) for pose in world_from_camera]
+
+
+def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
+    """What brings each photo to the first one's exposure, and whether all say theirs."""
+    given = all(exposures)
+    return [exposures[0] / one for one in exposures] if given else [1.0] * len(exposures), given
+
+
+def _seconds(lights: Sequence[Light]) -> dict[str, dict[str, float]]:
+    """What all of them took, step by step."""
+    given = [light.info["seconds"] for light in lights if "seconds" in light.info]
+    return (
+        {"seconds": {step: round(sum(one[step] for one in given), 4) for step in given[0]}} if given else {}
+    )

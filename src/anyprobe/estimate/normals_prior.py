@@ -1,0 +1,217 @@
+"""Normals that somebody knows: of a tracked model, a depth camera, a scan, another network."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, read_image
+from anyprobe.files.radiance import read_exr
+
+NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
+
+Part = tuple[slice, slice]
+"""Rows and columns of a photo."""
+
+SHORTEST = 0.5
+"""A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
+NEAR_UNIT = 0.15
+UNIT_SHARE = 0.6
+"""A picture of normals has vectors so near to unit length in this share at least of where they are known. Of 14 photos
+one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wide as JPEG of quality 30 had .78."""
+PLAIN = 0.1
+"""Display value up to which black, and down from 1 white, is no normal's colour: their vectors are far too long."""
+SPHERE = "sphere"
+"""In place of a normal map: the object is a sphere, its outline tells its normals."""
+ROUND = 0.9
+"""Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
+STRIP_PX = 1 << 17
+"""A sphere's normals are computed in strips of so many pixels: rays of a whole photo take 118 bytes a pixel."""
+STEEPEST = np.radians(89.9)
+"""No ray of a photo (field of view below 170 degrees) is so far aside."""
+FACING = 0.6
+"""Share of the normals that must look towards the camera; else their axes are another frame's."""
+
+
+def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
+    """Normals of an object that is a sphere, from its outline alone.
+
+    A pinhole sees a sphere of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
+    solid angle 2 pi (1 - cos phi) tells phi, its mean ray c. With c at distance 1 the sphere has the radius
+    sin phi, the ray meets it at s = d.c - sqrt(sin^2 phi - (1 - (d.c)^2)), and n = (s d - c) / sin phi.
+
+    Args:
+        mask: [H, W] in [0, 1], 1 on the sphere.
+        long_fov_deg: field of view of the photo's longer side.
+    Returns:
+        [H, W, 3] float32 in the camera's frame, unit, zero beside the sphere.
+    Raises:
+        InputError: the outline is no sphere's.
+    """
+    focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    solid_angle, axis = 0.0, np.zeros(3)
+    for part in _strips(_box(mask > 0.0)):
+        d, length = _rays(part, mask.shape, focal)
+        angles = mask[part] / (focal**2 * length**3)  # steradians of what the mask covers of each pixel
+        solid_angle += angles.sum()
+        axis += (angles[..., None] * d).sum(axis=(0, 1))
+    axis /= np.linalg.norm(axis)
+    cos_phi = 1.0 - solid_angle / (2 * np.pi)
+    radius = np.sqrt(max(1.0 - cos_phi**2, 1e-12))
+    normals = np.zeros((*mask.shape, 3), np.float32)
+    shared = covered = 0
+    for part in _strips(_surroundings(_box(mask > 0.5), _box_of_cone(axis, radius, mask.shape, focal))):
+        d, _ = _rays(part, mask.shape, focal)
+        along = d @ axis
+        inside, on = along > cos_phi, mask[part] > 0.5
+        shared += int((inside & on).sum())
+        covered += int((inside | on).sum())
+        s = along - np.sqrt(np.maximum(radius**2 - 1.0 + along**2, 0.0))
+        n = (s[..., None] * d - axis) / radius
+        normals[part] = np.where(inside[..., None], n, 0.0)
+    overlap = shared / covered
+    if overlap < ROUND:
+        raise InputError(
+            f"normals: expected a sphere, got a mask that shares {overlap:.0%} with the nearest circle; "
+            "mask the sphere alone and whole, or give its normals"
+        )
+    return normals
+
+
+def _rays(part: Part, shape: tuple[int, int], focal: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unit rays [h, w, 3] through a part of a photo of this shape, in the camera's frame, and the length [h, w]
+    that each had where z was -1; focal in pixels."""
+    rows, columns = (np.arange(span.start, span.stop) for span in part)
+    x = (columns + 0.5 - shape[1] / 2) / focal
+    y = (shape[0] / 2 - rows - 0.5) / focal
+    d = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
+    length = np.linalg.norm(d, axis=-1)
+    return d / length[..., None], length
+
+
+def _strips(part: Part) -> Iterator[Part]:
+    """A part in strips of at most STRIP_PX pixels, a row at least."""
+    rows, columns = part
+    step = max(1, STRIP_PX // max(columns.stop - columns.start, 1))
+    for top in range(rows.start, rows.stop, step):
+        yield slice(top, min(top + step, rows.stop)), columns
+
+
+def _box(inside: np.ndarray) -> Part:
+    """The part that holds all of inside [H, W], which must not be empty."""
+    spans = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (slice(int(span[0]), int(span[-1]) + 1) for span in spans)
+    return rows, columns
+
+
+def _surroundings(one: Part, other: Part) -> Part:
+    """The part that holds both."""
+    rows, columns = (
+        slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
+    )
+    return rows, columns
+
+
+def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal: float) -> Part:
+    """The part of a photo in which the rays at most asin(radius) from the axis lie, with a pixel to spare.
+
+    Seen along Y the cone reaches asin(radius / m) to either side of its axis, m being the length of what is seen of
+    the axis; likewise along X. Where the cone holds Y or X itself, it reaches all around.
+    """
+    spans = []
+    for size, aside in ((shape[0], -axis[1]), (shape[1], axis[0])):
+        seen = np.hypot(aside, axis[2])
+        reach = np.arcsin(radius / seen) if radius < seen else np.pi
+        angle = np.arctan2(aside, -axis[2]) + np.array([-reach, reach])
+        ends = np.tan(np.clip(angle, -STEEPEST, STEEPEST)) * focal + size / 2 + (-1.0, 1.0)
+        low, high = np.clip(ends, 0, size)
+        spans.append(slice(int(low), int(np.ceil(high))))
+    return spans[0], spans[1]
+
+
+def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
+    """A normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
+
+    Args:
+        source: float [H, W, 3] (array, .npy, .exr), or a picture (file, its bytes, uint8 or uint16 array) of
+            (n + 1) / 2. Zero (in pictures black, middle grey, white or transparent) where they are not known.
+        shape: (height, width) of the upright photo.
+    Returns:
+        [H, W, 3] float32, unit or zero.
+    Raises:
+        InputError: no normals, a picture of something else, another size, or another frame: most of them look away from
+            the camera.
+    """
+    values, name, from_picture = _read(source)
+    if values.shape != (*shape, 3):
+        raise InputError(
+            f"{name}: expected normals of the photo's size {shape[1]} x {shape[0]}, three a pixel, got "
+            f"shape {values.shape}; render them through the photo's camera"
+        )
+    values = np.where(np.isfinite(values), values, 0.0).astype(np.float32)
+    length = np.linalg.norm(values, axis=-1, keepdims=True)
+    known = length > SHORTEST
+    if not known.any():
+        raise InputError(
+            f"{name}: expected unit normals where the object is, found none; a picture holds (n + 1) / 2"
+        )
+    if from_picture and (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() < UNIT_SHARE:
+        raise InputError(
+            f"{name}: expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
+            "photo's are; pass a normal map, or sphere"
+        )
+    if (values[known[..., 0], 2] > 0).mean() < FACING:
+        raise InputError(
+            f"{name}: expected normals towards the camera (+X right, +Y up, +Z to it), most look away; "
+            "flip Y and Z if they come from OpenCV, turn them if they are the world's"
+        )
+    return np.where(known, values / np.maximum(length, SHORTEST), 0.0)
+
+
+def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
+    """Vectors as they are stored, what messages call them, and whether a picture held them."""
+    if isinstance(source, np.ndarray):
+        return _decoded(source, "normals")
+    if isinstance(source, bytes):
+        if source.startswith(EXR_MAGIC):
+            raise InputError(
+                "normals: expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG"
+            )
+        return _decoded(source, "normals")
+    path = Path(source)
+    if not path.is_file():
+        raise InputError(f"{path}: expected a normal map, got no such file; check the path")
+    if path.suffix.lower() == ".npy":
+        try:
+            with path.open("rb") as stream:
+                values = np.load(stream, allow_pickle=False)
+        except (ValueError, OSError, EOFError, BadZipFile) as error:
+            raise InputError(f"{path.name}: expected an array in a .npy file, got a damaged one") from error
+        if not isinstance(values, np.ndarray):
+            raise InputError(f"{path.name}: expected one array in a .npy file, got an .npz of several")
+        return _decoded(values, path.name)
+    try:
+        with path.open("rb") as stream:
+            is_exr = stream.read(len(EXR_MAGIC)) == EXR_MAGIC
+    except OSError as error:
+        raise InputError(f"{path}: expected a normal map that can be read, got {error.strerror}") from error
+    if is_exr:
+        return read_exr(path, path.name, InputError, MAX_PIXELS)[..., :3], path.name, False
+    return _decoded(path, path.name)
+
+
+def _decoded(source: Path | bytes | np.ndarray, name: str) -> tuple[np.ndarray, str, bool]:
+    """_read of floats, which are vectors already, or of a picture."""
+    if isinstance(source, np.ndarray) and source.dtype.kind == "f":
+        return source, name, False
+    pixels = read_image(source)
+    rgb = pixels.rgb
+    known = (rgb.max(axis=-1) > PLAIN) & (rgb.min(axis=-1) < 1.0 - PLAIN)
+    if pixels.alpha is not None:
+        known &= pixels.alpha > 0.5
+    return np.where(known[..., None], rgb * 2.0 - 1.0, 0.0), name, True

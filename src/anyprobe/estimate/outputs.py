@@ -1,0 +1,69 @@
+"""What one photo leaves on disk: .exr, .hdr, .json and .png, all four or none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.response import response
+from anyprobe.estimate.photo import Photo
+from anyprobe.estimate.result import Light
+from anyprobe.files.atomic import atomic_files
+from anyprobe.files.images import write_png
+from anyprobe.masks.overlay import draw_overlay
+from anyprobe.render.spheres import sphere_images
+
+EXPOSURES_EV = (-2.0, 0.0, 2.0)
+ROW = 256
+SPHERE = 128
+GAP = 8
+
+
+def draw_preview(photo: Photo, light: Light) -> np.ndarray:
+    """Display picture [H, W, 3] in [0, 1]: two rows, photo | its mask shown | spheres over three maps."""
+    picture = _fit(photo.rgb, ROW)
+    shown = draw_overlay(picture, _fit(photo.mask, ROW))
+    spheres = sphere_images(light.radiance, SPHERE).values()
+    first = [picture, shown] + [_fit(response(sphere), ROW) for sphere in spheres]
+    maps = [_fit(response(light.radiance * 2.0**ev), ROW) for ev in EXPOSURES_EV]
+    rows = [_join(first), _join(maps)]
+    width = max(row.shape[1] for row in rows)
+    canvas = np.full((2 * ROW + 3 * GAP, width + 2 * GAP, 3), 0.08, dtype=np.float32)
+    for index, row in enumerate(rows):
+        top = GAP + index * (ROW + GAP)
+        canvas[top : top + ROW, GAP : GAP + row.shape[1]] = row
+    return canvas
+
+
+def _fit(picture: np.ndarray, height: int) -> np.ndarray:
+    """Scale a display picture to a height, its shape kept."""
+    width = max(1, round(picture.shape[1] * height / picture.shape[0]))
+    image = Image.fromarray(np.round(np.clip(picture, 0, 1) * 255).astype(np.uint8))
+    resized = image.resize((min(width, 4 * height), height), Image.Resampling.BICUBIC)
+    return np.asarray(resized, dtype=np.float32) / 255
+
+
+def _join(pictures: list[np.ndarray]) -> np.ndarray:
+    gap = np.full((ROW, GAP, 3), 0.08, dtype=np.float32)
+    parts = [part for picture in pictures for part in (gap, picture)][1:]
+    return np.concatenate(parts, axis=1)
+
+
+SUFFIXES = (".exr", ".hdr", ".json", ".png")
+
+
+def write_results(photo: Photo, light: Light, folder: Path, stem: str) -> dict[str, Path]:
+    """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones.
+
+    Returns:
+        Suffix without dot -> path.
+    Raises:
+        OutputError: the folder cannot be made or written; what was there stays as it was.
+    """
+    with atomic_files(folder) as scratch:
+        for kind in ("exr", "hdr", "json"):
+            light.save(scratch / f"{stem}.{kind}")
+        write_png(scratch / f"{stem}.png", draw_preview(photo, light))
+    return {suffix[1:]: folder / f"{stem}{suffix}" for suffix in SUFFIXES}

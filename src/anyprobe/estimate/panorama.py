@@ -1,0 +1,89 @@
+"""Panorama (noun): what several photos together show of their surroundings, in a world whose axes do not move.
+
+One photo shows a window of the light; a camera that turns shows more and more of it. A panorama is [64, 128, 4]: linear
+radiance times cover, and cover in [0, 1]; with a fifth channel where surroundings have one, see estimate.surroundings.
+What is shown counts as infinitely far, as all light does here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.response import response
+from anyprobe.estimate.photo import Crop, Photo, crop_object
+from anyprobe.estimate.runtime import PHOTO_SIZE
+from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
+from anyprobe.light.environment import rotate
+
+SHARED = 30
+"""Pixels that two windows must share before one is compared with the other."""
+COMPARED = 0.02, 0.8
+"""Radiance between which both tell how much brighter one is: neither noise nor clipped."""
+DIFFER = 0.12
+"""Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
+
+
+def cut_out(photo: Photo, *, first: bool) -> Crop:
+    """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
+    own = first or photo.surroundings_map is True
+    return crop_object(photo if own else replace(photo, surroundings_map=None), PHOTO_SIZE)
+
+
+def window(surroundings_map: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
+    """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
+
+    gain: that brings the photo to the panorama's exposure; made darker, what is clipped tells nothing any more.
+    """
+    radiance, clipped, cover = radiance_of(surroundings_map)
+    layers = [cover, surroundings_map[..., 4:]]
+    if gain < 1:
+        layers = [layer * ~clipped.any(axis=-1, keepdims=True) for layer in layers]
+    shown = np.concatenate([radiance * gain * layers[0], *layers], axis=-1)
+    return np.maximum(rotate(shown.astype(np.float32), world_from_crop), 0.0)
+
+
+def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
+    """The newer panorama where it shows something, else the older, brought to the newer's exposure by what both show.
+
+    older: None where there is none yet.
+
+    Where both show the same place and differ, the older is dropped: a light was switched off, or the poses are
+    wrong.
+    """
+    if older is None:
+        return newer
+    both = (newer[..., 3] > 0.5) & (older[..., 3] > 0.5)
+    if both.sum() >= SHARED:
+        now, then = (one[both, :3] / one[both, 3:4] for one in (newer, older))
+        light = luminance(now), luminance(then)
+        given = np.all([(one > COMPARED[0]) & (one < COMPARED[1]) for one in light], axis=0)
+        gain = (
+            np.float32(np.median(light[0][given] / light[1][given]))
+            if given.sum() >= SHARED
+            else np.float32(1)
+        )
+        if np.abs(response(now) - response(then * gain)).mean() > DIFFER:
+            return newer
+        older = np.concatenate([older[..., :3] * gain, older[..., 3:]], axis=-1)
+    return over(newer, older)
+
+
+def seen_from(
+    panorama: np.ndarray, world_from_crop: np.ndarray, own: np.ndarray | None, gain: float = 1.0
+) -> np.ndarray:
+    """What is known of a photo's map, see estimate.surroundings, in its crop's frame.
+
+    own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
+        where it makes the panorama darker, what may be clipped there tells nothing.
+    """
+    turned = rotate(panorama, world_from_crop.T)
+    cover, measured = np.clip(turned[..., 3:4], 0.0, 1.0), np.clip(turned[..., 4:], 0.0, 1.0)
+    radiance = np.maximum(turned[..., :3], 0.0) / np.maximum(cover, LEAST_COVER)
+    known = surroundings_of(radiance / gain, cover, measured if measured.shape[-1] else None)
+    if gain > 1:
+        clipped = (response(radiance) >= CLIPPED).any(axis=-1, keepdims=True)
+        known = known * (~clipped | (measured.sum(axis=-1, keepdims=True) >= 0.5 * cover))
+    return known if own is None else over(own, known)

@@ -1,0 +1,260 @@
+"""The photo with its object, and the square crop around the object that the networks see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Unpack
+
+import numpy as np
+
+from anyprobe.core.frames import turn_towards
+from anyprobe.errors import InputError, InvalidPhoto
+from anyprobe.estimate.normals_prior import (
+    SHORTEST,
+    SPHERE,
+    NormalsSource,
+    normals_from_outline,
+    read_normals,
+)
+from anyprobe.estimate.runtime import NORMALS_SIZE
+from anyprobe.estimate.surroundings import (
+    PHOTO,
+    SurroundingsSource,
+    read_surroundings,
+    turned,
+    visible_surroundings,
+)
+from anyprobe.files.images import ImageSource, read_image
+from anyprobe.masks.check import object_box
+from anyprobe.masks.find import Where, find_mask
+
+DEFAULT_LONG_FOV_DEG = 65.0
+"""Field of view of the longer side of a phone's main camera."""
+
+CROP_MARGIN = 1.1
+"""Side of the crop over the longer side of the object's bounding box."""
+
+CLIPPED_SHARE = 0.98
+"""An object with this share of black or of white pixels gets a warning."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Photo:
+    """A photo, upright, with the object marked.
+
+    Attributes:
+        rgb: [H, W, 3] float32 display values in [0, 1].
+        mask: [H, W] float32 in [0, 1], 1 on the object.
+        long_fov_deg: field of view of the longer side.
+        fov_source: "given", "exif" or "default".
+        name: what messages call it.
+        warnings: one line each, for the user.
+        mask_source: how the object was found, see masks.find.FoundMask.
+        mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
+        normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
+        around: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
+            True: what the photo itself shows beside the object; None: nothing.
+        exposure: how much light it took, see files.images.Pixels; None where nothing says so.
+    """
+
+    rgb: np.ndarray
+    mask: np.ndarray
+    long_fov_deg: float
+    fov_source: str
+    name: str
+    warnings: tuple[str, ...]
+    mask_source: str = "mask"
+    mask_confidence: float | None = None
+    normals: np.ndarray | None = None
+    surroundings_map: np.ndarray | bool | None = None
+    exposure: float | None = None
+
+    def without_pixels(self) -> Photo:
+        """What is known of it, for when its object is cut out already: photos are large."""
+        rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
+        return replace(self, rgb=rgb, mask=mask, normals=None, surroundings_map=None)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Crop:
+    """A square window on the object.
+
+    Attributes:
+        image: [S, S, 4] float32: rgb times mask, and mask, all in [0, 1].
+        camera_from_crop: [3, 3] float64, rotation from the frame that looks at the
+            window's centre along -Z to the photo's camera.
+        side_px: side of the window in pixels of the photo.
+        center_px: x, y of its centre; pixel i covers [i, i + 1).
+        tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
+        normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
+        around: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
+    """
+
+    image: np.ndarray
+    camera_from_crop: np.ndarray
+    side_px: float
+    center_px: tuple[float, float]
+    tan_half: float
+    normals: np.ndarray | None = None
+    surroundings_map: np.ndarray | None = None
+
+
+def load_photo(
+    source: ImageSource,
+    *,
+    fov_deg: float | None = None,
+    normals: NormalsSource | None = None,
+    surroundings: SurroundingsSource | None = None,
+    name: str | None = None,
+    **where: Unpack[Where],
+) -> Photo:
+    """Read a photo and find its object.
+
+    Args:
+        source: path, bytes, Pillow image or array, see read_image.
+        fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
+        normals: known ones, see estimate.normals_prior.read_normals; or "sphere", where the object is one.
+        surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
+            the photo itself shows beside the object.
+        name: what messages call the photo; None: its file's name, or what it is.
+        where: what is told about the object: mask, depth with near and far, click, click_off,
+            box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
+    """
+    if fov_deg is not None and not 1.0 < fov_deg < 170.0:
+        raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
+    pixels = read_image(source, name)
+    found = find_mask(pixels, **where)
+    if fov_deg is not None:
+        long_fov_deg, fov_source = float(fov_deg), "given"
+    elif pixels.long_fov_deg is not None:
+        long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
+    else:
+        long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
+    return Photo(
+        rgb=pixels.rgb,
+        mask=found.mask,
+        long_fov_deg=long_fov_deg,
+        fov_source=fov_source,
+        name=pixels.name,
+        warnings=pixels.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
+        mask_source=found.source,
+        mask_confidence=found.confidence,
+        normals=_known_normals(normals, found.mask, long_fov_deg),
+        surroundings_map=_known_surroundings(surroundings),
+        exposure=pixels.exposure,
+    )
+
+
+def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
+    if source is None:
+        return None
+    if isinstance(source, str) and source == SPHERE:
+        return normals_from_outline(mask, long_fov_deg)
+    return read_normals(source, mask.shape)
+
+
+def _known_surroundings(source: SurroundingsSource | None) -> np.ndarray | bool | None:
+    if source is None:
+        return None
+    return (
+        True if isinstance(source, str) and source == PHOTO else read_surroundings(source, above_white=True)
+    )
+
+
+def crop_object(photo: Photo, size: int = 128) -> Crop:
+    """Cut a square around the object and bring it to size x size.
+
+    Averaged over areas when shrinking, bilinear when enlarging, with colour
+    premultiplied by the mask so that no background bleeds in. What lies over the
+    border of the photo is empty.
+    """
+    x0, y0, x1, y1 = object_box(photo.mask)
+    center = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)
+    side = CROP_MARGIN * max(x1 - x0, y1 - y0)
+    height, width = photo.mask.shape
+    ray = _pixel_direction(center, width, height, photo.long_fov_deg)
+    # away from the photo's centre a pixel takes in less: by cos^2 along the radius, by cos across it
+    tan_half = side / max(width, height) * np.tan(np.radians(photo.long_fov_deg) / 2.0) * (-ray[2]) ** 1.5
+
+    camera_from_crop = turn_towards(ray)
+    normals = None
+    if photo.normals is not None:
+        mean = _window(photo.normals, photo.mask, center, side, NORMALS_SIZE)[..., :3]
+        length = np.linalg.norm(mean, axis=-1, keepdims=True)
+        mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
+        normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
+    image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
+    surroundings_map = None
+    if photo.surroundings_map is True:
+        surroundings_map = visible_surroundings(
+            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half)
+        )
+        if surroundings_map is None:
+            raise InputError(
+                f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
+                f"leave the surroundings out"
+            )
+    elif photo.surroundings_map is not None:
+        surroundings_map = turned(photo.surroundings_map, camera_from_crop)
+    return Crop(
+        image=image,
+        camera_from_crop=camera_from_crop,
+        side_px=side,
+        center_px=center,
+        tan_half=float(tan_half),
+        normals=normals,
+        surroundings_map=surroundings_map,
+    )
+
+
+def _window(
+    values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int
+) -> np.ndarray:
+    """The square of that side in pixels around center (x, y): [size, size, 4], values times mask, and mask."""
+    columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
+    rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
+    mask = mask[rows, columns]
+    window = np.empty((size, size, 4), dtype=np.float32)
+    for channel in range(3):
+        window[..., channel] = row_weights @ (values[rows, columns, channel] * mask) @ column_weights.T
+    window[..., 3] = row_weights @ mask @ column_weights.T
+    return window
+
+
+def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
+    """Unit direction, camera frame, through the point x, y of a pinhole photo."""
+    focal_px = max(width, height) / 2.0 / np.tan(np.radians(long_fov_deg) / 2.0)
+    direction = np.array([(point[0] - width / 2.0) / focal_px, -(point[1] - height / 2.0) / focal_px, -1.0])
+    return direction / np.linalg.norm(direction)
+
+
+def _resampling(start: float, side: float, size: int, length: int) -> tuple[slice, np.ndarray]:
+    """Weights that bring the window [start, start + side) of an axis to size samples.
+
+    Returns:
+        The pixels in use and their weights [size, N]; the rows sum to 1 but where
+        the window runs over the border, whose outside counts as zero.
+    """
+    first = max(0, int(np.floor(start)) - 1)
+    last = min(length, int(np.ceil(start + side)) + 1)
+    pixel = np.arange(first, last)
+    step = side / size
+    low = start + step * np.arange(size)[:, None]
+    if step >= 1.0:
+        weights = np.clip(np.minimum(low + step, pixel + 1) - np.maximum(low, pixel), 0.0, None) / step
+    else:
+        weights = np.clip(1.0 - np.abs(low + step / 2.0 - (pixel + 0.5)), 0.0, None)
+    return slice(first, last), weights.astype(np.float32)
+
+
+def _exposure_warnings(colors: np.ndarray, name: str) -> tuple[str, ...]:
+    """Object pixels [N, 3] that are nearly all black or all white carry no shading."""
+    if np.mean((colors <= 0.01).all(axis=1)) >= CLIPPED_SHARE:
+        return (
+            f"{name}: the object is black almost everywhere; the light can hardly be told, expose longer",
+        )
+    if np.mean((colors >= 0.99).all(axis=1)) >= CLIPPED_SHARE:
+        return (
+            f"{name}: the object is white almost everywhere; the light can hardly be told, expose shorter",
+        )
+    return ()

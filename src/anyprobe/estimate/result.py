@@ -1,0 +1,308 @@
+"""Light: what an estimate returns. Frozen; every operation gives a new one."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.frames import is_rotation
+from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.errors import InputError, OutputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.images import write_png
+from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
+from anyprobe.light.dominant_light import DominantLight, find_dominant_light
+from anyprobe.light.environment import check_radiance, integral, rotate
+from anyprobe.light.harmonics import project
+
+if TYPE_CHECKING:
+    from anyprobe.render.mesh import Mesh
+    from anyprobe.scatter.materials import Material
+
+VERSION = 2
+"""Of the sidecar. 1 had other names: see RENAMED."""
+RENAMED = {
+    "told": "well_exposed_fraction",
+    "main_light": "dominant_light",
+    "lamps": "emitters",
+    "known": "priors",
+}
+"""Keys of a sidecar of version 1, which says no version, and of today's."""
+EMITTERS = {"drawn": "mode", "spread": "expected"}
+"""The same for the values of `emitters`."""
+FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
+TURNED = (
+    "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
+)
+SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
+
+OF_THE_MAP = (
+    "version frame map_from_camera scale exposure_ev response size confidence well_exposed_fraction sh9 "
+    "dominant_light camera_from_crop warnings radiance stages"
+).split()
+"""What a sidecar, or the server's answer kept as one, holds besides a light's info."""
+
+
+class MaskInfo(TypedDict, total=False):
+    """Where the mask came from, and its expected IoU (None where it was given)."""
+
+    source: str
+    confidence: float | None
+
+
+class CropInfo(TypedDict):
+    """The square around the object that the network saw, in pixels of the photo."""
+
+    center_px: list[float]
+    side_px: float
+
+
+class Info(TypedDict, total=False):
+    """How an estimate came about.
+
+    photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
+    long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
+    priors: what was given of the object; seconds: by step.
+    """
+
+    photo: str
+    model: str
+    emitters: str
+    exposure: float
+    long_fov_deg: float
+    fov_source: str
+    mask: MaskInfo
+    priors: dict[str, Any]
+    crop: CropInfo
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Light:
+    """The light around an object, in the frame of the photo's camera. Radiance and confidence are read-only.
+
+    Attributes:
+        radiance: [H, 2H, 3] linear Rec. 709, front (-Z) in the centre column, in the
+            photo's exposure units: an object rendered with it fits the photo as it is.
+        confidence: [H, 2H] in [0, 1]: probability that a pixel's display value is within 0.1 of the truth, or
+            `well_exposed_fraction` everywhere from a model that does not estimate it (`paper`); None where unknown.
+        well_exposed_fraction: share of the object's pixels that are neither black nor clipped, in [0, 1].
+        warnings: one line each.
+        stages: the networks' inputs and outputs, in the crop's frame: photo [128, 128, 4],
+            irradiance [128, 128, 3], ldr [64, 128, 3], ln_radiance [64, 128, 3].
+        camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
+        map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
+        info: how the estimate came about.
+    """
+
+    radiance: np.ndarray
+    confidence: np.ndarray | None = None
+    well_exposed_fraction: float = 1.0
+    warnings: tuple[str, ...] = ()
+    stages: dict[str, np.ndarray] = field(default_factory=dict)
+    camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
+    map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
+    info: Info = field(default_factory=Info)
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("radiance", check_radiance(self.radiance, "light")),
+            ("confidence", self.confidence),
+        ):
+            if value is not None:
+                own = np.array(value)  # a caller's array may change
+                own.setflags(write=False)
+                object.__setattr__(self, name, own)
+
+    def __repr__(self) -> str:
+        height, width, _ = self.radiance.shape
+        x, y, z = self.dominant_light().direction
+        confidence = self._mean_confidence()
+        parts = [
+            f"Light {height} x {width}",
+            *([str(self.info["photo"])] if "photo" in self.info else []),
+            f"dominant light towards ({x:.2f}, {y:.2f}, {z:.2f})",
+            *([] if confidence is None else [f"confidence {confidence:.2f}"]),
+            *([f"{len(self.warnings)} warnings"] if self.warnings else []),
+        ]
+        return f"<{', '.join(parts)}>"
+
+    def _repr_png_(self) -> bytes:
+        """The display picture, for notebooks."""
+        stream = io.BytesIO()
+        Image.fromarray(to_bytes(response(self.radiance))).save(stream, format="PNG")
+        return stream.getvalue()
+
+    @classmethod
+    def load(cls, path: str | Path) -> Light:
+        """A light that save wrote as .exr or .hdr: its map, how it was turned, and its info from the .json beside it.
+
+        Of any other environment map with the front in its centre, the map alone. Per-pixel confidence and stages are
+        in none of the files.
+
+        Raises:
+            InvalidEnvironment: no such file, or not an environment map.
+            InputError: exported for another program, in whose frame it is; or a damaged .json beside it.
+        """
+        from anyprobe.export.exported_light import read_with_origin
+
+        path = Path(path)
+        radiance, said, turn = read_with_origin(path)
+        if said.get("scale") == SCALE and said.get("size") == [radiance.shape[1], radiance.shape[0]]:
+            return cls(radiance=radiance, map_from_camera=turn, **_restored(current_names(said), path))
+        model = map_attributes(path).get("model")
+        return cls(radiance=radiance, map_from_camera=turn, info={"model": model} if model else {})
+
+    def sh9(self) -> np.ndarray:
+        """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
+        return project(self.radiance)
+
+    def dominant_light(self) -> DominantLight:
+        """The lobe that a directional light stands for: direction, irradiance, colour."""
+        return find_dominant_light(self.radiance)
+
+    def rotate(self, rotation: np.ndarray) -> Light:
+        """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
+
+        With world_from_camera it becomes a map in the world's frame.
+
+        Raises:
+            InputError: not a rotation; a mirrored or scaled matrix would bend the light.
+        """
+        rotation = np.asarray(rotation, dtype=np.float64)
+        if not is_rotation(rotation):
+            raise InputError(
+                f"rotation: expected a [3, 3] rotation matrix, got {' '.join(str(rotation).split())}; "
+                "build it with anyprobe.core.frames"
+            )
+        turned = replace(
+            self, radiance=rotate(self.radiance, rotation), map_from_camera=rotation @ self.map_from_camera
+        )
+        if self.confidence is None:
+            return turned
+        return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
+
+    def render(
+        self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
+    ) -> np.ndarray:
+        """A mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
+
+        mesh: a Mesh, a shape's name ("sphere", "vase") or a mesh file. material: a Material or a name ("gold").
+        camera: size, fov_deg, world_from_camera.
+        """
+        from anyprobe.files.objects import draw_under
+
+        return draw_under(self.radiance, mesh, material, **camera)
+
+    def export(
+        self, target: str, folder: str | Path = "export", stem: str = "light", **settings: Any
+    ) -> list[Path]:
+        """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
+
+        All files, named <stem>_<target>, or none. settings: world_from_camera, exposure_ev.
+        """
+        from anyprobe.export.exported_light import origin_of, origin_turned
+        from anyprobe.export.targets import export
+
+        origin = origin_of(self.sidecar()) | origin_turned(self.map_from_camera)
+        return export(self.radiance, target, folder, stem, origin=origin, **settings)
+
+    def sidecar(self) -> dict[str, Any]:
+        """Everything but the pixels, ready for JSON; lists of plain numbers."""
+        main = self.dominant_light()
+        return {
+            "version": VERSION,
+            **self.info,
+            **self._frame(),
+            "scale": SCALE,
+            "exposure_ev": 0.0,
+            "response": {"curve": "sigmoid", "exponent": MEAN_CURVE.exponent, "sigma": MEAN_CURVE.sigma},
+            "size": [self.radiance.shape[1], self.radiance.shape[0]],
+            "confidence": self._mean_confidence(),
+            "well_exposed_fraction": round(float(self.well_exposed_fraction), 4),
+            "sh9": _numbers(self.sh9()),
+            "dominant_light": {
+                "direction": _numbers(main.direction),
+                "irradiance": _numbers(main.irradiance),
+                "color": _numbers(main.color),
+                "solid_angle_sr": round(main.solid_angle, 5),
+                "confidence": round(main.confidence, 4),
+            },
+            "camera_from_crop": _numbers(self.camera_from_crop),
+            "warnings": list(self.warnings),
+        }
+
+    def _frame(self) -> dict[str, Any]:
+        """The map's axes, and the rotation to them if they are not the camera's."""
+        if np.allclose(self.map_from_camera, np.eye(3)):
+            return {"frame": FRAME}
+        return {"frame": TURNED, "map_from_camera": _numbers(self.map_from_camera)}
+
+    def _mean_confidence(self) -> float | None:
+        """Over the sphere."""
+        if self.confidence is None:
+            return None
+        return round(float(integral(self.confidence[..., None])[0] / (4 * np.pi)), 4)
+
+    def save(self, path: str | Path) -> Path:
+        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png; see load."""
+        path = Path(path)
+        kind = path.suffix.lower()
+        turned = {name: str(value) for name, value in self._frame().items()}
+        attributes = {"model": str(self.info.get("model", "")), **turned, "scale": SCALE}
+        if kind == ".exr":
+            write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
+        elif kind == ".hdr":
+            write_hdr(path, self.radiance, attributes=attributes)
+        elif kind == ".json":
+            with atomic_path(path) as temporary:
+                temporary.write_text(json.dumps(self.sidecar(), indent=1) + "\n", encoding="utf-8")
+        elif kind == ".png":
+            write_png(path, response(self.radiance))
+        else:
+            raise OutputError(f"{path}: expected .exr, .hdr, .json or .png, got {kind or 'no suffix'}")
+        return path
+
+
+def current_names(said: Mapping[str, Any]) -> dict[str, Any]:
+    """A sidecar under the names of VERSION."""
+    if "version" in said:
+        return dict(said)
+    renamed = {RENAMED.get(name, name): value for name, value in said.items()}
+    if renamed.get("emitters") in EMITTERS:
+        renamed["emitters"] = EMITTERS[renamed["emitters"]]
+    return renamed
+
+
+def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """A sidecar as a Light's attributes (the page writes fewer); the rest is its info."""
+    try:
+        exposed = float(said.get("well_exposed_fraction", 1.0))
+        warnings = tuple(str(line) for line in said.get("warnings", ()))
+        camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
+    except (TypeError, ValueError):
+        exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
+    if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
+        raise InputError(
+            f"{path}: expected the .json beside it as it was written, got another well_exposed_fraction or "
+            "camera_from_crop; save the light again, or move the .json away"
+        )
+    info = {name: value for name, value in said.items() if name not in OF_THE_MAP}
+    return {
+        "well_exposed_fraction": exposed,
+        "warnings": warnings,
+        "camera_from_crop": camera_from_crop,
+        "info": info,
+    }
+
+
+def _numbers(array: np.ndarray) -> list:
+    return np.round(np.asarray(array, dtype=np.float64), 6).tolist()

@@ -1,0 +1,316 @@
+"""Models (noun): a model's networks as ONNX graphs, checked against their contract."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from anyprobe.core.response import MEAN_CURVE, response
+from anyprobe.errors import InputError, MissingExtra, ModelError
+from anyprobe.files.graphs import open_graph
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.reconstruct import LN_MAX, reconstruct
+
+ENGINES = ("onnxruntime", "openvino", "openvino-bf16", "cuda")
+DEFAULT_ENGINE = "onnxruntime"
+CUDA = "CUDAExecutionProvider"
+PRECISION = {"openvino": "f32", "openvino-bf16": "bf16"}
+
+Run = Callable[..., list[np.ndarray]]
+"""A graph's inputs, one array each in its order, to its outputs; safe to share between threads."""
+
+
+def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, threads: int | None) -> Run:
+    """Run the graph at path, which session has open and checked, by an engine.
+
+    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
+    (docs/conventions.md says by how much); the others compute in float32. cuda is ONNX Runtime on an NVIDIA GPU.
+
+    Raises:
+        InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
+    """
+    if engine == "cuda":
+        session = _open_cuda(path)
+    if engine in ("onnxruntime", "cuda"):
+        names = [given.name for given in session.get_inputs()]
+        return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
+    if engine not in PRECISION:
+        raise InputError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
+    return _openvino(
+        path, {given.name: given.shape for given in session.get_inputs()}, threads, PRECISION[engine]
+    )
+
+
+def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
+    """A session of which the GPU computes what it can; ONNX Runtime by itself would go on without one, silently."""
+    if CUDA in onnxruntime.get_available_providers():
+        session = onnxruntime.InferenceSession(str(path), providers=[CUDA, "CPUExecutionProvider"])
+        if CUDA in session.get_providers():
+            return session
+    raise InputError(
+        "engine 'cuda': expected an NVIDIA GPU and onnxruntime-gpu in the place of onnxruntime, found none; "
+        f"use {DEFAULT_ENGINE}"
+    )
+
+
+def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precision: str) -> Run:
+    try:
+        import openvino
+    except ImportError as error:
+        raise MissingExtra("openvino", "openvino", "the engine openvino") from error
+    model = openvino.Core().read_model(str(path))
+    model.reshape({name: [1, *shape[1:]] for name, shape in shapes.items()})
+    hints = {
+        "PERFORMANCE_HINT": "LATENCY",
+        "INFERENCE_PRECISION_HINT": precision,
+        "INFERENCE_NUM_THREADS": threads or 0,
+    }
+    compiled = openvino.compile_model(model, "CPU", hints)
+    request, one_at_a_time = compiled.create_infer_request(), threading.Lock()
+
+    def run(*values: np.ndarray) -> list[np.ndarray]:
+        with one_at_a_time:  # requests of many threads at once were seen to wait for each other for ever
+            results = request.infer(list(values))
+            return [np.array(results[output]) for output in compiled.outputs]
+
+    return run
+
+
+CONTRACT = {
+    "contract": "2",
+    "frame": "right-handed +X right +Y up camera -Z; u = 0.5 + atan2(x, -z) / 2 pi",
+    "logarithm": "natural",
+    "curve": f"exponent {MEAN_CURVE.exponent} sigma {MEAN_CURVE.sigma}",
+    "map_height": str(MAP_HEIGHT),
+}
+"""Metadata that every graph carries; another value means other conventions, and is refused."""
+CONTRACTS = ("1", CONTRACT["contract"])
+"""Contracts that are read; they differ in names of inputs alone."""
+
+STAGES = ("irradiance", "illumination", "hdr")
+"""The paper's chain, one graph each."""
+LIFT_STAGES = ("light",)
+"""The model that lifts pixels to the map: one graph."""
+LIFT_INPUTS = ("photo", "tan_half", "given_normals", "surroundings")
+LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals", "ln_expected")
+CONTRACT_1_INPUTS = ("photo", "tan_half", "known_normals", "around")
+"""Names of the same inputs in graphs of contract 1, which are read too."""
+EMITTERS = ("mode", "expected")
+"""What a map may be asked for: emitters where a guess is nearest to all that is likely, or their light spread over all
+places as likely as it is; see docs/conventions.md."""
+MODE, EXPECTED = EMITTERS
+FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
+PHOTO_SIZE = 128
+NORMALS_SIZE = 64
+DEFAULT_MODEL = "lift"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outputs:
+    """What a model says of one crop, in the crop's frame.
+
+    radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
+    ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
+    confidence [H, 2H]: probability that a pixel's display value is within 0.1; normals [64, 64, 3]: unit, the
+    estimated ones or those that were given. None from a model that does not say.
+    """
+
+    radiance: np.ndarray
+    irradiance: np.ndarray
+    ldr: np.ndarray
+    ln_radiance: np.ndarray
+    confidence: np.ndarray | None = None
+    normals: np.ndarray | None = None
+
+    def with_map(self, radiance: np.ndarray, confidence: np.ndarray | None) -> Outputs:
+        """The same with another map, LDR and ln maps that are this one's, and its confidence."""
+        return replace(
+            self,
+            radiance=radiance,
+            ldr=response(radiance),
+            ln_radiance=np.log(np.maximum(radiance, 1e-6)),
+            confidence=confidence,
+        )
+
+
+def bundled_models() -> list[str]:
+    """Names of the models in the package."""
+    root = Path(str(resources.files("anyprobe") / "weights"))
+    return sorted(path.parent.name for first in FIRST_STAGES for path in root.glob(f"*/{first}.onnx"))
+
+
+def weights_folder(model: str) -> Path:
+    """Where a model lives: a bundled one's name, or a folder of its graphs; ModelError if neither."""
+    root = Path(str(resources.files("anyprobe") / "weights"))
+    for folder in (root / model, Path(model)):
+        if model and any((folder / f"{first}.onnx").is_file() for first in FIRST_STAGES):
+            return folder
+    names = bundled_models()
+    raise ModelError(
+        f"model {model!r}: expected one of {', '.join(names) or 'none installed'}, or a folder with "
+        "light.onnx, or with irradiance.onnx, illumination.onnx and hdr.onnx"
+    )
+
+
+def stages_of(folder: Path) -> tuple[str, ...]:
+    """Names of the graphs in a model's folder, in the order they run."""
+    return LIFT_STAGES if (folder / "light.onnx").is_file() else STAGES
+
+
+class Models:
+    """Sessions opened once and used for many photos; safe to share between threads."""
+
+    def __init__(
+        self,
+        model: str = DEFAULT_MODEL,
+        threads: int | None = None,
+        engine: str = DEFAULT_ENGINE,
+        emitters: str = MODE,
+    ) -> None:
+        """Open a bundled model by name, or a folder of graphs.
+
+        threads: cores for one network; None leaves it to the engine, one of estimate.runtime.ENGINES.
+        emitters: one of EMITTERS; the paper's chain knows only those that it draws.
+        """
+        folder = weights_folder(model)
+        self.name, self.stages = model, stages_of(folder)
+        self.emitters = self._check_emitters(emitters)
+        self._run = {}
+        for stage in self.stages:
+            path = folder / f"{stage}.onnx"
+            self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
+
+    def with_emitters(self, emitters: str) -> Models:
+        """The same sessions, asked for other emitters; InputError if this model does not know them."""
+        other = copy(self)
+        other.emitters = self._check_emitters(emitters)
+        return other
+
+    def _check_emitters(self, emitters: str) -> str:
+        if emitters not in EMITTERS:
+            raise InputError(f"emitters {emitters!r}: expected one of {', '.join(EMITTERS)}")
+        if emitters != MODE and self.stages != LIFT_STAGES:
+            raise InputError(
+                f"emitters {emitters}: expected a model that estimates their distribution, got {self.name}; "
+                f"use {DEFAULT_MODEL}"
+            )
+        return emitters
+
+    def __call__(
+        self,
+        image: np.ndarray,
+        tan_half: float,
+        normals: np.ndarray | None = None,
+        surroundings: np.ndarray | None = None,
+    ) -> Outputs:
+        """Run on a crop.
+
+        Args:
+            image: [128, 128, 4], display RGB times mask, and mask.
+            tan_half: tangent of half the angle that the crop's side takes in.
+            normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
+            around: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings; None:
+                nothing.
+                The paper's chain has no use for either.
+        """
+        if self.stages == LIFT_STAGES:
+            return self._lift(lift_inputs(image, tan_half, normals, surroundings))
+        return self._chain(_batch(image))
+
+    def _chain(self, photo: np.ndarray) -> Outputs:
+        (irradiance,) = self._run["irradiance"](photo)
+        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1))
+        (ln_radiance,) = self._run["hdr"](ldr)
+        ldr, ln_radiance = _image(ldr), _image(ln_radiance)
+        return Outputs(
+            radiance=reconstruct(ldr, ln_radiance),  # Eq. 7-8
+            irradiance=_image(irradiance).clip(0.0, 1.0),
+            ldr=ldr,
+            ln_radiance=ln_radiance,
+        )
+
+    def _lift(self, given: dict[str, np.ndarray]) -> Outputs:
+        irradiance, drawn, confidence, normals, spread = self._run["light"](*given.values())
+        ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
+        radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
+        return Outputs(
+            radiance=radiance,
+            irradiance=_image(irradiance).clip(0.0, 1.0),
+            ldr=response(radiance),
+            ln_radiance=ln_radiance,
+            confidence=confidence[0, 0],
+            normals=_image(normals),
+        )
+
+
+def lift_inputs(
+    image: np.ndarray,
+    tan_half: float,
+    normals: np.ndarray | None = None,
+    surroundings: np.ndarray | None = None,
+) -> dict[str, np.ndarray]:
+    """What the lifting model's graph is given for one crop, see Models, in the order of LIFT_INPUTS."""
+    normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
+    surroundings = np.zeros((MAP_HEIGHT, 2 * MAP_HEIGHT, 4)) if surroundings is None else surroundings
+    surroundings = np.minimum(
+        surroundings[..., :4], surroundings[..., 3:4]
+    )  # display values, whatever is known above white
+    values = (_batch(image), np.array([[tan_half]], dtype=np.float32), _batch(normals), _batch(surroundings))
+    return dict(zip(LIFT_INPUTS, values, strict=True))
+
+
+def _batch(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
+
+
+def _image(batch: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(batch[0].transpose(1, 2, 0))
+
+
+def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceSession:
+    session = open_graph(path, threads)
+    found = session.get_modelmeta().custom_metadata_map
+    for key, value in {**CONTRACT, "stage": stage}.items():
+        if found.get(key) not in (CONTRACTS if key == "contract" else (value,)):
+            raise ModelError(
+                f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+            )
+    if stage in LIFT_STAGES:
+        inputs = CONTRACT_1_INPUTS if found["contract"] == CONTRACTS[0] else LIFT_INPUTS
+        _check_names(path, "inputs", inputs, session.get_inputs())
+        _check_names(path, "outputs", LIFT_OUTPUTS, session.get_outputs())
+    return session
+
+
+def _check_names(path: Path, what: str, expected: tuple[str, ...], found: list) -> None:
+    names = tuple(one.name for one in found)
+    if names != expected:
+        raise ModelError(
+            f"{path.name}: expected {what} {', '.join(expected)}, got {', '.join(names)}; use weights of this version"
+        )
+
+
+def file_hashes(model: str) -> dict[str, str]:
+    """First 12 hexadecimal digits of SHA-256 of each graph: the model's identity."""
+    folder = weights_folder(model)
+    missing = next((stage for stage in stages_of(folder) if not (folder / f"{stage}.onnx").is_file()), None)
+    if missing is not None:
+        raise ModelError(f"{folder}: expected {missing}.onnx in it, found none; get the whole model")
+    return {
+        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12]
+        for stage in stages_of(folder)
+    }
+
+
+def model_id(model: str) -> str:
+    """Name and a hash over the graphs, as sidecars carry it."""
+    joined = "".join(file_hashes(model).values())
+    return f"{weights_folder(model).name}-{hashlib.sha256(joined.encode()).hexdigest()[:8]}"

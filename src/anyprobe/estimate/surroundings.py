@@ -1,0 +1,219 @@
+"""Surroundings (noun): what is known of the map itself, by the rest of the photo or by an unfinished panorama.
+
+An object tells what comes from everywhere, but neither its own colour nor how bright all is; what the camera sees of
+the surroundings tells a small part of the map, but that exactly.
+
+Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
+channel tells how much of the cover is measured above white too: a display value above 1 is that radiance there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image, ImageFilter
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.response import inverse_response, response
+from anyprobe.errors import InputError
+from anyprobe.estimate.runtime import Outputs
+from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.linear import read_linear
+from anyprobe.light.environment import MAP_HEIGHT, rotate
+
+PHOTO = "photo"
+"""In place of a panorama: take the photo's own surroundings."""
+SurroundingsSource = ImageSource
+GROW_PX = 4
+"""Pixels of the crop around the object that are left out: its edge is not where the mask says."""
+FINE = 2.0
+"""Pixels of the shrunk photo on one of the map's."""
+CLIPPED = 0.97
+"""Display value from which on a place is at least as bright as it looks."""
+SEEN = 0.9
+"""How sure a place is that the photo shows."""
+TINT = 0.5
+"""How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
+chosen on pairs that no run learns from (docs/ablation.md)."""
+TINT_FLOOR = 0.05
+"""Added to radiance before its logarithm is compared."""
+LEAST_COVER = 1e-3
+"""What colours are divided by at least, where next to nothing is covered."""
+LINEAR = 5
+"""Channels of surroundings that tell what is above white."""
+PLAIN = 2.0 / 255.0
+"""Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
+
+
+def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> np.ndarray:
+    """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
+
+    Args:
+        source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
+            An .exr or .hdr holds linear radiance in the photo's exposure units.
+        above_white: of an .exr or .hdr what is above white too, [64, 128, 5]; else it is white.
+    Raises:
+        InputError: not a panorama, or nothing known in it.
+    """
+    try:
+        linear = read_linear(source)
+        picture = _displayed(source) if linear is None else linear
+    except InputError as error:
+        raise InputError(f"surroundings: {error}") from error
+    height, width = picture.shape[:2]
+    if width != 2 * height:
+        raise InputError(
+            f"surroundings: expected a panorama twice as wide as high, or {PHOTO!r}, got {width} x {height} pixels"
+        )
+    if not picture[..., 3].any():
+        raise InputError("surroundings: expected pixels that are not transparent, found none")
+    small = _resize(picture, (2 * MAP_HEIGHT, MAP_HEIGHT))
+    if linear is None:
+        return small
+    cover = small[..., 3:]
+    known = surroundings_of(small[..., :3] / np.maximum(cover, LEAST_COVER), cover, cover)
+    return known if above_white else np.minimum(known[..., :4], cover)
+
+
+def _displayed(source: SurroundingsSource) -> np.ndarray:
+    """A picture [H, W, 4]: display RGB times cover, and cover."""
+    pixels = read_image(source)
+    cover = np.ones(pixels.rgb.shape[:2], np.float32) if pixels.alpha is None else pixels.alpha
+    return np.dstack([pixels.rgb * cover[..., None], cover])
+
+
+def surroundings_of(
+    radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None
+) -> np.ndarray:
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: of the cover, what tells more than white."""
+    display = response(radiance)
+    if measured is None:
+        return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
+    display = np.where((radiance > 1) & (measured > 0), radiance, display)
+    return np.concatenate([display * cover, cover, measured], axis=-1).astype(np.float32)
+
+
+def radiance_of(surroundings: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Radiance [H, 2H, 3] that surroundings show, where it is clipped and may be more, and their cover [H, 2H, 1]."""
+    cover = surroundings[..., 3:4]
+    display = surroundings[..., :3] / np.maximum(cover, LEAST_COVER)
+    clipped = display >= CLIPPED
+    if surroundings.shape[-1] == LINEAR:
+        clipped = clipped & (surroundings[..., 4:] < 0.5 * cover)
+    return np.where(display > 1, display, inverse_response(display)), clipped, cover
+
+
+def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """Surroundings, or panoramas: the upper ones where they cover, else the lower."""
+    most = max(upper.shape[-1], lower.shape[-1])
+    upper, lower = (np.pad(one, ((0, 0), (0, 0), (0, most - one.shape[-1]))) for one in (upper, lower))
+    return upper + (1 - upper[..., 3:4]) * lower
+
+
+def turned(surroundings: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
+    """Surroundings [64, 128, 4 or 5] of the camera's frame in the crop's."""
+    most = np.inf if surroundings.shape[-1] == LINEAR else 1.0
+    found = np.clip(rotate(surroundings, camera_from_crop.T), 0.0, most).astype(np.float32)
+    found[..., 3:] = np.minimum(found[..., 3:], 1.0)
+    return found
+
+
+def visible_surroundings(
+    rgb: np.ndarray, long_fov_deg: float, camera_from_crop: np.ndarray, image: np.ndarray, tan_half: float
+) -> np.ndarray | None:
+    """The map in the crop's frame as far as the photo shows it beside the object.
+
+    Args:
+        rgb: [H, W, 3], the photo's display values.
+        long_fov_deg: of its longer side.
+        image, tan_half: of the crop, see estimate.photo.Crop.
+    Returns:
+        [64, 128, 4] float32, display RGB times cover, and cover in [0, 1]; None where the photo shows one colour.
+    """
+    height, width = rgb.shape[:2]
+    focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
+    scale = min(1.0, FINE * MAP_HEIGHT / np.pi / focal)
+    small = _resize(rgb, (max(1, round(width * scale)), max(1, round(height * scale))))
+    d = pixel_directions(MAP_HEIGHT)
+    x, y, front = _on_plane(d @ camera_from_crop.T.astype(np.float32))
+    column, row = (0.5 * width + focal * x) / width, (0.5 * height - focal * y) / height
+    inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
+    cover = inside * (1.0 - _hidden(d, image, tan_half))
+    shown = _sample(small, column.clip(0, 1), row.clip(0, 1))
+    if not cover.any() or np.std(shown[cover > 0], axis=0).max() <= PLAIN:
+        return None
+    return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
+
+
+def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True) -> Outputs:
+    """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
+
+    Display values mean radiance by the mean camera's curve; a clipped place may be brighter than it looks.
+    tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
+    """
+    shown, clipped, cover = radiance_of(surroundings)
+    guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
+    seen = _brightened(shown, clipped, guessed)
+    radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
+    confidence = outputs.confidence
+    if confidence is not None:
+        confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
+    return outputs.with_map(radiance, confidence)
+
+
+def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> np.ndarray:
+    """What is seen, where it is clipped made as bright as the guess if that is brighter, its hue kept.
+
+    One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
+    """
+    white = inverse_response(np.float32([CLIPPED]))
+    room = np.where(clipped, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
+    asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never clipped
+    gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))
+    return np.where(clipped.any(axis=-1, keepdims=True), shown * gain, shown)
+
+
+def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """Shares [3] of geometric mean 1 that bring the colour of what was guessed nearer to that of what is seen."""
+    weight = cover * (cover > 0.5)
+    if not weight.any():
+        return np.ones(3, np.float32)
+    missed = np.log(np.minimum(seen, 1.0) + TINT_FLOOR) - np.log(np.minimum(guessed, 1.0) + TINT_FLOOR)
+    mean = (weight * missed).sum(axis=(0, 1)) / weight.sum()
+    return np.exp(TINT * (mean - mean.mean())).astype(np.float32)
+
+
+def _on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x and y on the plane z = -1 before the eye, and where directions [..., 3] meet it."""
+    depth = np.maximum(-d[..., 2], 0.05)
+    return d[..., 0] / depth, d[..., 1] / depth, d[..., 2] < -0.05
+
+
+def _hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
+    """How much of each direction the object hides, in [0, 1], its edge counted to it."""
+    mask = Image.fromarray((image[..., 3] * 255).round().astype(np.uint8))
+    grown = np.asarray(mask.filter(ImageFilter.MaxFilter(2 * GROW_PX + 1)), np.float32)[..., None] / 255.0
+    x, y, front = _on_plane(d)
+    column, row = 0.5 + 0.5 * x / tan_half, 0.5 - 0.5 * y / tan_half
+    inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
+    return _sample(grown, column.clip(0, 1), row.clip(0, 1))[..., 0] * inside
+
+
+def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Between the pixels of a picture [H, W, C] at shares of its width and height."""
+    height, width = picture.shape[:2]
+    x, y = (column * width - 0.5).clip(0, width - 1), (row * height - 0.5).clip(0, height - 1)
+    x0, y0 = x.astype(int), y.astype(int)
+    x1, y1 = np.minimum(x0 + 1, width - 1), np.minimum(y0 + 1, height - 1)
+    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
+    upper = picture[y0, x0] * (1 - fx) + picture[y0, x1] * fx
+    return upper * (1 - fy) + (picture[y1, x0] * (1 - fx) + picture[y1, x1] * fx) * fy
+
+
+def _resize(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Means over areas, [H, W, C] to size (width, height)."""
+    planes = [
+        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
+        for k in range(picture.shape[-1])
+    ]
+    return np.stack([np.asarray(plane) for plane in planes], axis=-1)

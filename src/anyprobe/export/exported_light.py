@@ -1,0 +1,275 @@
+"""ExportedLight (noun): what every target is written from, and the sidecar that goes with each.
+
+Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe,
+for renderers that are given a directional light as well. With both full and a directional light
+the dominant light would count twice.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.core.frames import is_rotation
+from anyprobe.errors import InputError
+from anyprobe.export.target_frames import FRONT, Frame, webxr
+from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
+from anyprobe.light.dominant_light import DominantLight, split_dominant_light
+from anyprobe.light.environment import check_radiance, rotate
+from anyprobe.light.harmonics import project
+
+SCALE = (
+    "relative: linear Rec. 709 radiance in the photo's exposure units times 2^exposure_ev; "
+    "1 is what the camera's curve maps to white"
+)
+SH_DEFINITION = (
+    "27 numbers, r g b of each of nine coefficients of radiance in the order and with the signs of "
+    "WebXR and three.js; axes x right, y up, z back whatever the target's are"
+)
+
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings")
+"""What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedLight:
+    """A light in the frame it is exported in: right-handed, +X right, +Y up, -Z in front.
+
+    radiance: [H, 2H, 3], ambient: the same without the dominant light.
+    sh_full, sh_ambient: [9, 3], of radiance.
+    name: what the names of all files begin with.
+    origin: what the estimate's own sidecar said, carried along.
+    """
+
+    radiance: np.ndarray
+    ambient: np.ndarray
+    main: DominantLight
+    sh_full: np.ndarray
+    sh_ambient: np.ndarray
+    name: str
+    world_from_camera: np.ndarray
+    exposure_ev: float
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def main_angle_deg(self) -> float:
+        """Diameter of the disc that has the dominant light's solid angle."""
+        cosine = 1.0 - min(self.main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
+        return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def prepare(
+    radiance: np.ndarray,
+    name: str,
+    *,
+    world_from_camera: np.ndarray | None = None,
+    exposure_ev: float = 0.0,
+    origin: Mapping[str, Any] | None = None,
+) -> ExportedLight:
+    """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the dominant light.
+
+    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera tells both.
+
+    Raises:
+        InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
+        InvalidEnvironment: not a map.
+    """
+    if not name or name.startswith(".") or name != Path(name).name or "\\" in name or not name.isprintable():
+        raise InputError(f"name: expected a file name without its suffix, got {name!r}; rename the map")
+    if not abs(exposure_ev) <= 30:
+        raise InputError(f"exposure: expected stops from -30 to 30, got {exposure_ev}; 1 doubles the light")
+    turn = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, dtype=np.float64)
+    if not is_rotation(turn):
+        raise InputError(
+            f"world_from_camera: expected a [3, 3] rotation matrix, got {' '.join(str(turn).split())}; "
+            "a mirrored or scaled one would bend the light"
+        )
+    radiance = check_radiance(radiance, name)
+    if not np.array_equal(turn, np.eye(3)):
+        radiance = np.maximum(rotate(radiance, turn), 0.0)
+    radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
+    main, ambient = split_dominant_light(radiance)
+    return ExportedLight(
+        radiance=radiance,
+        ambient=ambient,
+        main=main,
+        sh_full=project(radiance),
+        sh_ambient=project(ambient),
+        name=name,
+        world_from_camera=turn @ np.asarray((origin or {}).get("map_from_camera", np.eye(3))),
+        exposure_ev=float(exposure_ev),
+        origin=_known(dict(origin or {})),
+    )
+
+
+def origin_of(estimate: Mapping[str, Any]) -> dict[str, Any]:
+    """What an estimate's sidecar says of where the light comes from."""
+    return {key: estimate[key] for key in ORIGIN_KEYS if key in estimate}
+
+
+def _known(value: Any) -> Any:
+    """JSON's values, None in place of NaN and infinity, which no JSON file can hold."""
+    if isinstance(value, Mapping):
+        return {key: _known(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_known(part) for part in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def numbers(values: Any) -> Any:
+    """Array to lists of plain numbers of seven digits, ready for JSON and for text files."""
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim == 0:
+        return float(f"{values + 0.0:.7g}")
+    return [numbers(value) for value in values]
+
+
+def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
+    """The dominant light as WebXR's XRLightEstimate names it: towards it, w = 0; intensity with w = 1."""
+    x, y, z = numbers(light.main.direction)
+    r, g, b = numbers(light.main.irradiance)
+    return {
+        "primaryLightDirection": {"x": x, "y": y, "z": z, "w": 0.0},
+        "primaryLightIntensity": {"x": r, "y": g, "z": b, "w": 1.0},
+    }
+
+
+def sidecar(light: ExportedLight, target: str, frame: Frame, more: Mapping[str, Any]) -> dict[str, Any]:
+    """What every export says about itself, ready for JSON; `more` is the target's own."""
+    return {
+        "target": target,
+        "frame": frame.text,
+        "map": {"u": frame.u, "v": frame.v, "row_0": "up", "rolled_quarters_right": frame.quarters},
+        "world_from_camera": numbers(light.world_from_camera),
+        "scale": SCALE,
+        "exposure_ev": light.exposure_ev,
+        "clipped_energy": 0.0,
+        **primary_light(light),
+        "dominant_light": {
+            "unit": "irradiance of a plane that faces it; white Lambert there sends irradiance / pi",
+            "direction_in_target": numbers(frame.from_ours(light.main.direction)),
+            "angle_deg": round(light.main_angle_deg, 3),
+            "confidence": round(float(light.main.confidence), 4),
+        },
+        "sh": {
+            "definition": SH_DEFINITION,
+            "full": numbers(webxr(light.sh_full)),
+            "ambient": numbers(webxr(light.sh_ambient)),
+        },
+        **more,
+        "origin": dict(light.origin),
+    }
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Write JSON; every number in it is finite."""
+    path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def write_maps(light: ExportedLight, folder: Path, frame: Frame, suffix: str) -> None:
+    """<name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
+
+    .exr holds halfs, or floats where halfs would clip or the darkest pixels lose digits, so that nothing is lost.
+    """
+    for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
+        path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
+        attributes = {"frame": f"{frame.text}; u = {frame.u}, v = {frame.v}", "scale": SCALE}
+        if suffix == ".hdr":
+            write_hdr(path, rolled, attributes=attributes)
+        else:
+            darkest = rolled.min(where=rolled > 0, initial=np.inf)  # of what is not black
+            half = bool(rolled.max() <= HALF_MAX and darkest >= HALF_MIN)
+            write_exr(path, rolled, half=half, attributes=attributes)
+
+
+def template(name: str, light: ExportedLight) -> str:
+    """A text of the templates folder, "@NAME@" with its quotes made the name as a string literal.
+
+    Its letters stay as they are, for files in UTF-8: Python does not join JSON's pairs of \\u escapes.
+    """
+    text = (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+    return text.replace('"@NAME@"', json.dumps(light.name, ensure_ascii=False))
+
+
+MAP_FROM_CAMERA = "map_from_camera"
+"""Key of the rotation [3, 3] from the camera's frame to a map's that was turned since the estimate."""
+
+
+def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray]:
+    """A map with the front in its centre, the .json beside it, and the map_from_camera of either.
+
+    Raises:
+        InvalidEnvironment: no such file, or not an environment map. InputError: of check_front.
+    """
+    radiance = read_radiance(path)
+    check_front(path)
+    return radiance, said_beside(path), map_from_camera(path)
+
+
+def origin_beside(path: Path) -> dict[str, Any]:
+    """What the .json beside a map says of its photo and model, and how the map was turned; nothing if unknown."""
+    return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
+
+
+def origin_turned(turn: np.ndarray) -> dict[str, Any]:
+    """What an export's origin says of a map that was turned by [3, 3] since the estimate; nothing if it was not."""
+    return {} if np.allclose(turn, np.eye(3)) else {MAP_FROM_CAMERA: numbers(turn)}
+
+
+def check_front(path: Path) -> None:
+    """Refuse a map that was exported for a program whose maps have another centre than the front.
+
+    Its header says so, of an older .hdr the .json beside it. A map that nothing is known of passes.
+
+    Raises:
+        InputError: the map would be a quarter or half turn off.
+    """
+    wanted = f"{path}: expected a map with the front in its centre"
+    advice = "take the file that estimate wrote"
+    frame = map_attributes(path).get("frame", "")
+    if f"u = {FRONT.u}" in frame:
+        return
+    said = said_beside(path)
+    turned = said.get("map")
+    if isinstance(turned, Mapping) and turned.get("rolled_quarters_right"):
+        raise InputError(f"{wanted}, got one exported for {said.get('target')}; {advice}")
+    if "u = " in frame:
+        raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}")
+
+
+def map_from_camera(path: Path) -> np.ndarray:
+    """The rotation [3, 3] from the photo's camera to the frame of a map, by its header, of an older .hdr by the .json.
+
+    Raises:
+        InputError: what is said is no rotation.
+    """
+    header = map_attributes(path)
+    given = (header if "frame" in header else said_beside(path)).get(MAP_FROM_CAMERA)
+    if given is None:
+        return np.eye(3)
+    try:
+        turn = np.array(json.loads(given) if isinstance(given, str) else given, dtype=np.float64)
+    except (TypeError, ValueError, RecursionError):
+        turn = np.zeros(0)
+    if not is_rotation(turn):
+        raise InputError(
+            f"{path}: expected {MAP_FROM_CAMERA} to be a rotation, got {' '.join(str(given).split())[:120]}; "
+            "save the light again"
+        )
+    return turn
+
+
+def said_beside(path: Path) -> dict[str, Any]:
+    """The .json that an estimate or an export wrote beside a map; {} where there is none of ours."""
+    own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
+    beside = own if own.is_file() else other
+    try:
+        said = json.loads(beside.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):  # not ours: the map itself is all that is needed
+        return {}
+    return said if isinstance(said, dict) else {}

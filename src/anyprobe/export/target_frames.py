@@ -1,0 +1,157 @@
+"""Which way round a map goes in every target: each is a roll of our columns, never a mirror.
+
+Ours is right-handed, +X right, +Y up, -Z in front; u = 0.5 + atan2(x, -z) / 2 pi. A target reads
+the same picture with its own axes and its own centre column:
+
+    target          axes (x, y, z) of the target   u, in the target's axes    centre   roll
+    front (ours)    ( x,  y,  z)  Y up, right      0.5 + atan2(x, -z) / 2 pi  -Z        0
+    three.js        ( x,  y,  z)  Y up, right      0.5 + atan2(z, x) / 2 pi   +X       -W/4
+    OpenEXR, USD    ( x,  y,  z)  Y up, right      0.5 - atan2(x, z) / 2 pi   +Z       +W/2
+    Mitsuba 3       ( x,  y,  z)  Y up, right      0.5 - atan2(x, z) / 2 pi   +Z       +W/2
+    Blender         ( x, -z,  y)  Z up, right      0.5 - atan2(y, x) / 2 pi   +X       -W/4
+    Unity           ( x,  y, -z)  Y up, left       0.5 - atan2(z, x) / 2 pi   +X       -W/4
+    Unreal          (-z,  x,  y)  Z up, left       0.5 + atan2(x, -y) / 2 pi  -Y       +W/4
+
+v = acos(up) / pi and row 0 is up in all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.errors import InvalidEnvironment
+from anyprobe.light.harmonics import COSINE_LOBE, K
+
+ODD_IN_Z = (2, 5, 7)
+"""z, yz and xz: they change sign when z does."""
+
+ODD_IN_Y = (1, 4, 5)
+"""y, xy and yz."""
+
+
+def webxr(coefficients: np.ndarray) -> np.ndarray:
+    """Radiance, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
+
+    XRLightEstimate.sphericalHarmonicsCoefficients, three.js LightProbe.sh.fromArray, and ARCore's
+    AmbientSphericalHarmonics as its Unity SDK reads them.
+    """
+    return coefficients.reshape(27)
+
+
+def planar(coefficients: np.ndarray) -> np.ndarray:
+    """Radiance, channel after channel: [9, 3] -> [27] r0 r1 ... r8 g0 ... (ARKit)."""
+    return coefficients.T.reshape(27)
+
+
+def irradiance(coefficients: np.ndarray) -> np.ndarray:
+    """A_l L_i: E(n) = sum of these times Y_i(n), [9, 3]."""
+    return coefficients * COSINE_LOBE[:, None]
+
+
+def gltf(coefficients: np.ndarray) -> np.ndarray:
+    """irradiance() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
+
+    It asks for (-x, y, z) with the signs of Condon and Shortley, which is ours with y turned round.
+    """
+    turned = irradiance(coefficients)
+    turned[list(ODD_IN_Y)] *= -1
+    return turned
+
+
+def polynomial(coefficients: np.ndarray) -> np.ndarray:
+    """A_l K_i L_i / pi: E(n) / pi = c0 + c1 y + c2 z + c3 x + c4 xy + ..., [9, 3].
+
+    The polynomials are those of anyprobe.light.harmonics, 3z^2 - 1 and x^2 - y^2 among them.
+    Uniform radiance 1 gives c0 = 1 (Filament's IndirectLight.irradiance(3, sh)).
+    """
+    return coefficients * (COSINE_LOBE * K / np.pi)[:, None]
+
+
+def unity(coefficients: np.ndarray) -> np.ndarray:
+    """SphericalHarmonicsL2[channel, i]: polynomial() with z turned round, [3, 9]."""
+    turned = polynomial(coefficients)
+    turned[list(ODD_IN_Z)] *= -1
+    return turned.T
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frame:
+    """Axes of a target and the layout of its latitude-longitude maps.
+
+    axes: rows of the matrix that carries our coordinates to the target's; its determinant is -1
+        where the target is left-handed.
+    quarters: columns to the right that our map is rolled, in quarters of its width.
+    text, u, v: for sidecars and docs; u and v from a direction (x, y, z) in the target's axes.
+    """
+
+    axes: tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
+    quarters: int
+    text: str
+    u: str
+    v: str
+
+    def from_ours(self, d: np.ndarray) -> np.ndarray:
+        """Directions [..., 3] in our axes to the target's."""
+        return np.asarray(d) @ np.asarray(self.axes, dtype=np.float64).T
+
+    def roll(self, radiance: np.ndarray) -> np.ndarray:
+        """Our map [H, 2H, 3] as the target reads it.
+
+        Raises:
+            InvalidEnvironment: a quarter of the width is not a whole number of columns.
+        """
+        width = radiance.shape[1]
+        if width * self.quarters % 4:
+            raise InvalidEnvironment(
+                f"map: expected a width that 4 divides, to be turned by a quarter, got {width}; "
+                "resize the map to an even height"
+            )
+        return np.roll(radiance, width * self.quarters // 4, axis=1)
+
+
+_SAME = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+FRONT = Frame(
+    axes=_SAME,
+    quarters=0,
+    text="right-handed, +X right, +Y up, -Z in front",
+    u="0.5 + atan2(x, -z) / 2 pi",
+    v="acos(y) / pi",
+)
+THREE = Frame(
+    axes=_SAME,
+    quarters=-1,
+    text="right-handed, +X right, +Y up, -Z in front",
+    u="0.5 + atan2(z, x) / 2 pi",
+    v="acos(y) / pi",
+)
+OPENEXR = Frame(
+    axes=_SAME,
+    quarters=2,
+    text="right-handed, +X right, +Y up, -Z in front",
+    u="0.5 - atan2(x, z) / 2 pi",
+    v="acos(y) / pi",
+)
+BLENDER = Frame(
+    axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    quarters=-1,
+    text="right-handed, +X right, +Z up, +Y in front",
+    u="0.5 - atan2(y, x) / 2 pi",
+    v="acos(z) / pi",
+)
+UNITY = Frame(
+    axes=((1, 0, 0), (0, 1, 0), (0, 0, -1)),
+    quarters=-1,
+    text="left-handed, +X right, +Y up, +Z in front",
+    u="0.5 - atan2(z, x) / 2 pi",
+    v="acos(y) / pi",
+)
+UNREAL = Frame(
+    axes=((0, 0, -1), (1, 0, 0), (0, 1, 0)),
+    quarters=1,
+    text="left-handed, +Y right, +Z up, +X in front",
+    u="0.5 + atan2(x, -y) / 2 pi",
+    v="acos(z) / pi",
+)

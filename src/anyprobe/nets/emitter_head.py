@@ -1,0 +1,77 @@
+"""Emitters: radiance above white, as total power and a distribution over directions.
+
+A light source covers few pixels, so a pixel-wise loss never asks for its full brightness, and an
+unsure network trained on it paints none. Total power is one number, and cross entropy asks for
+the probability of each direction, however unsure.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.environment import MAP_HEIGHT
+
+POWER_FLOOR = 0.1
+"""Added to the power above white [sr of white] before its logarithm: less than this hardly counts."""
+HEIGHT = 16
+"""Rows at which directions are weighed against each other."""
+REACH_DEG, ROUND_DEG = 40.0, 10.0
+"""A candidate position is worth exp(-sqrt(angle^2 + ROUND^2) / REACH) of the light at that angle from it."""
+LIKELY, NEAR = 2.0, 48.0
+"""Exponents of a direction's probability and of its worth as a candidate, in `mode`."""
+
+
+def worth_matrix() -> torch.Tensor:
+    """Worth of each of the 2 HEIGHT^2 directions as a candidate for each, [candidate, truth]."""
+    d = pixel_directions(HEIGHT).reshape(-1, 3).astype(np.float64)
+    angles = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
+    return torch.from_numpy(np.exp(-np.hypot(angles, ROUND_DEG) / REACH_DEG).astype(np.float32))
+
+
+class EmitterHead(nn.Module):
+    """code [N, C] -> ln(power + POWER_FLOOR) [N, 3] in sr of white; then `expected` and `mode` place it."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__()
+        self.power = nn.Sequential(nn.Linear(code, 64), nn.LeakyReLU(0.1), nn.Linear(64, 3))
+        angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).expand(-1, 2 * MAP_HEIGHT)
+        self.register_buffer("solid_angles", angles[None, None].contiguous(), persistent=False)
+        self.register_buffer("worth", worth_matrix(), persistent=False)
+
+    def forward(self, code: torch.Tensor) -> torch.Tensor:
+        return self.power(code).float()
+
+    def expected(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
+        """Radiance [N, 3, 64, 128] with the power spread by probability: the mean over all positions.
+
+        logit: [N, 1, 64, 128], ln of power per steradian up to a constant.
+        """
+        return self._radiance(ln_power, logit)
+
+    def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
+        """The same power at its most likely positions, in sources as small as they are certain."""
+        density = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True)) * self.solid_angles
+        step = MAP_HEIGHT // HEIGHT
+        share = F.avg_pool2d(density, step)
+        share = share / share.sum(dim=(2, 3), keepdim=True)
+        worth = F.linear(share.flatten(2), self.worth).unflatten(2, (HEIGHT, 2 * HEIGHT))
+        worth = torch.cat([worth[..., -2:], worth, worth[..., :2]], dim=3)
+        worth = F.interpolate(worth, scale_factor=step, mode="bilinear", align_corners=False)
+        worth = worth[..., 2 * step : -2 * step]
+        return self._radiance(ln_power, LIKELY * _even(logit) + NEAR * torch.log(worth))
+
+    def _radiance(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
+        spread = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True))
+        per_steradian = spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
+        power = (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)
+        return power[:, :, None, None] * per_steradian
+
+
+def _even(logit: torch.Tensor) -> torch.Tensor:
+    """Means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2."""
+    wide = torch.cat([logit[..., -1:], logit, logit[..., :1]], dim=3)
+    return F.avg_pool2d(F.pad(wide, (0, 0, 1, 1), mode="replicate"), 3, stride=1)

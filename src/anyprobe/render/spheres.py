@@ -1,0 +1,92 @@
+"""Three spheres under a map: what the light does to matt, silvery and mirroring things.
+
+The camera is orthographic and looks along -Z, so that wo = +Z for every pixel and
+the mirror sphere shows the whole sphere of directions.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from anyprobe.core.frames import reflect
+from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.sampling import hammersley
+from anyprobe.light.environment import reduced
+from anyprobe.light.filtering import irradiance_map
+from anyprobe.light.octahedral import build_pyramid
+from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
+
+SPHERE_SIZE = 64
+SILVER_ALPHA = 0.3
+SILVER_F0 = 0.9
+NUM_SAMPLES = 64
+PYRAMID_SIDE = 64
+
+
+@lru_cache(maxsize=4)
+def sphere_normals(size: int = SPHERE_SIZE) -> tuple[np.ndarray, np.ndarray]:
+    """Normals of the visible half sphere, row by row, and where they lie.
+
+    The sphere fills the picture: at pixel centre (x, y) in [-1, 1]^2, y up, the
+    normal is (x, y, sqrt(1 - x^2 - y^2)).
+
+    Returns:
+        normals: [N, 3] unit vectors, camera frame.
+        mask: [S, S] bool with N pixels set.
+    """
+    x = (np.arange(size) + 0.5) / size * 2 - 1
+    right, up = np.meshgrid(x, -x)
+    squared = right**2 + up**2
+    mask = squared < 1
+    z = np.sqrt(np.where(mask, 1 - squared, 0.0))
+    normals = np.stack([right, up, z], axis=-1)[mask].astype(np.float32)
+    normals.flags.writeable = mask.flags.writeable = False  # the cache's own arrays
+    return normals, mask
+
+
+@lru_cache(maxsize=4)
+def _lookups(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What does not depend on the map: wo [N, 3], uv of the normals and of reflect(wo, n) [N, 2]."""
+    normals, _ = sphere_normals(size)
+    wo = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
+    return wo, direction_to_uv(normals), direction_to_uv(reflect(wo, normals))
+
+
+def _picture(values: np.ndarray, size: int) -> np.ndarray:
+    """[N, 3] to a picture [S, S, 3] that is black outside the sphere."""
+    picture = np.zeros((size, size, 3), np.float32)
+    picture[sphere_normals(size)[1]] = values
+    return picture
+
+
+def diffuse(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+    """A Lambert sphere of albedo 1, Lo = E(n) / pi: [H, 2H, 3] -> [S, S, 3]."""
+    _, uv_normal, _ = _lookups(size)
+    return _picture(bilinear(irradiance_map(reduced(radiance)), uv_normal) / np.pi, size)
+
+
+def silver(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+    """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
+    normals, _ = sphere_normals(size)
+    wo, _, _ = _lookups(size)
+    # a larger map would be read at points between which a sun is lost
+    pyramid = build_pyramid(reduced(radiance), side=PYRAMID_SIDE, emitters=NUM_EMITTERS)
+    _, s1, ss = shade_specular(pyramid, normals, wo, SILVER_ALPHA, hammersley(NUM_SAMPLES))
+    return _picture(SILVER_F0 * s1 + (1 - SILVER_F0) * ss, size)
+
+
+def mirror(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+    """A perfect mirror, f0 1: Lo = L(reflect(wo, n)), [H, 2H, 3] -> [S, S, 3]."""
+    _, _, uv_mirror = _lookups(size)
+    return _picture(bilinear(radiance, uv_mirror), size)
+
+
+def sphere_images(radiance: np.ndarray, size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:
+    """The three spheres by name, [S, S, 3] each, linear radiance."""
+    return {
+        "diffuse": diffuse(radiance, size),
+        "silver": silver(radiance, size),
+        "mirror": mirror(radiance, size),
+    }

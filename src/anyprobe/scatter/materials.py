@@ -1,0 +1,114 @@
+"""The paper's reflectance, Eq. 2: Lambert below a Cook-Torrance coat.
+
+f_r = kd albedo / pi + D F G / (4 (n.wo)(n.wi)), kd = 1 - F, F by Schlick at wo.h.
+Taking F at the half vector for both parts keeps f_r reciprocal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from array_api_compat import array_namespace
+
+from anyprobe.core.frames import dot, normalize
+from anyprobe.errors import InputError
+from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Material:
+    """A uniform material.
+
+    albedo: diffuse albedo in [0, 1], [3] or one number for all channels; zero for a metal.
+    f0: reflectance at normal incidence in [0, 1], [3] or one number; grey and small for a dielectric.
+    alpha: GGX width in [0.01, 1].
+    """
+
+    albedo: Any
+    f0: Any
+    alpha: float
+
+
+def evaluate(material: Material, wo, wi, n):
+    """f_r(wo, wi) [1/sr], paper Eq. 2; no cosine inside. [..., 3] each -> [..., 3]."""
+    xp = array_namespace(wo, wi, n)
+    h = normalize(wo + wi)
+    n_dot_wo, n_dot_wi = dot(n, wo), dot(n, wi)
+    s = schlick_weight(dot(wo, h))
+    fresnel = material.f0 + (1.0 - material.f0) * s
+    specular = (
+        ggx_distribution(dot(n, h), material.alpha)
+        * smith_visibility(n_dot_wo, n_dot_wi, material.alpha)
+        * fresnel
+    )
+    value = (1.0 - fresnel) * material.albedo / np.pi + specular
+    above = (n_dot_wo > 0) & (n_dot_wi > 0)
+    return xp.where(above, value, xp.zeros_like(value))
+
+
+MATERIALS: dict[str, Material] = {
+    "chrome": Material(albedo=np.zeros(3), f0=np.array([0.65, 0.66, 0.66]), alpha=0.03),
+    "gold": Material(albedo=np.zeros(3), f0=np.array([1.00, 0.77, 0.34]), alpha=0.12),
+    "plastic": Material(albedo=np.array([0.52, 0.06, 0.05]), f0=np.full(3, 0.045), alpha=0.12),
+    "matte": Material(albedo=np.full(3, 0.6), f0=np.full(3, 0.04), alpha=0.9),
+}
+
+
+def material_named(name: str, *also: str) -> Material:
+    """One of MATERIALS; InputError lists them, and what else the caller would have taken."""
+    if name not in MATERIALS:
+        raise InputError(f"material: expected one of {', '.join([*MATERIALS, *also])}, got {name!r}")
+    return MATERIALS[name]
+
+
+MATTE = "matte"
+"""The material that has the albedo or roughness where only these are given."""
+LEAST_ROUGHNESS = 0.1
+"""Below it a lobe is narrower than any pixel."""
+
+
+def alpha_from_roughness(roughness: float) -> float:
+    """GGX alpha of a roughness as glTF, USD and engines have it: its square (Burley 2012)."""
+    return float(roughness) ** 2
+
+
+def given_material(
+    name: str | None = None,
+    albedo: float | Sequence[float] | None = None,
+    roughness: float | None = None,
+) -> Material | None:
+    """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
+
+    Args:
+        name: one of MATERIALS; None with an albedo or a roughness is MATTE.
+        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
+        roughness: 0.1 to 1; replaces the named material's.
+    Raises:
+        InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
+    """
+    if name is None and albedo is None and roughness is None:
+        return None
+    material = material_named(MATTE if name is None else name)
+    if roughness is not None:
+        if not LEAST_ROUGHNESS <= roughness <= 1:
+            raise InputError(
+                f"roughness: expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; "
+                "0.1 is polished, 1 is matte"
+            )
+        material = replace(material, alpha=alpha_from_roughness(roughness))
+    if albedo is None:
+        return material
+    values = np.asarray(albedo, np.float64).reshape(-1)
+    if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
+        raise InputError(
+            f"albedo: expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
+            "a grey card has 0.18"
+        )
+    if not np.any(material.albedo):
+        raise InputError(
+            f"albedo: expected a material that has one, got the metal {name}; leave one of them out"
+        )
+    return replace(material, albedo=np.broadcast_to(values, 3).copy())

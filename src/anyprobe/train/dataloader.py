@@ -1,0 +1,156 @@
+"""Supply (noun): the pairs that a run learns from, by its assets, its surfaces and as many processes as it is given."""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch.utils.data import DataLoader, Dataset
+
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store, own_map
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.pairs import Batch, PairSource
+from anyprobe.dataset.process_pools import one_thread
+from anyprobe.dataset.surfaces import SurfaceSet, build_surfaces
+from anyprobe.dataset.variants import draw_variant
+from anyprobe.train.config import LightConfig, RunConfig
+
+AHEAD = 2
+"""Batches that each worker keeps ready."""
+
+
+class _Steps(Dataset):
+    """A source's batches by step number; every process opens its own source at its first batch."""
+
+    def __init__(self, open_source: Callable[[], PairSource], steps: range) -> None:
+        self.open_source, self.steps = open_source, steps
+        self._source: PairSource | None = None
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __getitem__(self, index: int) -> Batch:
+        if self._source is None:
+            self._source = self.open_source()
+        return self._source.batch(self.steps[index])
+
+
+def stream(open_source: Callable[[], PairSource], steps: range, workers: int) -> Iterator[Batch]:
+    """The batches of these steps, of pairs or of views of maps.
+
+    Workers share nothing but the step's number; up to PairConfig.lanes of them shade nothing twice.
+
+    Args:
+        open_source: picklable; gives the source, on the CPU.
+        workers: processes of one thread each; 0 makes the batches here, on this process's threads.
+    """
+    made = _Steps(open_source, steps)
+    if workers == 0:
+        return (made[index] for index in range(len(made)))
+    batches = DataLoader(
+        made,
+        batch_size=None,
+        num_workers=workers,
+        prefetch_factor=AHEAD,
+        multiprocessing_context="spawn",
+        collate_fn=_as_it_is,
+    )
+    with one_thread():
+        return iter(batches)
+
+
+def _as_it_is(batch: Batch) -> Batch:
+    return batch
+
+
+def make_pairs(
+    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
+) -> PairSource:
+    """The endless pairs of a run, or views of its maps: real assets of data/{hdri,meshes} when given, and our own.
+
+    Files that cannot be used are listed on stderr.
+    """
+    return _pairs(config, load_assets(config.light, data), cache, device, compiled)
+
+
+def _pairs(config: RunConfig, store: AssetStore, cache: Path, device: str, compiled: bool) -> PairSource:
+    maps = _maps(config.light, store)
+    return PairSource(Illuminator(maps, device, compiled), _surfaces(config, store, cache), config.pairs)
+
+
+def _maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
+    """Real maps, our own, and what is made of all these."""
+    radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
+    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
+    rng = np.random.default_rng(light.seed)
+    radiance += [draw_variant(rng, radiance) for _ in range(light.variants)]
+    return radiance
+
+
+def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
+    """The maps and shapes of a data folder that a run may learn from, none without one.
+
+    Files that cannot be used are listed on stderr.
+    """
+    worker = multiprocessing.parent_process() is not None
+
+    def warn(line: str) -> None:
+        print(f"warning: {line}", file=sys.stderr)
+
+    return load_asset_store(
+        data,
+        "train",
+        commercial_only=light.commercial_only,
+        extra=light.extra,
+        report=(lambda line: None) if worker else warn,  # it was said before
+    )
+
+
+def name_assets(store: AssetStore) -> str:
+    """Which maps and shapes these are, in their order: how many, and 8 hex digits of SHA-256 over their ids."""
+    ids = [*store.maps, "", *store.shapes]
+    digits = hashlib.sha256(" ".join(ids).encode()).hexdigest()[:8]
+    return f"{len(store.maps)} maps and {len(store.shapes)} shapes ({digits})"
+
+
+def _surfaces(config: RunConfig, store: AssetStore, cache: Path, workers: int = 0) -> SurfaceSet:
+    columns = (TextColumn("drawing shapes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=Console(stderr=True))
+    task = progress.add_task("")
+
+    def watch(done: int, total: int) -> None:
+        progress.start()  # only where there is anything to draw
+        progress.update(task, completed=done, total=total)
+
+    try:
+        return build_surfaces(list(store.shapes.values()), config.surfaces, cache, workers, watch)
+    finally:
+        progress.stop()
+
+
+def open_batches(
+    config: RunConfig,
+    store: AssetStore,
+    data: Path | None,
+    cache: Path,
+    device: str,
+    compiled: bool,
+    steps: range,
+    workers: int,
+) -> Iterator[Batch]:
+    """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
+
+    stock: of load_assets; the others read their own from data.
+    """
+    if workers == 0:
+        return map(_pairs(config, store, cache, device, compiled).batch, steps)
+    _surfaces(config, store, cache, workers)  # once, before all of them ask for it
+    made = stream(partial(make_pairs, config, data, cache, "cpu", compiled), steps, workers)
+    return (batch.to(device) for batch in made)

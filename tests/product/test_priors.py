@@ -1,0 +1,64 @@
+"""Models scored with what is known of the object told to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.some_pair import sphere_pair
+
+from anyprobe.core.response import response
+from anyprobe.estimate.material_prior import fit_gain, fit_map
+from anyprobe.estimate.runtime import Models
+from anyprobe.evaluate.methods import PRIORS, model_methods, run_with_priors, true_normals
+
+
+@pytest.fixture(scope="module")
+def models():
+    return Models()
+
+
+def test_true_normals_are_means_of_four_made_unit():
+    pair = sphere_pair(1)
+    hints = true_normals(pair)
+    assert hints.shape == (64, 64, 3)
+    length = np.linalg.norm(hints, axis=-1)
+    np.testing.assert_allclose(length[length > 0], 1.0, atol=1e-5)
+    mean = pair.normals[30:32, 90:92].reshape(4, 3).mean(axis=0)
+    np.testing.assert_allclose(hints[15, 45], mean / np.linalg.norm(mean), atol=1e-6)
+    assert (hints[0, 0] == 0).all()
+
+
+def test_what_is_told_is_all_that_differs(models):
+    pair = sphere_pair(2)
+    plain = models(pair.crop, pair.tan_half)
+    answers = {name: run_with_priors(models, pair, hints) for name, hints in PRIORS.items()}
+    np.testing.assert_array_equal(run_with_priors(models, pair, set()).radiance, plain.radiance)
+    normals = models(pair.crop, pair.tan_half, true_normals(pair))
+    np.testing.assert_array_equal(answers["normals"].radiance, normals.radiance)
+    np.testing.assert_allclose(
+        answers["normals"].normals[20:40, 20:40], true_normals(pair)[20:40, 20:40], atol=1e-4
+    )
+    for name, before in (("material", plain), ("normals and material", normals)):
+        gain = fit_gain(before.radiance, pair.crop, before.normals, pair.tan_half, pair.material)
+        assert np.abs(gain - 1).max() > 0.01
+        crop = (pair.crop, before.normals, pair.tan_half, pair.material)
+        known = np.abs(true_normals(pair)).sum(axis=-1) > 0 if "normals" in name else np.zeros((64, 64), bool)
+        fitted = fit_map(before.radiance * gain, *crop, known)
+        np.testing.assert_allclose(answers[name].radiance, fitted, rtol=1e-6)
+        np.testing.assert_allclose(answers[name].ldr, response(fitted), rtol=1e-5)
+        np.testing.assert_allclose(np.exp(answers[name].ln_radiance), fitted, rtol=1e-2)
+
+
+def test_only_a_model_that_lifts_is_given_normals():
+    rows = {
+        name: list(model_methods(Models(name), name, hints))
+        for name, hints in (("lift", True), ("paper", False))
+    }
+    assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in PRIORS)]
+    assert rows["paper"] == ["paper"]
+    pair, methods = sphere_pair(3), model_methods(Models(), "lift", priors=True)
+    alone, given, spread = (
+        methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected")
+    )
+    assert (alone.radiance != given.radiance).any()
+    assert spread.radiance.max() < alone.radiance.max()

@@ -1,0 +1,202 @@
+"""Real photos with measured maps or known lamps: the folder's rules, and both turned to what the networks see."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.scenes import sphere_photo
+
+from anyprobe.core.response import response
+from anyprobe.errors import InputError
+from anyprobe.evaluate.methods import Estimate
+from anyprobe.files.radiance import write_hdr
+from anyprobe.light.dominant_light import find_dominant_light
+from research.real_photos.__main__ import real_photos
+from research.real_photos.lamps import CONSTANT, lamp_angles, lamp_group, load_lamps
+from research.real_photos.maps import COLUMNS, load_real, read_real, score_real
+
+GOOD = {"photo": "a.png", "mask": "m.png", "map": "a.hdr", "fov_deg": "60", "gain": "2", "kind": "specular"}
+LAMP = {"photo": "sphere.png", "mask": "sphere_mask.png", "lamp": "0 0 1", "kind": "diffuse"}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A grey square at the right border of a photo, under a lamp straight ahead of the camera."""
+    photo = np.zeros((120, 240, 3), np.uint8)
+    photo[40:80, 180:220] = 128
+    Image.fromarray(photo).save(tmp_path / "a.png")
+    Image.fromarray((photo[..., 0] > 0).astype(np.uint8) * 255).save(tmp_path / "m.png")
+    radiance = np.full((64, 128, 3), 0.125, np.float32)
+    radiance[31:33, 63:65] = 8.0
+    write_hdr(tmp_path / "a.hdr", radiance)
+    sphere = sphere_photo(center=(96, 30), diameter=32)  # of 128 x 96: right of the middle and above it
+    Image.fromarray(sphere[..., :3]).save(tmp_path / "sphere.png")
+    Image.fromarray(sphere[..., 3]).save(tmp_path / "sphere_mask.png")
+    return tmp_path
+
+
+def behind_the_camera(photo):
+    """A method whose map has one lamp, straight behind the crop's camera: at (0, 0, 1), on its seam."""
+    radiance = np.full((64, 128, 3), 0.125, np.float32)
+    radiance[31:33, [0, -1]] = 8.0
+    return Estimate(ldr=response(radiance), radiance=radiance)
+
+
+def away_from_the_sphere(fov_deg):
+    """Unit direction from sphere.png's sphere to its camera: (0, 0, 1) of the crop, in the camera's frame."""
+    focal = 64 / np.tan(np.radians(fov_deg / 2))
+    towards = np.array([-(96 - 64) / focal, (30 - 48) / focal, 1.0])
+    return towards / np.linalg.norm(towards)
+
+
+def write(folder, *rows):
+    with (folder / "manifest.csv").open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def test_map_comes_in_the_crop_s_frame_and_the_photo_s_exposure(folder):
+    write(folder, GOOD)
+    (pair,) = load_real(folder, read_real(folder))
+    assert pair.crop.shape == (128, 128, 4)
+    assert np.median(pair.radiance) == pytest.approx(0.25, rel=0.01)  # gain 2
+    direction = find_dominant_light(pair.radiance).direction
+    # the object stands 80 px right of the middle, 120 px are tan 30: the lamp is that far left of it
+    expected = np.degrees(np.arctan(80 / 120 * np.tan(np.radians(30))))
+    assert np.degrees(np.arctan2(direction[0], -direction[2])) == pytest.approx(-expected, abs=1.5)
+
+
+def test_groups_are_scored_apart(folder):
+    write(folder, GOOD, GOOD | {"kind": "diffuse", "gain": "1"})
+    truth = {}
+
+    def perfect(pair):
+        truth[pair.kind] = response(pair.radiance)
+        return Estimate(ldr=truth[pair.kind], radiance=pair.radiance)
+
+    def black(pair):
+        return Estimate(ldr=np.zeros((64, 128, 3), np.float32))
+
+    groups = score_real(load_real(folder, read_real(folder)), {"perfect": perfect, "black": black})
+    assert set(groups) == {"specular", "diffuse"}
+    for kind, one in groups.items():
+        rows = {row["method"]: row for row in one["rows"]}
+        assert one["pairs"] == 1
+        assert rows["perfect"]["sphere_ssim"] == pytest.approx(1.0)
+        assert rows["perfect"]["dominant_light_deg"] == 0.0
+        expected = np.sqrt(np.square(truth[kind]).mean())
+        assert rows["black"]["ldr_rmse"] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("fov_deg", ["", "90"])  # 65 where neither the row nor the photo says
+def test_a_lamp_s_angle_is_that_to_an_object_beside_the_middle(folder, fov_deg):
+    x, y, z = away_from_the_sphere(float(fov_deg or 65))
+    off = np.degrees(np.arccos(z))
+    assert off > 15
+    for lamp, expected in (
+        ("0 0 1", off),
+        (f"{x} {y} {z}", 0.0),
+        (f"{-30 * x} {-30 * y} {30 * z}", 2 * off),  # of any length
+        (f"{-x} {-y} {-z}", 180.0),
+    ):
+        write(folder, LAMP | {"lamp": lamp, "fov_deg": fov_deg})
+        angles = lamp_angles(load_lamps(folder, read_real(folder)), {"behind": behind_the_camera})
+        angle = pytest.approx(expected, abs=0.02)
+        assert angles == {"sphere.png": {CONSTANT: angle, "behind": angle}}
+
+
+def test_a_lamp_group_has_means_and_medians_and_leaves_out_methods_without_radiance(folder):
+    def dim(photo):
+        return Estimate(ldr=np.zeros((64, 128, 3), np.float32))
+
+    write(folder, LAMP)
+    photos = load_lamps(folder, read_real(folder))
+    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["sphere.png"]) == {
+        CONSTANT,
+        "behind",
+    }
+    group = lamp_group({"a": {"one": 1.0}, "b": {"one": 2.0}, "c": {"one": 9.0}})
+    assert group == {
+        "pairs": 3,
+        "rows": [{"method": "one", "dominant_light_deg": 4.0, "dominant_light_median_deg": 2.0}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"map": "a.hdr"}, "a map or a lamp, got both"),
+        ({"lamp": ""}, "a map or a lamp, got neither"),
+        ({"lamp": "0 0 0"}, "three numbers such as 0 0 1, not all zero, got '0 0 0'"),
+        ({"lamp": "0,0,1"}, "three numbers .* got '0,0,1'"),
+        ({"lamp": "0 1"}, "three numbers .* got '0 1'"),
+        ({"lamp": "0 nan 1"}, "three numbers .* got '0 nan 1'"),
+        ({"mask": ""}, "a value for mask"),
+        ({"photo": "b.png"}, "the file b.png, found none"),
+        ({"kind": ""}, "a value for kind"),
+        ({"fov_deg": "0"}, "fov_deg > 0, got '0'"),
+        ({}, "one lamp a photo, got another for sphere.png"),
+    ],
+)
+def test_a_wrong_lamp_row_is_named(folder, change, words):
+    write(folder, LAMP, LAMP | change)
+    with pytest.raises(InputError, match=words) as error:
+        read_real(folder)
+    assert "line 3" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"map": "b.hdr"}, "the file b.hdr, found none"),
+        ({"kind": "shiny"}, "specular or diffuse, got 'shiny'"),
+        ({"gain": "-1"}, "gain > 0, got '-1'"),
+        ({"fov_deg": "wide"}, "fov_deg > 0, got 'wide'"),
+        ({"mask": ""}, "a value for mask"),
+    ],
+)
+def test_a_wrong_row_is_named(folder, change, words):
+    write(folder, GOOD, GOOD | change)
+    with pytest.raises(InputError, match=words) as error:
+        read_real(folder)
+    assert "line 3" in str(error.value)
+
+
+def test_no_manifest_is_one_clear_line(tmp_path):
+    with pytest.raises(InputError, match="expected a table with the columns photo, mask"):
+        read_real(tmp_path)
+
+
+def test_a_mixed_folder_gives_both_groups(folder):
+    write(folder, GOOD, LAMP)
+    out = folder / "out.json"
+    real_photos(folder, ["paper"], out)
+    content = json.loads(out.read_text())
+    assert set(content["groups"]) == {"specular", "lamp"}
+    assert content["groups"]["specular"]["pairs"] == content["groups"]["lamp"]["pairs"] == 1
+    assert set(content["photos"]) == {"sphere.png"}
+    angles = content["photos"]["sphere.png"]
+    assert list(angles) == [CONSTANT, "mean map", "chrome sphere", "paper"]
+    for row in content["groups"]["lamp"]["rows"]:
+        assert row["dominant_light_deg"] == row["dominant_light_median_deg"] == angles[row["method"]]
+
+
+def test_a_table_of_light_directions_alone_is_read(folder):
+    (folder / "lights.csv").write_text(
+        "file,mask,object,material,x,y,z\nball.png,sphere_mask.png,sphere,matte,0,0.6,0.8\n"
+    )
+    (row,) = read_real(folder)
+    assert (row["photo"], row["mask"], row["lamp"]) == ("sphere.png", "sphere_mask.png", "0 0.6 0.8")
+
+
+def test_lamps_alone_need_no_other_columns(folder):
+    (folder / "manifest.csv").write_text(
+        "photo,mask,lamp,kind\nball.png,sphere_mask.png,0 0 1,diffuse\n", encoding="utf-8"
+    )
+    rows = read_real(folder)
+    assert list(load_real(folder, rows)) == []
+    assert [photo.name for photo in load_lamps(folder, rows)] == ["sphere.png"]
