@@ -70,7 +70,7 @@ class Info(TypedDict, total=False):
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; seconds: by step.
+    priors: what was given of the object; fused: photos of a multiview light; seconds: by step.
     """
 
     photo: str
@@ -82,6 +82,7 @@ class Info(TypedDict, total=False):
     mask: MaskInfo
     priors: dict[str, Any]
     crop: CropInfo
+    fused: list[str | None]
     seconds: dict[str, float]
 
 

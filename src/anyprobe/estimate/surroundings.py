@@ -167,7 +167,7 @@ def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> 
 
     One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
     """
-    white = inverse_response(np.float32([CLIPPED]))
+    white = inverse_response(np.array([CLIPPED], np.float32))
     room = np.where(clipped, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
     asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never clipped
     gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))
