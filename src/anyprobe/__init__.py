@@ -21,7 +21,7 @@ from anyprobe.errors import (
     ServerBusy,
 )
 from anyprobe.estimate.estimator import Estimator, estimate
-from anyprobe.estimate.multiview import estimate_multiview, fuse_lights
+from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.light.dominant_light import DominantLight
@@ -47,7 +47,6 @@ __all__ = [
     "Photo",
     "ServerBusy",
     "estimate",
-    "estimate_multiview",
     "fuse_lights",
     "load_photo",
 ]
