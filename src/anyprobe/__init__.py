@@ -31,6 +31,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AnyprobeError",
+    "DominantLight",
     "DownloadError",
     "Estimator",
     "InputError",
@@ -39,7 +40,6 @@ __all__ = [
     "InvalidMesh",
     "InvalidPhoto",
     "Light",
-    "DominantLight",
     "Material",
     "MissingExtra",
     "ModelError",

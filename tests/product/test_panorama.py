@@ -242,7 +242,7 @@ def test_a_clip_gathers_what_its_frames_have_shown(given, tmp_path, estimator):
     surroundings_map = "photo" if given == "photo" else panorama
 
     def run(folder, stop_at=None):
-        follower = MaskFollower(tmp_path / "masks", {}, FOV_DEG, surroundings_map)
+        follower = MaskFollower({"mask": tmp_path / "masks"}, {}, {"fov_deg": FOV_DEG}, surroundings_map)
         clip = ClipRun(
             open_clip(tmp_path / "clip.mp4"), folder, estimator, follower, {}, exr=True, poses=poses
         )

@@ -15,6 +15,7 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
+from anyprobe.cli.quiet import own_lines
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
@@ -71,7 +72,8 @@ def _options(
 def main() -> None:
     """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
     try:
-        app()
+        with own_lines():
+            app()
     except AnyprobeError as error:
         print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
         sys.exit(2)

@@ -18,7 +18,7 @@ import typer
 
 from anyprobe.errors import InputError, InvalidMask, MissingExtra
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator

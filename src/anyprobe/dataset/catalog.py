@@ -17,7 +17,7 @@ from anyprobe.dataset.manifest import read_table
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.meshes import SUFFIXES as MESH_SUFFIXES
 from anyprobe.files.meshes import read_mesh
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import shrink
 from anyprobe.render.mesh import Mesh

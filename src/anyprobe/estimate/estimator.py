@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -178,7 +179,7 @@ class Estimator:
         material = as_material(material)
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
-        known = {"normals": crop.normals is not None}
+        known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
@@ -250,7 +251,7 @@ def as_material(
             "give an albedo alone as albedo="
         )
     try:
-        values = None if albedo is None else np.asarray(albedo, np.float64).reshape(-1)
+        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
     except (TypeError, ValueError) as error:
         raise InputError(
             f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"

@@ -16,6 +16,7 @@ from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, inverse_response, response
 from anyprobe.core.sampling import hammersley
+from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.light.environment import shrink
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
@@ -105,7 +106,8 @@ def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Normals at twice the size by bilinear interpolation, and where all that they are made of are known."""
     side = 2 * len(normals)
     planes = [Image.fromarray(np.ascontiguousarray(normals[..., k], np.float32)) for k in range(3)]
-    mixed = np.stack([plane.resize((side, side), Image.Resampling.BILINEAR) for plane in planes], axis=-1)
+    grown = [np.asarray(plane.resize((side, side), Image.Resampling.BILINEAR)) for plane in planes]
+    mixed = np.stack(grown, axis=-1)
     return normalize(mixed), np.linalg.norm(mixed, axis=-1) > 0.9
 
 
@@ -237,8 +239,8 @@ def _likeness() -> np.ndarray:
     d = pixel_directions(COARSE).reshape(-1, 3).astype(np.float64)
     degrees = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
     parts = zip((FAR, NEAR), (FAR_DEG, NEAR_DEG), strict=True)
-    covariance = WHOLE + sum(variance * np.exp(-0.5 * (degrees / angle) ** 2) for variance, angle in parts)
-    return covariance.astype(np.float32)
+    lobes = [variance * np.exp(-0.5 * (degrees / angle) ** 2) for variance, angle in parts]
+    return np.asarray(WHOLE + sum(lobes), np.float32)
 
 
 def _finer(x: np.ndarray, rows: int) -> np.ndarray:
@@ -283,6 +285,8 @@ def use_material(
         if confidence is not None:
             confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
         return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
+    if outputs.normals is None:
+        raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
     given = np.zeros_like(outputs.normals) if given_normals is None else given_normals
     known = np.linalg.norm(given, axis=-1) > 0.5

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, read_image
-from anyprobe.files.radiance import read_exr
+from anyprobe.files.exr import EXR_MAGIC, read_exr
+from anyprobe.files.headers import MAX_PIXELS
+from anyprobe.files.images import read_image
+from anyprobe.files.paths import open_regular
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 
@@ -188,9 +189,9 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         raise InputError(f"{path}: expected a normal map, got no such file; check the path")
     if path.suffix.lower() == ".npy":
         try:
-            with path.open("rb") as stream:
+            with open_regular(path, InputError) as stream:
                 values = np.load(stream, allow_pickle=False)
-        except (ValueError, OSError, EOFError, BadZipFile) as error:
+        except Exception as error:  # its headers are parsed as Python, which fails in every way
             raise InputError(f"{path.name}: expected an array in a .npy file, got a damaged one") from error
         if not isinstance(values, np.ndarray):
             raise InputError(f"{path.name}: expected one array in a .npy file, got an .npz of several")

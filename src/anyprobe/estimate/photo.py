@@ -194,7 +194,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"
             )
-    elif photo.surroundings_map is not None:
+    elif isinstance(photo.surroundings_map, np.ndarray):
         surroundings_map = turned(photo.surroundings_map, camera_from_crop)
     return Crop(
         image=image,

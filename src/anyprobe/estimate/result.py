@@ -70,7 +70,7 @@ class Info(TypedDict, total=False):
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; seconds: by step.
+    priors: what was given of the object; fused: photos of a multiview light; seconds: by step.
     """
 
     photo: str
@@ -82,6 +82,7 @@ class Info(TypedDict, total=False):
     mask: MaskInfo
     priors: dict[str, Any]
     crop: CropInfo
+    fused: list[str | None]
     seconds: dict[str, float]
 
 
@@ -288,7 +289,7 @@ def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         exposed = float(said.get("well_exposed_fraction", 1.0))
         warnings = tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(

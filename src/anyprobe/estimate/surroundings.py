@@ -17,8 +17,9 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import ImageSource, read_image
-from anyprobe.files.linear import read_linear
+from anyprobe.files.radiance import read_linear
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 PHOTO = "photo"
@@ -56,7 +57,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
         InputError: not a panorama, or nothing known in it.
     """
     try:
-        linear = read_linear(source)
+        linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
         raise InputError(f"surroundings: {error}") from error
@@ -166,7 +167,7 @@ def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> 
 
     One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
     """
-    white = inverse_response(np.float32([CLIPPED]))
+    white = inverse_response(np.array([CLIPPED], np.float32))
     room = np.where(clipped, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
     asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never clipped
     gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))

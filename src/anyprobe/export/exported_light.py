@@ -254,7 +254,7 @@ def map_from_camera(path: Path) -> np.ndarray:
         return np.eye(3)
     try:
         turn = np.array(json.loads(given) if isinstance(given, str) else given, dtype=np.float64)
-    except (TypeError, ValueError, RecursionError):
+    except (TypeError, ValueError, OverflowError, RecursionError):
         turn = np.zeros(0)
     if not is_rotation(turn):
         raise InputError(
@@ -264,12 +264,17 @@ def map_from_camera(path: Path) -> np.ndarray:
     return turn
 
 
+def float_where_long(digits: str) -> int | float:
+    """A whole number of JSON; one that no float holds is infinite, and refused where it is used."""
+    return int(digits) if len(digits) < 19 else float(digits)
+
+
 def said_beside(path: Path) -> dict[str, Any]:
     """The .json that an estimate or an export wrote beside a map; {} where there is none of ours."""
     own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
     beside = own if own.is_file() else other
     try:
-        said = json.loads(beside.read_text(encoding="utf-8"))
+        said = json.loads(beside.read_text(encoding="utf-8"), parse_int=float_where_long)
     except (OSError, ValueError, RecursionError):  # not ours: the map itself is all that is needed
         return {}
     return said if isinstance(said, dict) else {}

@@ -16,7 +16,7 @@ import numpy as np
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08

@@ -14,10 +14,22 @@ let lastTurn = { height: 0, rotation: [], lookup: null };
  * @returns {Float32Array}
  */
 export function rotate(radiance, height, rotation) {
+  return readMap(radiance, lookupOfTurn(height, rotation), new Float32Array(radiance.length));
+}
+
+/** The same of one number a pixel. */
+export function rotateOne(values, height, rotation) {
+  const { pixels, shares } = lookupOfTurn(height, rotation);
+  const turned = new Float32Array(values.length);
+  for (let i = 0; i < pixels.length; i++) turned[i >> 2] += shares[i] * values[pixels[i] / 3];
+  return turned;
+}
+
+function lookupOfTurn(height, rotation) {
   if (height !== lastTurn.height || rotation.some((value, i) => value !== lastTurn.rotation[i])) {
     lastTurn = { height, rotation: [...rotation], lookup: lookupOf(height, turnedBack(height, rotation)) };
   }
-  return readMap(radiance, lastTurn.lookup, new Float32Array(radiance.length));
+  return lastTurn.lookup;
 }
 
 /** rotation^T d of every pixel's direction d. */
