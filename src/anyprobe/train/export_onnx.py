@@ -210,7 +210,7 @@ def store_half(model) -> None:
 
 EXACT = ("/head/", "/sphere/rise.2/", "/object/first/", "/object/rise.3/")
 """Parts of the names of convolutions that stay as they are: the heads, and the scales beside the map and the irradiance
-image, where 256 steps are seen (SSIM -.005, irradiance 1 %; docs/ablation.md)."""
+image, where 256 steps are seen (SSIM -.005, irradiance 1 %)."""
 INT8_TOLERANCE = 0.03
 """In display values: how much the steps may change a map on the mean; those of the shipped weights by .0125."""
 CHECKED = 24
