@@ -27,7 +27,7 @@ from anyprobe.estimate.result import Light
 from anyprobe.light.dominant_light import DominantLight
 from anyprobe.scatter.materials import Material
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "AnyprobeError",

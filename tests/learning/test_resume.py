@@ -101,11 +101,11 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
     path = go(tmp_path / "b", stop_after=1, start=weights)
     assert torch.load(go(tmp_path / "b", stop_after=2, start=weights), weights_only=True)["step"] == 2
     assert torch.load(go(tmp_path / "b", stop_after=3), weights_only=True)["step"] == 3
-    with pytest.raises(InputError, match="expected --start with [0-9a-f]{16}, as the run began, got"):
+    with pytest.raises(InputError, match="expected --init-weights with [0-9a-f]{16}, as the run began, got"):
         go(tmp_path / "b", start=others)
     with pytest.raises(ModelError, match="none.pt: expected weights of this run.*got no file"):
         go(tmp_path / "b", start=tmp_path / "none.pt")
-    with pytest.raises(InputError, match="expected --start with nothing, as the run began, got"):
+    with pytest.raises(InputError, match="expected --init-weights with nothing, as the run began, got"):
         go(tmp_path / "a", start=weights)
     assert torch.load(path, weights_only=True)["step"] == 3
     with pytest.raises(ModelError, match="got no file"):

@@ -250,7 +250,9 @@ def verify(
             if not shards.index_path(folder, shard).exists():
                 continue
             there.append(shard)
-            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)))
+            wrong = shards.fault(
+                folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)), plan["format"]
+            )
             if wrong:
                 bad[shard] = wrong
     if again:

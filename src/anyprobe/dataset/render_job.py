@@ -20,7 +20,7 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.process_pools import run_local
 from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
-from anyprobe.dataset.samples import CONDITIONS, Renderer, decode, same
+from anyprobe.dataset.samples import CONDITIONS, FORMATS, Renderer, decode, same
 from anyprobe.errors import InputError, OutputError
 
 
@@ -76,7 +76,6 @@ def choose(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, t
     ]
 
 
-FORMAT = 1
 NAME = "dataset.json"
 SETTINGS = {
     "kind": "object",
@@ -97,7 +96,7 @@ WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CO
 PROCEDURAL = 32
 """Maps and shapes of our own when no folder of assets is given."""
 
-BYTES_PER_PAIR = {"object": 30_000, "map": 60_000}
+BYTES_PER_PAIR = {"object": 45_000, "map": 60_000}
 """Expected until a shard has shown it."""
 
 Make = Callable[..., Renderer]
@@ -164,8 +163,10 @@ def read_plan(folder: Path) -> dict:
     path = folder / NAME
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
-        if plan["format"] != FORMAT:
-            raise InputError(f"{path}: expected format {FORMAT}, got {plan['format']}; use another version")
+        if plan["format"] not in FORMATS:
+            raise InputError(
+                f"{path}: expected format {FORMATS[-1]}, got {plan['format']}; use another version"
+            )
         plan.setdefault("commercial_only", True)  # what it was before there was a choice
         _check_plan(plan)
     except FileNotFoundError as error:
@@ -228,7 +229,6 @@ def begin(
             f"{len(renderer.shapes)} shapes give, got {pairs}"
         )
     plan = {
-        "format": FORMAT,
         **_versions(),
         **settings,
         "pairs": pairs,
@@ -243,6 +243,7 @@ def begin(
 def _versions() -> dict[str, object]:
     """Of whatever would make other pairs of the same settings."""
     return {
+        "format": FORMATS[-1],
         "anyprobe_version": __version__,
         "recipe_version": RECIPE_VERSION,
         "procedural_version": PROCEDURAL_VERSION,

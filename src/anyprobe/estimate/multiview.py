@@ -185,4 +185,3 @@ def _fused_info(lights: Sequence[Light]) -> Info:
     if given:
         info["seconds"] = {step: round(sum(one[step] for one in given), 4) for step in given[0]}
     return info
-

@@ -100,6 +100,4 @@ def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]
 
 
 def _not_of_this_run(path: Path, found: str) -> ModelError:
-    return ModelError(
-        f"{path}: expected weights of this run, kept by `anyprobe weights --start`, got {found}"
-    )
+    return ModelError(f"{path}: expected weights of this run, kept by `anyprobe weights --keep`, got {found}")
