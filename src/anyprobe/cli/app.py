@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
-import click
 import typer
 from typer.core import TyperGroup
 
@@ -30,7 +30,7 @@ MAKERS = (evaluate, train, weights)
 class Sections(TyperGroup):
     """Lists users' commands first, then those for training and evaluation."""
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
         names = {command.__name__ for command in USERS}
         sections: dict[str, list[tuple[str, str]]] = {"Commands": [], "Training and evaluation": []}
         for name in self.list_commands(ctx):

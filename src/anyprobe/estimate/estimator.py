@@ -238,7 +238,7 @@ class Estimator:
 
 
 def as_material(
-    material: Material | str | None, albedo: Albedo | None = None, roughness: float | None = None
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
     """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
 

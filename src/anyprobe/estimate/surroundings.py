@@ -35,7 +35,7 @@ SEEN = 0.9
 """How sure a place is that the photo shows."""
 TINT = 0.5
 """How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
-chosen on pairs that no run learns from (docs/ablation.md)."""
+chosen on pairs that no run learns from."""
 TINT_FLOOR = 0.05
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
