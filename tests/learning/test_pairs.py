@@ -392,4 +392,4 @@ def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     wrong = ((surroundings_map[:, :3] - ldr.clip(0, 1)) * sure).abs().sum() / (3 * sure.sum())
     assert wrong < 0.12  # another curve than the mean one, a little turned
     cut = PairSource(illuminator, surfaces, replace(config, surroundings=1.0, cut_out=1.0)).batch(0)
-    assert not cut.surroundings_map.any()
+    assert not cut.surroundings.any()

@@ -14,9 +14,9 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
 
-from anyprobe.dataset.asks import Batch  # noqa: E402
 from anyprobe.dataset.asset_store import AssetStore  # noqa: E402
 from anyprobe.dataset.catalog import MapAsset  # noqa: E402
+from anyprobe.dataset.mask_scenes.examples import Batch  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.masks.propose import SIZE  # noqa: E402
 from anyprobe.train import loop, mask_run  # noqa: E402
@@ -179,12 +179,11 @@ def test_what_is_known_of_a_run_stays_known(tmp_path):
 def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):
     config = mask_run.smoke(MaskRunConfig(), 3)
 
-    def questions(step):
-        generator = torch.Generator().manual_seed(step)
-        image = torch.rand((2, 4, SIZE, SIZE), generator=generator)
-        return Batch(image=image, mask=(image[:, 3:] > 0.5).float())
+    def examples(step):
+        image = torch.rand((2, 5, SIZE, SIZE), generator=torch.Generator().manual_seed(step))
+        return Batch(photo=image[:, :3], prompt=image[:, 3:], mask=(image[:, 3:] > 0.5).float())
 
-    at_hand = SimpleNamespace(batch=questions)
+    at_hand = SimpleNamespace(batch=examples)
 
     def ask(config=config, scenes=at_hand, **settings):
         return train_mask(config, data=None, runs=tmp_path, scenes=scenes, **settings)

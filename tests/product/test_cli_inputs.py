@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-import sys
 import zlib
 from pathlib import Path
 
@@ -198,13 +197,7 @@ def test_folder_without_photos(work, command):
     assert "expected a folder with photos" in command("estimate", "empty").complaint
 
 
-def test_box_without_opencv_names_the_extra(work, command, photo_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    assert "anyprobe[box]" in command("estimate", photo_path, "--box", "20,10,110,90").complaint
-
-
 def test_box_cuts_the_object_out(work, command, photo_rgba):
-    pytest.importorskip("cv2")
     Image.fromarray(photo_rgba[..., :3]).save("photo.png")
     outcome = command("estimate", "photo.png", "--box", "24,8,104,88", "--json")
     assert outcome.status == 0, outcome.err

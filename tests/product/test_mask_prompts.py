@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import OpenEXR
@@ -15,6 +16,7 @@ from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files
 from anyprobe.masks import find
+from anyprobe.masks.cut import Cut
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.propose import Proposal
 from anyprobe.masks.sources import mask_from_alpha, mask_from_file
@@ -40,7 +42,11 @@ def proposal(monkeypatch, square) -> np.ndarray:
             return Proposal(cover=square, confidence=0.9)
 
     monkeypatch.setattr(find, "shared_network", Network)
-    monkeypatch.setattr(find, "_cut_out", lambda rgb, cover, *given: cover)
+    monkeypatch.setattr(
+        find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0)
+    )
+    sure = SimpleNamespace(expected_iou=lambda: 0.9, doubts=list)
+    monkeypatch.setattr(find, "examine", lambda *asked: sure)
     return square
 
 

@@ -24,7 +24,7 @@ ONLY = {
     "onnxruntime": {"files", "estimate", "train", "cli"},
     "onnx": {"train"},
     "openvino": {"estimate"},
-    "cv2": {"masks"},
+    "rembg": {"masks"},
     "trimesh": {"files"},
     "typer": {"cli"},
     "rich": {"cli", "train"},

@@ -76,14 +76,18 @@ def estimate(
     )
     job = Job(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
     if poses is not None:
-        return _report([job.together(steps, poses)], talk, out)
+        done = [job.together(steps, poses)]
+        _report(done, talk, out)
+        if taken.strict and done[0].warnings:
+            raise typer.Exit(2)
+        return
     done = [job.one(path) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)
     for one in failed:
         print(f"anyprobe: {one.error}", file=sys.stderr)
-    if failed:
+    if failed or (taken.strict and any(one.warnings for one in done)):
         raise typer.Exit(2)
 
 

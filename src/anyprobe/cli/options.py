@@ -56,6 +56,19 @@ class MaskOptions:
         float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
     ] = None
     far: Annotated[float | None, typer.Option(help="Cut the depth image up to here.")] = None
+    segmenter: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME[:ARGUMENT]",
+            help="What finds the object instead of the built-in network: rembg[:MODEL], sam:FOLDER, or a plug-in.",
+        ),
+    ] = None
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 2 where a result has a warning; it is written all the same."
+        ),
+    ] = False
 
     def hints(self, mask: Path | None = None) -> dict[str, Any]:
         """The keywords of load_photo, or one line on what does not go together.
@@ -91,6 +104,7 @@ class MaskOptions:
             "depth": self.depth,
             "near": self.near,
             "far": self.far,
+            "segmenter": self.segmenter,
         }
 
 

@@ -92,7 +92,7 @@ def relight(
     from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
     from anyprobe.scatter.materials import material_named
 
-    material, size, pitch = placed.insert_material, placed.scale, placed.pitch
+    material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
     foot = point(placed.at)
     if material != PHOTO_MATERIAL:
@@ -127,6 +127,9 @@ def relight(
         "light_gain": round(gain, 3),
         "warnings": list(taken.warnings),
     }
+    for line in summary["warnings"]:
+        if not (quiet or as_json):
+            print(f"warning: {line}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
@@ -135,6 +138,8 @@ def relight(
             f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
             file=sys.stderr,
         )
+    if strict and summary["warnings"]:
+        raise typer.Exit(2)
 
 
 def _radiance(

@@ -32,6 +32,7 @@ from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.pointing import Clicks
+from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import MATERIALS, Material, given_material
 
@@ -56,13 +57,17 @@ class Estimator:
         threads: int | None = None,
         engine: str = DEFAULT_ENGINE,
         emitters: str = MODE,
+        segmenter: str | Segmenter | None = None,
     ) -> None:
         """Open a bundled model, or a folder of graphs, with an engine of estimate.runtime.ENGINES.
 
         threads: of the engine; None leaves the choice to it.
         emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
             the mean radiance over all positions (soft, and truer on matte objects).
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
         """
+        self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.models = Models(model, threads, engine, emitters)
         self.model_id, self.emitters = model_id(model), emitters
 
@@ -126,6 +131,7 @@ class Estimator:
             fov_deg=fov_deg,
             normals=normals,
             surroundings=surroundings,
+            segmenter=self.segmenter,
         )
         return self.from_photo(photo, start, material=material)
 

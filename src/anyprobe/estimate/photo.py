@@ -136,7 +136,9 @@ def load_photo(
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=pixels.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
+        warnings=pixels.warnings
+        + found.warnings
+        + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(normals, found.mask, long_fov_deg),

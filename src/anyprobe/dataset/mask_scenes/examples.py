@@ -1,4 +1,4 @@
-"""Questions about scenes, as a user would put them: what is told of an object, and which pixels it covers.
+"""Training examples: photos with prompts as a user would give them, and which pixels the object meant covers.
 
 Batch number k is a function of (seed, k) alone, as for pairs: a run that was killed
 goes on with exactly the scenes it would have seen.
@@ -12,15 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from anyprobe.core.hints import draw_hints
-from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.camera import blur
-from anyprobe.dataset.retakes import part_surroundings, retake
-from anyprobe.dataset.scenes import SIZE, Scene, draw_scene
-from anyprobe.dataset.sprites import LitView, ViewSource
+from anyprobe.dataset.mask_scenes.augment import part_around, retake
+from anyprobe.dataset.mask_scenes.composites import Scene, draw_scene
+from anyprobe.dataset.mask_scenes.foregrounds import LitView, ViewSource
+from anyprobe.masks.prompts import draw_prompts
+
+SIZE = 160
+"""Side of the examples' pictures: that of the mask network's input."""
 
 CLEAR_LEAD = 1.4
-"""Without a hint the first object must weigh so much more than the second, or it would be anybody's guess."""
+"""Without a prompt the first object must weigh so much more than the second, or it would be anybody's guess."""
 
 MIN_TARGET_PX = 60
 """Area below which an object is nobody's target."""
@@ -28,34 +30,37 @@ MIN_TARGET_PX = 60
 CENTRE_SIGMA = 0.35
 """Of the weight around the picture's centre, in sides."""
 
-HINTS = {"none": 0.4, "click": 0.3, "clicks": 0.15, "box": 0.15}
-"""Shares of the kinds of hints: nothing, a click, up to three and some beside the object, a loose box."""
+PROMPTS = {"none": 0.45, "click": 0.25, "clicks": 0.1, "box": 0.2}
+"""Shares of the kinds of prompts: nothing, a click, up to three and some beside the object, a loose box."""
 
-CLOSE_SHARE = 0.5
-"""So many questions are second looks: the object fills much of the photo, and something is always told."""
+CLOSE_SHARE = 0.4
+"""So many photos are second looks: the object fills much of them, and there is always a prompt."""
 
-CLOSE_HINTS = {"click": 0.35, "clicks": 0.15, "box": 0.5}
+CLOSE_PROMPTS = {"click": 0.3, "clicks": 0.15, "box": 0.55}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SceneConfig:
-    """batch: questions a step, each about a retake of a random scene; scenes kept, and how many of them are
-    new at each step; views kept, and how many scenes one new view serves; textures: patterns drawn at the start."""
+    """batch: photos a step, each a retake of a random scene, with `prompts` prompts each; scenes kept, and how many
+    of them are new at each step; views kept, and how many scenes one new view serves; textures: patterns drawn at the
+    start."""
 
-    batch: int = 24
+    batch: int = 16
+    prompts: int = 2
     scenes: int = 320
     fresh: int = 1
     views: int = 40
     scenes_per_view: int = 12
-    textures: int = 160
+    textures: int = 240
     seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
-    """image [B, 4, S, S]: photo and hint channel; mask [B, 1, S, S] the target's cover."""
+    """photo [B, 3, S, S]; of each P examples: prompt channel [B, P, S, S] and the target's cover, mask [B, P, S, S]."""
 
-    image: torch.Tensor
+    photo: torch.Tensor
+    prompt: torch.Tensor
     mask: torch.Tensor
 
 
@@ -64,30 +69,30 @@ class SceneSource:
 
     def __init__(self, views: ViewSource, config: SceneConfig) -> None:
         self.config, self.views = config, views
-        self.textures = TexturePool(config.seed, config.textures)
         self._views: dict[int, LitView] = {}
         self._scenes: dict[int, Scene] = {}
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:
-        """The questions of step number `step`."""
+        """The examples of step number `step`."""
         config = self.config
         first = step * config.fresh
         scenes = _slide(self._scenes, range(first, first + config.scenes), self._draw)
         rng = np.random.default_rng((config.seed, 5, step))
-        images, masks = [], []
+        photos, prompts, masks = [], [], []
         for which in rng.integers(len(scenes), size=config.batch):
-            scene, hint, mask = _question(rng, scenes[which])
-            images.append(torch.cat([scene.photo, torch.from_numpy(hint)[None]]))
-            masks.append(mask[None])
-        return Batch(image=torch.stack(images), mask=torch.stack(masks))
+            photo, examples = _examples(rng, scenes[which], config.prompts)
+            photos.append(photo)
+            prompts.append(torch.from_numpy(np.stack([prompt for prompt, _ in examples])))
+            masks.append(torch.stack([mask for _, mask in examples]))
+        return Batch(photo=torch.stack(photos), prompt=torch.stack(prompts), mask=torch.stack(masks))
 
     def _draw(self, number: int) -> Scene:
         """Scene number `number`, of one of the views then kept."""
         oldest = number // self.config.scenes_per_view
         views = _slide(self._views, range(oldest, oldest + self.config.views), self.views.view)
         rng = np.random.default_rng((self.config.seed, 2, number))
-        return draw_scene(rng, views[rng.integers(len(views))], self.textures)
+        return draw_scene(rng, views[rng.integers(len(views))], self.views.textures)
 
 
 def _slide(kept: dict, wanted: range, make: Callable[[int], object]) -> list:
@@ -101,7 +106,7 @@ def _slide(kept: dict, wanted: range, make: Callable[[int], object]) -> list:
 
 
 def unasked_target(scene: Scene) -> int | None:
-    """The object meant when nothing is told: most cover weighted towards the photo's centre, of one material.
+    """The object meant without a prompt: most cover weighted towards the photo's centre.
 
     None where there is none, or where a second one weighs nearly as much.
     """
@@ -114,7 +119,7 @@ def unasked_target(scene: Scene) -> int | None:
     )
     if not len(scene.covers):
         return None
-    scores = (scene.covers * weight).sum(dim=(1, 2)).numpy() * np.where(scene.uniform, 1.0, 0.3)
+    scores = (scene.covers * weight).sum(dim=(1, 2)).numpy()
     order = np.argsort(-scores)
     best = int(order[0])
     if scene.covers[best].sum() < MIN_TARGET_PX * (size / SIZE) ** 2:
@@ -124,16 +129,18 @@ def unasked_target(scene: Scene) -> int | None:
     return best
 
 
-def _question(rng: np.random.Generator, scene: Scene) -> tuple[Scene, np.ndarray, torch.Tensor]:
-    """A retake of the scene, a hint and the answer."""
+def _examples(
+    rng: np.random.Generator, scene: Scene, count: int
+) -> tuple[torch.Tensor, list[tuple[np.ndarray, torch.Tensor]]]:
+    """A retake's photo [3, S, S], and `count` prompts of different kinds with their answers."""
     which = _draw_target(rng, scene)
     if which is None or rng.random() >= CLOSE_SHARE:
-        scene = retake(rng, scene)
-        kind = str(rng.choice(list(HINTS), p=list(HINTS.values())))
-        return scene, *ask(rng, scene, kind)
-    scene = retake(rng, scene, part_surroundings(rng, cover_box(scene.covers[which]), scene.bounds))
-    kind = str(rng.choice(list(CLOSE_HINTS), p=list(CLOSE_HINTS.values())))
-    return scene, *ask(rng, scene, kind, which)
+        scene, which, shares = retake(rng, scene, SIZE), None, PROMPTS
+    else:
+        part = part_around(rng, cover_box(scene.covers[which]), scene.bounds)
+        scene, shares = retake(rng, scene, SIZE, part), CLOSE_PROMPTS
+    kinds = rng.choice(list(shares), size=count, replace=False, p=list(shares.values()))
+    return scene.photo, [ask(rng, scene, str(kind), which) for kind in kinds]
 
 
 def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
@@ -148,9 +155,9 @@ def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
 def ask(
     rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None
 ) -> tuple[np.ndarray, torch.Tensor]:
-    """A hint of a kind of HINTS and the answer to it: channel [S, S], target's cover [S, S].
+    """A prompt of a kind of PROMPTS and the answer to it: channel [S, S], target's cover [S, S].
 
-    Where nothing is told but no object stands out, it is told by a click after all.
+    Where there is none but no object stands out, there is a click after all.
 
     which: the object meant; else a random one.
     """
@@ -168,14 +175,14 @@ def ask(
         box = cover_box(cover)
         reach = 0.08 * max(box[2] - box[0], box[3] - box[1])
         moved = np.array(box, np.float64) + rng.normal(0.0, reach, 4) + reach * np.array([-1, -1, 1, 1])
-        return draw_hints(SIZE, box=np.clip(moved, 0, SIZE)), cover
+        return draw_prompts(SIZE, box=np.clip(moved, 0, SIZE)), cover
     on = [inside_click(rng, cover)]
     off: list[tuple[float, float]] = []
     if kind == "clicks":
         on += [inside_click(rng, cover) for _ in range(int(rng.integers(0, 3)))]
         for _ in range(int(rng.integers(0, 3))):
             off.append(_click_beside(rng, scene, which))
-    return draw_hints(SIZE, on, off), cover
+    return draw_prompts(SIZE, on, off), cover
 
 
 def cover_box(cover: torch.Tensor) -> tuple[int, int, int, int]:

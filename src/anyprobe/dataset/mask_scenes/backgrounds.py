@@ -1,4 +1,4 @@
-"""What stands behind the objects of a scene: the light itself, walls, plain paper, a table, flat things on it."""
+"""What stands behind the objects of a scene: the surroundings themselves, walls, plain paper, a table, flat things."""
 
 from __future__ import annotations
 
@@ -6,40 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.dataset.camera import blur
+from anyprobe.dataset.mask_scenes.foregrounds import LitView
+from anyprobe.dataset.mask_scenes.patterns import TexturePool
 from anyprobe.dataset.sky import tint
-from anyprobe.dataset.sprites import LitView
-from anyprobe.dataset.textures import draw_texture
 from anyprobe.render.surface import pixel_rays
 
-PLAIN_SHARE, WALL_SHARE = 0.25, 0.2
-"""Backdrops of one colour, and of a pattern; the rest shows the light."""
+PLAIN_SHARE, WALL_SHARE = 0.15, 0.2
+"""Backgrounds of one colour, and of a pattern; the rest shows the map."""
+
+FLAT_SHARE = 0.65
+"""So many of the latter are a piece of the map as it is stored, about as sharp as a photo; a camera of usual field
+of view would see a few of its pixels, blurred."""
+
+SOFT_SHARE, SOFTEST = 0.35, 0.02
+"""So many backgrounds are out of focus, and by how much at most, in sides."""
 
 GROUND_SHARE = 0.65
 """So many scenes have a table or a floor."""
 
 EYE_HEIGHT = 1.0
 """The camera above the ground; textures are scaled by it."""
-
-
-class TexturePool:
-    """Patterns drawn once and read many times, mirrored at their borders."""
-
-    def __init__(self, seed: int, count: int) -> None:
-        rng = np.random.default_rng((seed, 3))
-        self.patterns = torch.stack(
-            [torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count)]
-        )
-
-    def read(self, rng: np.random.Generator, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
-        """A random pattern at coordinates x, y [...] where 2 is one tile: [3, ...]."""
-        pattern = self.patterns[int(rng.integers(len(self.patterns)))]
-        grid = torch.stack([x, y], dim=-1).reshape(1, 1, -1, 2)
-        read = F.grid_sample(pattern[None], grid, padding_mode="reflection", align_corners=False)
-        return read.reshape(3, *x.shape)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,9 +48,14 @@ def make_window(size: int, tan_half: float) -> Window:
     return Window(x=x, y=y, tan_half=tan_half)
 
 
-def draw_backdrop(rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool) -> torch.Tensor:
+def draw_background(
+    rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
+) -> torch.Tensor:
     """Radiance [3, S, S] of everything but objects and shadows."""
     picture = _behind(rng, view, window, pool)
+    size = len(window.x)
+    if rng.random() < SOFT_SHARE:
+        picture = blur(picture, float(rng.uniform(0.002, SOFTEST)) * size)
     if rng.random() < GROUND_SHARE:
         color, cover = _ground(rng, view, window, pool)
         picture = torch.lerp(picture, color, cover)
@@ -105,10 +100,16 @@ def _behind(rng: np.random.Generator, view: LitView, window: Window, pool: Textu
         x = (window.x + slant * window.y + float(rng.uniform(-3, 3))) * scale
         return pool.read(rng, x, window.y * scale) * _lit(rng, view, window)
     size = len(window.x)
-    wo = pixel_rays(window.tan_half, size).reshape(-1, 3)
-    world = torch.from_numpy((-wo @ view.world_from_camera.T).astype(np.float32))
-    picture = bilinear(view.sky, direction_to_uv(world)).T.reshape(3, size, size)
-    if rng.random() < 0.5:  # a map is coarser than a photo: give it grain of its own
+    if rng.random() < FLAT_SHARE:
+        reach = float(rng.uniform(0.12, 0.25))  # half of what is seen, in the map's width
+        u = (float(rng.random()) + reach * window.x) % 1.0
+        v = (float(rng.normal(0.5, 0.06)) + 2 * reach * window.y).clip(0.02, 0.98)
+        picture = bilinear(view.sky, torch.stack([u, v], dim=-1).reshape(-1, 2)).T.reshape(3, size, size)
+    else:
+        wo = pixel_rays(window.tan_half, size).reshape(-1, 3)
+        world = torch.from_numpy((-wo @ view.world_from_camera.T).astype(np.float32))
+        picture = bilinear(view.sky, direction_to_uv(world)).T.reshape(3, size, size)
+    if rng.random() < 0.4:  # a map is coarser than a photo: give it grain of its own
         scale = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
         grain = pool.read(rng, window.x * scale, window.y * scale)
         grain = grain / grain.mean(dim=(1, 2), keepdim=True).clip(min=1e-3)

@@ -1,4 +1,4 @@
-"""Scenes: several objects before a backdrop, photographed, with how much of each pixel every one covers."""
+"""Scenes: several objects before a background, photographed, with how much of each pixel every one covers."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import torch
 import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
-from anyprobe.dataset.backdrops import TexturePool, Window, draw_backdrop, draw_flat, make_window
 from anyprobe.dataset.camera import blur, draw_shot, exposure
+from anyprobe.dataset.mask_scenes.backgrounds import Window, draw_background, draw_flat, make_window
+from anyprobe.dataset.mask_scenes.foregrounds import LitView
+from anyprobe.dataset.mask_scenes.patterns import TexturePool
 from anyprobe.dataset.pairs import take_photos
-from anyprobe.dataset.sprites import LitView
 
-SIZE = 160
-"""Side of a scene's photo: that of the mask network's input."""
+SIZE = 256
+"""Side of a scene's photo: parts of it are as sharp as the mask network's input."""
 
 GREY = 0.5
 """What fills a square beside a photo that is not square."""
@@ -26,27 +27,32 @@ EMPTY_SHARE = 0.04
 WHITE = 0.8
 """Radiance that most photos keep 60 % of their pixels below."""
 
+REFLECTING_SHARE = 0.12
+"""So many objects stand on something polished, which shows them upside down."""
+
+HARD_LIGHT = 0.6
+"""So many objects throw a shadow of their own shape, beside the dark contact that most have."""
+
 ASPECTS = (1.0, 4 / 3, 3 / 2, 16 / 9, 3 / 4, 2 / 3, 9 / 16)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scene:
     """photo [3, S, S] display values, grey beyond the photo's borders; covers [N, S, S] of its N objects
-    as far as they are seen; uniform [N]: of one material; bounds: the photo's rows and columns."""
+    as far as they are seen; bounds: the photo's rows and columns."""
 
     photo: torch.Tensor
     covers: torch.Tensor
-    uniform: np.ndarray
     bounds: tuple[int, int, int, int]
 
 
 def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, size: int = SIZE) -> Scene:
-    """Up to four objects of a view and some flat things, before a backdrop, through a camera.
+    """Up to four objects of a view and some flat things, before a background, through a camera.
 
     size: side of the picture; the same numbers of rng give the same scene at any size, but for its noise.
     """
     window = make_window(size, float(np.exp(rng.uniform(np.log(0.35), np.log(1.1)))))
-    picture = draw_backdrop(rng, view, window, textures)
+    picture = draw_background(rng, view, window, textures)
     bounds = _draw_bounds(rng, size)
     top, bottom, left, right = bounds
     photo_area = torch.zeros(size, size)
@@ -55,21 +61,16 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
     count = 0 if rng.random() < EMPTY_SHARE else int(rng.choice([1, 2, 3, 4], p=[0.5, 0.28, 0.15, 0.07]))
     placed = [_place(rng, index, bounds, size) for index in range(count)]
     placed.sort(key=lambda one: one.base)  # nearer objects stand lower in the picture
-    order = rng.permutation(len(view.sprites))[:count]
+    order = rng.permutation(len(view.foregrounds))[:count]
     covers: list[torch.Tensor] = []
-    uniform: list[bool] = []
     for one, which in zip(placed, order, strict=True):
-        sprite = view.sprites[which]
-        picture = picture * _shadows(rng, sprite, one, view, window)
-        layer = _warp(sprite, one, window)
-        is_uniform = one.first or rng.random() < 0.7
-        color = layer[:3]
-        if not is_uniform:
-            scale = float(np.exp(rng.uniform(np.log(1.0), np.log(6.0))))
-            color = color * 2.0 * textures.read(rng, window.x * scale, window.y * scale)
-        picture = picture * (1 - layer[3]) + color
+        foreground = view.foregrounds[which]
+        if rng.random() < REFLECTING_SHARE:
+            picture = _reflect(rng, picture, foreground, one, window)
+        picture = picture * _shadows(rng, foreground, one, view, window)
+        layer = _warp(foreground, one, window)
+        picture = picture * (1 - layer[3]) + layer[:3]
         covers = [cover * (1 - layer[3]) for cover in covers] + [layer[3]]
-        uniform.append(is_uniform)
     for _ in range(int(rng.choice([0, 1, 2], p=[0.75, 0.2, 0.05]))):  # in front of everything
         color, cover = draw_flat(rng, view, window, textures)
         narrow = cover.mean() < 0.06
@@ -90,20 +91,19 @@ def draw_scene(rng: np.random.Generator, view: LitView, textures: TexturePool, s
     everywhere = torch.ones(1, 1, size, size)
     photo = take_photos([shot], picture[None] * gain, everywhere, picture[None] * gain, rng)[0]
     photo = torch.where(photo_area > 0, photo, torch.tensor(GREY))
-    return Scene(photo=photo, covers=seen, uniform=np.array(uniform, bool), bounds=bounds)
+    return Scene(photo=photo, covers=seen, bounds=bounds)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Place:
-    """centre and half size of a sprite's window in the photo's (-1, 1); flipped left to right or not;
-    base: y of its lower edge; first: the object the photo was taken for."""
+    """centre and half size of a foreground's window in the photo's (-1, 1); flipped left to right or not;
+    base: y of its lower edge."""
 
     x: float
     y: float
     half: float
     flipped: bool
     base: float
-    first: bool
 
 
 def _draw_bounds(rng: np.random.Generator, size: int) -> tuple[int, int, int, int]:
@@ -117,46 +117,63 @@ def _place(rng: np.random.Generator, index: int, bounds: tuple[int, int, int, in
     top, bottom, left, right = bounds
     tall, wide = (bottom - top) / size, (right - left) / size
     if index == 0:
-        half = float(np.exp(rng.uniform(np.log(0.2), np.log(1.0)))) * min(tall, wide)
+        half = float(np.exp(rng.uniform(np.log(0.2), np.log(1.15)))) * min(tall, wide)
         spread = 0.3
     else:
         half = float(np.exp(rng.uniform(np.log(0.1), np.log(0.5)))) * min(tall, wide)
         spread = 0.8
-    room_x, room_y = max(wide - 0.8 * half, 0.05), max(tall - 0.8 * half, 0.05)
+    beyond = 0.3 if rng.random() < 0.2 else 0.8  # the former are often cut by the photo's border
+    room_x, room_y = max(wide - beyond * half, 0.05), max(tall - beyond * half, 0.05)
     x = float(np.clip(rng.normal(0, spread), -1, 1)) * room_x
     y = float(np.clip(rng.normal(0.1, spread), -1, 1)) * room_y
-    return _Place(x=x, y=y, half=half, flipped=rng.random() < 0.5, base=y + half, first=index == 0)
+    return _Place(x=x, y=y, half=half, flipped=rng.random() < 0.5, base=y + half)
 
 
-def _warp(sprite: torch.Tensor, place: _Place, window: Window) -> torch.Tensor:
-    """A sprite [C, S, S] in its place, [C, S, S], averaged first where it shrinks."""
+def _warp(foreground: torch.Tensor, place: _Place, window: Window) -> torch.Tensor:
+    """A foreground [C, S, S] in its place, [C, S, S], averaged first where it shrinks."""
     side = place.half * len(window.x)
-    while sprite.shape[-1] >= 2 * side and sprite.shape[-1] > 16:
-        sprite = F.avg_pool2d(sprite[None], 2)[0]
+    while foreground.shape[-1] >= 2 * side and foreground.shape[-1] > 16:
+        foreground = F.avg_pool2d(foreground[None], 2)[0]
     x = (window.x - place.x) / place.half * (-1 if place.flipped else 1)
     grid = torch.stack([x, (window.y - place.y) / place.half], dim=-1)
-    return F.grid_sample(sprite[None], grid[None], align_corners=False)[0]
+    return F.grid_sample(foreground[None], grid[None], align_corners=False)[0]
+
+
+def _reflect(
+    rng: np.random.Generator, picture: torch.Tensor, foreground: torch.Tensor, place: _Place, window: Window
+) -> torch.Tensor:
+    """The picture with an object's mirror image under its foot, fainter further down."""
+    rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
+    if not len(rows):
+        return picture
+    foot = place.y + ((int(rows[-1]) + 1) / foreground.shape[-1] * 2 - 1) * place.half
+    below = replace(place, y=2 * foot - place.y)
+    mirrored = _warp(foreground.flip(-2), below, window)
+    strength = float(rng.uniform(0.1, 0.6)) * torch.exp(
+        -(window.y - foot).clip(min=0) / float(rng.uniform(0.1, 0.8))
+    )
+    return picture * (1 - 0.5 * strength * mirrored[3]) + strength * mirrored[:3]
 
 
 def _shadows(
-    rng: np.random.Generator, sprite: torch.Tensor, place: _Place, view: LitView, window: Window
+    rng: np.random.Generator, foreground: torch.Tensor, place: _Place, view: LitView, window: Window
 ) -> torch.Tensor:
     """Factor [S, S] on what is behind an object: a dark contact, and a shadow thrown to one side."""
     factor = torch.ones_like(window.x)
-    rows = torch.nonzero((sprite[3] > 0.5).any(dim=1)).flatten()
+    rows = torch.nonzero((foreground[3] > 0.5).any(dim=1)).flatten()
     if not len(rows) or rng.random() < 0.2:
         return factor
-    size = sprite.shape[-1]
+    size = foreground.shape[-1]
     foot = place.y + ((int(rows[-1]) + 1) / size * 2 - 1) * place.half
     flat = float(np.clip(np.sin(max(view.elevation, 0.1)), 0.1, 0.9))
-    middle = sprite[3, int(rows[-1]) - size // 10 : int(rows[-1]) + 1].sum(dim=0)
+    middle = foreground[3, int(rows[-1]) - size // 10 : int(rows[-1]) + 1].sum(dim=0)
     across = torch.arange(size) / size * 2 - 1
     centre = float((middle * across).sum() / middle.sum().clip(min=1e-3)) * (-1 if place.flipped else 1)
     width = place.half * rng.uniform(0.3, 0.9)
     dx = (window.x - place.x - centre * place.half) / width
     dy = (window.y - foot + flat * width * 0.4) / (width * flat)
     factor = factor * (1 - float(rng.uniform(0.2, 0.85)) * torch.exp(-((dx**2 + dy**2) * 1.5)))
-    if rng.random() < 0.6:
+    if rng.random() < HARD_LIGHT:
         lean, stretch = (
             float(rng.uniform(-1.5, 1.5)),
             float(rng.uniform(0.15, 1.0) * rng.choice([-1, 1])) * flat,
@@ -164,7 +181,7 @@ def _shadows(
         height = (window.y - foot) / stretch if abs(stretch) > 0.03 else (window.y - foot) / 0.03
         x = (window.x - place.x + lean * height) / place.half * (-1 if place.flipped else 1)
         y = (height + foot - place.y) / place.half
-        shadow = F.grid_sample(sprite[None, 3:], torch.stack([x, y], -1)[None], align_corners=False)[0, 0]
+        shadow = F.grid_sample(foreground[None, 3:], torch.stack([x, y], -1)[None], align_corners=False)[0, 0]
         softness = float(np.exp(rng.uniform(np.log(0.7), np.log(8.0)))) / SIZE
         shadow = blur(shadow, softness * len(window.x))
         factor = factor * (1 - float(rng.uniform(0.15, 0.8)) * shadow.clip(0, 1))

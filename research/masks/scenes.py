@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from anyprobe.dataset.asks import cover_box, inside_click, unasked_target
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.scenes import draw_scene
-from anyprobe.dataset.sprites import ViewSource
+from anyprobe.dataset.mask_scenes.composites import draw_scene
+from anyprobe.dataset.mask_scenes.examples import cover_box, inside_click, unasked_target
+from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
+from anyprobe.dataset.mask_scenes.patterns import TexturePool
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
-from anyprobe.evaluate.masks import Case, make_case
+from research.masks.cases import Case, make_case
 
 SIZE = 480
 """Longer side of the rendered photos; the network sees them at 160."""
@@ -23,21 +23,24 @@ TEXTURES = 160
 
 
 def rendered_cases(store: AssetStore, count: int, seed: int) -> Iterator[Case]:
-    """Scenes of held-out shapes and maps, each with one object that is meant without a word."""
+    """Scenes of held-out shapes and maps, each with one object that is meant without a prompt."""
     surfaces = build_surfaces(list(store.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
-    illuminator = Illuminator([asset.radiance for asset in store.maps.values()], compiled=False)
-    yield from drawn_cases(ViewSource(illuminator, surfaces, seed), TexturePool(seed, TEXTURES), count, seed)
+    maps = [asset.radiance for asset in store.maps.values()]
+    textures = TexturePool(seed, TEXTURES, maps)
+    yield from drawn_cases(
+        ViewSource(Illuminator(maps, compiled=False), surfaces, textures, seed), count, seed
+    )
 
 
-def drawn_cases(views: ViewSource, textures: TexturePool, count: int, seed: int) -> Iterator[Case]:
-    """Scenes of these views in front of these textures, each with one object that is meant without a word."""
+def drawn_cases(views: ViewSource, count: int, seed: int) -> Iterator[Case]:
+    """Scenes of these views, each with one object that is meant without a prompt."""
     rng = np.random.default_rng((seed, 4))
     made = drawn = 0
     while made < count:
         if drawn % SCENES_PER_VIEW == 0:
             view = views.view(drawn // SCENES_PER_VIEW)
         drawn += 1
-        scene = draw_scene(rng, view, textures, SIZE)
+        scene = draw_scene(rng, view, views.textures, SIZE)
         target = unasked_target(scene)
         if target is None:
             continue

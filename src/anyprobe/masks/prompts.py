@@ -1,4 +1,4 @@
-"""Where somebody pointed, as a picture beside the photo: clicks and a box as one channel.
+"""Prompts as a picture beside the photo: clicks and a box as one channel.
 
 The mask network's input and its training draw the same channel with this.
 """
@@ -15,13 +15,13 @@ BOX_LEVEL = 0.5
 Point = tuple[float, float]
 
 
-def draw_hints(
+def draw_prompts(
     size: int,
     on: Sequence[Point] = (),
     off: Sequence[Point] = (),
     box: Sequence[float] | None = None,
 ) -> np.ndarray:
-    """The hint channel [size, size] float32 in [-1, 1]; zero where nothing was told.
+    """The prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
 
     BOX_LEVEL inside the box; there, around each click on the object, the larger of it and a
     Gaussian of height 1; a Gaussian of height 1 is taken off around each click off it.
