@@ -6,10 +6,14 @@ corners, no light between walls as dataset.room has it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from anyprobe.core.latlong import pixel_directions
+
+SUPERSAMPLE = 2
 NEAR = 1e-3
 """Metres by which a shadow ray starts off its surface."""
 
@@ -51,7 +55,9 @@ class Builder:
 
     def boxes(self) -> Boxes:
         """All of them."""
-        low, high, albedo, emission, texture, shadow = (np.array(values) for values in zip(*self.rows, strict=True))
+        low, high, albedo, emission, texture, shadow = (
+            np.array(values) for values in zip(*self.rows, strict=True)
+        )
         return Boxes(low=low, high=high, albedo=albedo, emission=emission, texture=texture, shadow=shadow)
 
 
@@ -106,7 +112,11 @@ def noise(rng: np.random.Generator, x: np.ndarray) -> np.ndarray:
 
 
 def turbulence(
-    rng: np.random.Generator, x: np.ndarray, octaves: int, footprint: np.ndarray | float = 0.0, fall: float = 0.55
+    rng: np.random.Generator,
+    x: np.ndarray,
+    octaves: int,
+    footprint: np.ndarray | float = 0.0,
+    fall: float = 0.55,
 ) -> np.ndarray:
     """Octaves of noise at x [N, 3], the first of cells of size 1, [N]; cells smaller than a footprint [N] fade out."""
     total, size, weight = np.zeros(len(x)), 1.0, 1.0
@@ -128,3 +138,12 @@ def lines(x: np.ndarray, spacing: float, width: float, footprint: np.ndarray | f
         return whole * width + np.minimum(at - whole * spacing, width)
 
     return np.clip((covered(x + reach / 2) - covered(x - reach / 2)) / reach, 0.0, 1.0)
+
+
+def panorama(look: Callable[[np.ndarray], np.ndarray], height: int) -> np.ndarray:
+    """What look(d [N, 3]) -> [N, 3] gives, [height, 2 height, 3] float32, each pixel the mean of SUPERSAMPLE^2."""
+    d = pixel_directions(height * SUPERSAMPLE).astype(np.float64)
+    bands = [look(band.reshape(-1, 3)).reshape(band.shape) for band in np.array_split(d, 8)]
+    fine = np.minimum(np.concatenate(bands), 1e4)
+    shape = (height, SUPERSAMPLE, 2 * height, SUPERSAMPLE, 3)
+    return fine.reshape(shape).mean(axis=(1, 3)).astype(np.float32)

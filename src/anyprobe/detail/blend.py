@@ -21,16 +21,19 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response, response
 from anyprobe.detail.library import decode
+from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.harmonics import project, sh_basis
-from anyprobe.light.main_light import MainLight, split_main_light
 
 HELD = 9.0
 """Sharpness of the blur b_l = exp(-l (l + 1) / 18) of order l; an estimate holds 1 - (1 - b)^3: of order 3 .88, of
 order 4 .70, of order 6 .26, of order 8 .05."""
 BANDS = (192.0, 768.0)
 """Of the blurs between bands: a half at orders 16 and 32."""
+BOOST = (1.2, 1.1, 1.0)
+"""Of the bands' contrast, for what the cut above white and an estimate's soft contrast take of it; chosen on training
+maps."""
 CEILING = 1.5
 """Radiance in units of white above which a candidate's is cut off: its light sources are not the estimate's."""
 FLOOR = 0.02
@@ -40,8 +43,10 @@ FINE = 16
 STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
 STEPS = 3
-BURNT = 0.97
+CLIPPED = 0.97
 """Display value of what is seen from which on it is at least as bright as it looks."""
+LEAST_COVER = 1e-3
+"""What display values are divided by at least, where next to nothing is covered."""
 LEAST_RADIUS = np.radians(1.0)
 """Of the disc."""
 
@@ -63,17 +68,18 @@ def blend(
         seen: [rows, 2 rows, 4] display values times cover, and cover, of what the photo shows around the object.
     """
     small = reduced(estimate, MAP_HEIGHT)
-    light, rest = split_main_light(small)
+    light, rest = split_dominant_light(small)
     if luminance(small).max() <= 1:  # nothing above white
         light, rest = None, small
     rest = _planar(rest)
     detailed = _detailed(rest, _candidate(codes, candidate_from_estimate, ln_gain, rows))
-    shown, cover = _shown(seen, estimate, rows)
-    fixed = shown * cover + (0.0 if light is None else _disc(light, shown, cover, rows))
+    goal = project(estimate)
+    shown, cover = _shown(seen, rest, rows)
+    fixed = shown * cover + (0.0 if light is None else _disc(light, rows))
     free = detailed * (1 - cover)
-    free *= _enlarge(_towards(free, fixed, cover, rest, project(estimate)), rows)
+    free *= _enlarge(_towards(free, fixed, rest, goal), rows)
     # once more, for what reducing to 64 rows left
-    lack = project(estimate) - project(_interleaved(free + fixed))
+    lack = goal - project(_interleaved(free + fixed))
     free *= _enlarge(_harmonics_step(_shrunk(free), lack), rows)
     return _interleaved(free + fixed)
 
@@ -90,7 +96,10 @@ def _detailed(rest: np.ndarray, phi: np.ndarray) -> np.ndarray:
     """The estimate's light [3, 64, 128] with the detail of ln radiance phi [3, H, 2H]."""
     ln_rest = np.log(np.maximum(rest, 0.0) + FLOOR)
     low, *bands = _bands(_shrunk(phi))
-    shares = [_missing(own, theirs) for own, theirs in zip(_bands(ln_rest)[1:], bands, strict=True)]
+    shares = [
+        boost * _missing(own, theirs)
+        for boost, own, theirs in zip(BOOST, _bands(ln_rest)[1:], bands, strict=True)
+    ]
     # phi itself carries what 64 rows do not hold, by the share of the finest band
     field = ln_rest - shares[-1] * low
     for share, band in zip(shares, bands, strict=True):
@@ -160,26 +169,25 @@ def _directions(rows: int) -> np.ndarray:
     return np.ascontiguousarray(pixel_directions(rows).reshape(-1, 3).T)
 
 
-def _shown(
-    seen: np.ndarray | None, estimate: np.ndarray, rows: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance [3, rows, 2 rows] of what is seen, where it is burnt out as bright as the estimate; and cover [1, ...]"""
+def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Radiance [3, rows, 2 rows] of what is seen and cover [1, rows, 2 rows]; where it is clipped, as bright as the
+    estimate [3, 64, 128] if that is brighter, its hue kept."""
     if seen is None:
         return np.zeros((3, 1, 1), np.float32), np.zeros((1, 1, 1), np.float32)
     cover = _planar(seen[..., 3:])
-    display = _planar(seen[..., :3]) / np.maximum(cover, 1e-3)
-    return inverse_response(display), cover
+    display = _planar(seen[..., :3]) / np.maximum(cover, LEAST_COVER)
+    radiance = inverse_response(display)
+    gain = np.maximum(_enlarge(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), LEAST_COVER), 1.0)
+    return np.where((display >= CLIPPED).any(axis=0), radiance * gain, radiance), cover
 
 
-def _towards(
-    free: np.ndarray, fixed: np.ndarray, cover: np.ndarray, rest: np.ndarray, harmonics: np.ndarray
-) -> np.ndarray:
-    """The factor m [3, 64, 128] of what is free, beside what is fixed."""
+def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """The factor m [3, 64, 128] of what is free beside what is fixed: blurred display values nearer to those of rest,
+    then harmonics [9, 3] those of the goal."""
     free, fixed = _shrunk(free), _shrunk(fixed)
-    wanted = _held(response(rest))
-    m = _ratio(wanted, _held(response(free)))
+    m = _ratio(_held(response(rest)), _held(response(free)))
     for _ in range(STEPS):
-        m = m * _harmonics_step(m * free, harmonics - project(_interleaved(m * free + fixed)))
+        m = m * _harmonics_step(m * free, goal - project(_interleaved(m * free + fixed)))
     return m
 
 
@@ -201,7 +209,7 @@ def _harmonics_step(free: np.ndarray, lack: np.ndarray) -> np.ndarray:
     return np.clip(factor, 1 / STEP, STEP)
 
 
-def _disc(light: MainLight, shown: np.ndarray, cover: np.ndarray, rows: int) -> np.ndarray:
+def _disc(light: DominantLight, rows: int) -> np.ndarray:
     """The dominant light [3, rows, 2 rows] as a disc of the lobe's size, edges a pixel and a half wide."""
     radius = max(float(np.arccos(np.clip(1.0 - light.solid_angle / (2 * np.pi), -1.0, 1.0))), LEAST_RADIUS)
     angle = np.arccos(np.clip(light.direction @ _directions(rows), -1.0, 1.0)).reshape(rows, 2 * rows)

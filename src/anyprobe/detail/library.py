@@ -22,7 +22,7 @@ from PIL import Image
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.errors import AnyprobeError, InputError, OutputError
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.names import visible_files
 from anyprobe.files.radiance import read_radiance
@@ -151,6 +151,8 @@ def open_library(folder: str | Path | None = None) -> Library:
     if folder is None:
         return _opened(Path(str(resources.files("anyprobe.detail") / "own.zip")), "")
     folder = Path(folder)
+    if folder.suffix == ".zip" and folder.is_file():
+        return _opened(folder, "")
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a folder of .exr or .hdr maps, found none; check the path")
     files = visible_files(folder, SUFFIXES)
