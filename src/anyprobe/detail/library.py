@@ -24,7 +24,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
