@@ -79,14 +79,13 @@ def spectrum(display: np.ndarray, orders: int = 64) -> np.ndarray:
 
 
 def edge_ratios(display: np.ndarray) -> tuple[float, float]:
-    """Mean difference of display values across the seam over that of all neighbouring columns; and of the eight rows
-    nearest the poles, a pixel's breadth on the sphere apart, over the eight rows after them."""
+    """Mean step of display values [H, 2H, 3] across the seam over that between all neighbouring columns; across the
+    poles over that between all neighbouring rows."""
     columns = np.abs(np.diff(display, axis=1, append=display[:, :1])).mean(axis=(0, 2))
-    height = len(display)
-    steps = np.abs(np.diff(display, axis=0)).mean(axis=(1, 2))
-    ends = np.concatenate([steps[:8], steps[-8:]]).mean()
-    after = np.concatenate([steps[8:16], steps[height - 17 : height - 9]]).mean()
-    return float(columns[-1] / columns.mean()), float(ends / max(after, 1e-6))
+    across = [np.abs(row - np.roll(row, len(display), axis=0)).mean() for row in (display[0], display[-1])]
+    return float(columns[-1] / columns.mean()), float(
+        np.mean(across) / np.abs(np.diff(display, axis=0)).mean()
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
