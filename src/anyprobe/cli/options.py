@@ -205,11 +205,31 @@ class ModelOptions:
         int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")
     ] = None
 
-    def estimator(self) -> Estimator:
+    def estimator(self, **more: Any) -> Estimator:
         """Opened by these options."""
         from anyprobe.estimate.estimator import Estimator
 
-        return Estimator(self.model, threads=self.threads, engine=self.engine, emitters=self.emitters)
+        return Estimator(self.model, threads=self.threads, engine=self.engine, emitters=self.emitters, **more)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DetailOptions:
+    """Where a map's detail is from."""
+
+    detail: Annotated[
+        str,
+        typer.Option(
+            metavar="none|plausible",
+            help="plausible: the structure of a real-looking place under the estimated light, for sharp reflections.",
+        ),
+    ] = "none"
+    detail_library: Annotated[
+        Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")
+    ] = None
+
+    def settings(self) -> dict[str, Any]:
+        """For Estimator."""
+        return {"detail": self.detail, "detail_library": self.detail_library}
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:

@@ -13,6 +13,7 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import (
+    DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -64,6 +65,7 @@ def relight(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
     taken: ObjectOptions,
     by: ModelOptions,
+    fine: DetailOptions,
     placed: InsertOptions,
     insert: Annotated[
         str, typer.Option(metavar="SHAPE|FILE", help=f"{SHAPES}, or a .glb, .obj or .ply file.")
@@ -106,7 +108,7 @@ def relight(
     traced = uses_mitsuba(renderer)
     name, mesh = insert, open_object(insert)
     taken = load_photo(photo, fov_deg=taken.fov, **hints)
-    radiance, gain = _radiance(taken, light, by, given)
+    radiance, gain = _radiance(taken, light, by, fine, given)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
@@ -143,7 +145,7 @@ def relight(
 
 
 def _radiance(
-    photo: Photo, light: Path | None, by: ModelOptions, material: Material | None
+    photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions, material: Material | None
 ) -> tuple[np.ndarray, float]:
     """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
@@ -156,7 +158,7 @@ def _radiance(
         return radiance, 1.0
     from anyprobe.relight.appearance import least_scale
 
-    radiance = by.estimator().from_photo(photo, material=material).radiance
+    radiance = by.estimator(**fine.settings()).from_photo(photo, material=material).radiance
     if material is not None:  # which settles the level
         return radiance, 1.0
     gain = least_scale(photo, radiance)

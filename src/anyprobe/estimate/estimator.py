@@ -7,11 +7,14 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.detail.plausible import DETAILS, ROWS
+from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import estimate_multiview
@@ -58,6 +61,9 @@ class Estimator:
         engine: str = DEFAULT_ENGINE,
         emitters: str = MODE,
         segmenter: str | Segmenter | None = None,
+        detail: str = DETAILS[0],
+        size: int = ROWS,
+        detail_library: str | Path | None = None,
     ) -> None:
         """Open a bundled model, or a folder of graphs, with an engine of estimate.runtime.ENGINES.
 
@@ -66,10 +72,15 @@ class Estimator:
             the mean radiance over all positions (soft, and truer on matte objects).
         segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
             masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        detail: "none", or "plausible": maps of `size` rows with detail of detail_library, a folder of maps (None: our
+            own), see Light.with_detail; of single photos, not of several together.
         """
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.models = Models(model, threads, engine, emitters)
         self.model_id, self.emitters = model_id(model), emitters
+        if detail not in DETAILS:
+            raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+        self.detail, self.size, self.detail_library = detail, size, detail_library
 
     def with_emitters(self, emitters: str) -> Estimator:
         """The same open networks with other emitters."""
@@ -164,7 +175,17 @@ class Estimator:
             material: the object's, if given.
         """
         start = time.perf_counter() if start is None else start
-        return self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        return light if self.detail == DETAILS[0] else self._with_detail(light, photo)
+
+    def _with_detail(self, light: Light, photo: Photo) -> Light:
+        """Of the photo's own surroundings too, where they are to be used."""
+        start, seen = time.perf_counter(), None
+        if photo.surroundings_map is True:
+            seen = seen_in_photo(photo.rgb, photo.mask, photo.long_fov_deg, self.size)
+        light = light.with_detail(library=self.detail_library, size=self.size, seen=seen)
+        seconds = {**light.info["seconds"], "detail": round(time.perf_counter() - start, 4)}
+        return replace(light, info={**light.info, "seconds": seconds})
 
     def from_crop(
         self,

@@ -32,7 +32,7 @@ SH_DEFINITION = (
     "WebXR and three.js; axes x right, y up, z back whatever the target's are"
 )
 
-ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings")
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail")
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
