@@ -31,8 +31,8 @@ class Limits:
         upload_s: seconds in which a body must have arrived; later it is 408.
         grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
         retry_after_s: what a 429 asks for.
-        quick_s: seconds for decoding a JPEG, PNG or WebP before it waits in line with the slow formats.
-        decode_s: seconds for decoding any file, and for an export; beyond them 422.
+        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
+        decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
         decode_mb: memory for that, beyond the idle process's own; beyond it 422.
     """
 
@@ -45,8 +45,8 @@ class Limits:
     least_rate: float = 16_384.0
     retry_after_s: int = 1
     quick_s: float = 2.5
-    decode_s: float = 10.0
-    decode_mb: int = 700
+    decode_s: float = 8.0
+    decode_mb: int = 900
 
 
 class Busy(Exception):

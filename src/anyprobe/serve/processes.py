@@ -10,6 +10,7 @@ import contextlib
 import logging
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
@@ -28,6 +29,11 @@ HEADER_BYTES = 8
 USED_UP_MB = 400
 """Memory that a process may hold between two pieces of work; above, it is replaced."""
 
+WALL_FACTOR, START_S = 3.0, 10.0
+"""Wall clock for a piece of work: times the processor's seconds, as others want the processor too, and for imports."""
+
+SIGXCPU = getattr(signal, "SIGXCPU", -1)
+
 MAX_CALLS = 500
 """Pieces of work after which it is replaced too: libraries leak."""
 
@@ -44,7 +50,7 @@ class Lane:
     """Processes of one kind, started when they are needed; each does one piece of work at a time."""
 
     def __init__(self, *, seconds: float, memory_mb: int, niceness: int = 0) -> None:
-        """seconds: of wall clock, for a piece of work; memory_mb: beyond what an idle process has."""
+        """seconds: of the processor, for a piece of work; memory_mb: beyond what an idle process has."""
         self._seconds, self._memory_mb, self._niceness = seconds, memory_mb, niceness
         self._idle: list[_Worker] = []
         self._lock = threading.Lock()
@@ -105,14 +111,13 @@ class _Worker:
             late.set()
             self._process.kill()
 
-        timer = threading.Timer(seconds + START_S * (not hasattr(self, "_used")), end)
-        self._used = True
+        timer = threading.Timer(WALL_FACTOR * seconds + START_S, end)
         timer.start()
         try:
             _send(self._process.stdin, message)
             return _receive(self._process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
-            if late.is_set():
+            if late.is_set() or self._process.wait(5) == -SIGXCPU:
                 raise TooSlow(
                     f"expected a file that is decoded within {seconds:g} seconds, got a slower one; "
                     "send it smaller, or as PNG or JPEG"
@@ -126,14 +131,12 @@ class _Worker:
 
     def end(self) -> None:
         self._process.kill()
-        self._process.wait()
+        self._process.wait(5)
         for pipe in (self._process.stdin, self._process.stdout):
             with contextlib.suppress(OSError):
                 pipe.close()
 
 
-START_S = 20.0
-"""A process's first piece of work waits for its imports besides."""
 
 
 def _outcome(answer: dict[str, Any]) -> Any:
@@ -233,7 +236,7 @@ def _bound_time(seconds: float) -> None:
     try:
         import resource
 
-        limit = int(time.process_time() + seconds) + 2
+        limit = int(time.process_time() + seconds) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     except (ImportError, OSError, ValueError):
         log.debug("no limit of time")

@@ -22,8 +22,11 @@ from anyprobe.serve.uploads import TooManyPixels, Upload
 PAGE_LONG_PX = 2048
 """Longer side of what /v1/photo sends back: more than a page shows."""
 
-MAP_MAX_ROWS = 1024
-"""Largest map that is exported, in 0.6 GB at most (a KTX2 cube, turned); ours have 64."""
+MAP_MAX_ROWS = 512
+"""Largest map that is exported: a cube of it takes 5 seconds; ours have 64."""
+
+MAX_PANORAMA_PIXELS = 8_500_000
+"""Of surroundings, which are brought to 128 x 64."""
 
 
 def ready() -> None:
@@ -67,7 +70,7 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
     from anyprobe.export.exported_light import check_front, map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
-    _check_pixels(upload, max_pixels)
+    _check_pixels(upload, min(max_pixels, 2 * MAP_MAX_ROWS**2))
     suffix = ".hdr" if upload.photo.startswith(b"#?") else ".exr"
     with tempfile.TemporaryDirectory() as scratch, tempfile.TemporaryDirectory() as folder:
         path = Path(scratch) / f"map{suffix}"
@@ -78,10 +81,6 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
             turned = origin_turned(map_from_camera(path))
         except InputError as error:
             raise InvalidEnvironment(str(error).replace(str(path), "map")) from error
-        if len(radiance) > MAP_MAX_ROWS:
-            raise InvalidEnvironment(
-                f"map: expected at most {MAP_MAX_ROWS} rows, got {len(radiance)}; shrink it first"
-            )
         given, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
         turn = None if given is None else rotation_of(given)
         export(
@@ -115,8 +114,9 @@ def _open(upload: Upload, max_pixels: int) -> Photo:
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
     """TooManyPixels where a picture's header claims more."""
     pictures = {upload.name: upload.photo, "mask": upload.mask, "normals": upload.normals}
+    bounds = dict.fromkeys(pictures, max_pixels) | {"surroundings": min(max_pixels, MAX_PANORAMA_PIXELS)}
     for name, picture in (pictures | {"surroundings": upload.surroundings}).items():
-        if isinstance(picture, bytes) and declared_pixels(picture) > max_pixels:
+        if isinstance(picture, bytes) and declared_pixels(picture) > bounds[name]:
             raise TooManyPixels(
-                f"{name}: expected at most {max_pixels / 1e6:g} million pixels; shrink it first"
+                f"{name}: expected at most {bounds[name] / 1e6:g} million pixels; shrink it first"
             )
