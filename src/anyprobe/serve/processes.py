@@ -137,8 +137,6 @@ class _Worker:
                 pipe.close()
 
 
-
-
 def _outcome(answer: dict[str, Any]) -> Any:
     """The result, or the error raised again."""
     if "result" in answer:
