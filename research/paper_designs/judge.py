@@ -14,10 +14,10 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.light.reconstruct import reconstruct
+from research.compare.tables import Tables, mirror_places
+from research.compare.transport import TO_EYE
 from research.paper_designs.designs import DESIGNS, Designs, inputs_of
 from research.paper_designs.pairs import Batch, Which, balanced, make_batch
-from research.paper_designs.tables import Tables, mirror_places
-from research.paper_designs.transport import TO_EYE
 
 TEST_PAIRS = 1000
 """Of training pairs half as many are judged."""

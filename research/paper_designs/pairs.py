@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import torch
 
+from research.compare.tables import Tables
 from research.paper_designs.scale import MATERIALS, VIEWS
-from research.paper_designs.tables import Tables
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

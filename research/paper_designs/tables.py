@@ -21,8 +21,8 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import rotate, shrink
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import frame_object, see
+from research.compare.transport import TO_EYE, hemisphere, transport, viewpoint
 from research.paper_designs.scale import MATERIALS, VIEWS, Scale
-from research.paper_designs.transport import TO_EYE, hemisphere, transport, viewpoint
 
 SCENE_KEY = 0.12
 """What the one camera makes of a map's mean luminance (of its logarithm): a sixth of all irradiance clips."""
