@@ -8,11 +8,11 @@ from pathlib import Path
 
 import torch
 
-from research.compare.tables import Tables, build_tables, cached_tables, load_maps, load_shapes
 from research.paper_designs.ceilings import ceilings
 from research.paper_designs.judge import TEST_PAIRS, Judge
 from research.paper_designs.report import write_report
 from research.paper_designs.scale import SCALES
+from research.paper_designs.tables import Tables, build_tables, cached_tables, load_maps, load_shapes
 from research.paper_designs.train import Run, train
 
 PAIRS = (2_500, 25_000, 250_000, 2_500_000, 25_000_000)

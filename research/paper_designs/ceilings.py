@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from research.compare.tables import Tables
 from research.paper_designs.judge import TEST_PAIRS, rmse, ssim
 from research.paper_designs.pairs import balanced
 from research.paper_designs.scale import MATERIALS, VIEWS
+from research.paper_designs.tables import Tables
 
 CAMERAS = 3
 """Of the next elevations, below and above, whose lights are learned from too."""

@@ -22,11 +22,11 @@ import torch
 from torch import nn
 
 from anyprobe.light.reconstruct import blend_weight
-from research.compare.tables import Tables
 from research.paper_designs.gradual import epoch_of, filtered
 from research.paper_designs.nets import HdrNet, IrradianceNet, MirrorNet, PictureNet
 from research.paper_designs.pairs import Batch
 from research.paper_designs.scale import Scale
+from research.paper_designs.tables import Tables
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import torch
 
-from research.compare.tables import Tables
 from research.paper_designs.designs import Designs, Losses
 from research.paper_designs.judge import Judge
 from research.paper_designs.pairs import Order, make_batch
 from research.paper_designs.scale import Scale
+from research.paper_designs.tables import Tables
 
 RATE = 1e-3
 """The paper's learning rate; it rises over the first 5 % of the steps (at most RISE) and falls over the last 30 %."""

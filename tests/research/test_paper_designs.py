@@ -10,14 +10,11 @@ from skimage.metrics import structural_similarity
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from research.compare.tables import build_tables, views_of  # noqa: E402
-
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe.core.response import inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
-from research.compare.transport import TO_EYE, hemisphere  # noqa: E402
 from research.paper_designs.designs import DESIGNS, Designs, Losses, inputs_of  # noqa: E402
 from research.paper_designs.gradual import epoch_of, filtered  # noqa: E402
 from research.paper_designs.judge import (  # noqa: E402
@@ -31,7 +28,9 @@ from research.paper_designs.judge import (  # noqa: E402
 from research.paper_designs.pairs import Order, balanced, make_batch  # noqa: E402
 from research.paper_designs.report import read_points, verdict, write_report  # noqa: E402
 from research.paper_designs.scale import MATERIALS, SCALES, VIEWS  # noqa: E402
+from research.paper_designs.tables import build_tables, views_of  # noqa: E402
 from research.paper_designs.train import Run, Trainer, judged_at, rate_at, train  # noqa: E402
+from research.paper_designs.transport import TO_EYE, hemisphere  # noqa: E402
 
 SCALE = replace(SCALES["small"], normals=120, light_rows=64, batch=6, width=8, code=16)
 
