@@ -1,4 +1,4 @@
-"""Library (noun): maps that lend their detail, as pictures of 8 bits and a few smooth features of each, in one file.
+"""The detail library: 8-bit environment maps and a few smooth features of each, in one file.
 
 A map is kept without a scale of its own: divided by its geometric mean, and coded by a curve that has steps of a few
 percent from a thousandth to a thousand times that mean. Its light sources need no more: their power is the estimate's.
@@ -43,7 +43,7 @@ PATTERN, SHADING = 12.0, 6.0
 """Sharpness (light.filtering) of the blurs of the features: of ln radiance, about what an estimate holds of it, orders
 up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
-"""Sharpness of the blur that an estimate is told from detail by: exp(-l (l + 1) / 96) of order l, a half at order 8."""
+"""Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
 VERSION = 1
 """Of the file; another is made anew."""
 

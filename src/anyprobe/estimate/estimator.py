@@ -259,7 +259,7 @@ class Estimator:
         given = [name for name, value in known if value is not None]
         if given and self.models.stages != LIFT_STAGES:
             raise InputError(
-                f"{' and '.join(given)}: expected a model that tells normals, got {self.models.name}; "
+                f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 BRIGHT = 0.8
 """Radiance above which light may be emitters; white is 1."""
 LEAST_FLUX = 0.01
-"""Of what is brighter, where power is given back to it: from less nobody knows where the emitters are."""
+"""Of what is brighter, where power is given back to it: with less, their positions are unknown."""
 
 
 def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:

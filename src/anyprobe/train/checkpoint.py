@@ -1,4 +1,4 @@
-"""Checkpoint (noun): what a run keeps of itself; a damaged file or another run's is one clear line."""
+"""Checkpoints: reading them, and resuming the run they are of and no other."""
 
 from __future__ import annotations
 
