@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from anyprobe.estimate import photo as photo_module
-from anyprobe.estimate.multiview import estimate_multiview
 
 SLOW_S = 0.3
 pytestmark = pytest.mark.usefixtures("networks_opened_once", "slow_masks")
@@ -43,7 +42,7 @@ def test_the_command_counts_from_the_photo_s_opening(work, command, photo_path, 
 def test_no_time_counts_twice(estimator, photo_path):
     start = time.perf_counter()
     photos = (photo_module.load_photo(photo_path) for _ in range(3))
-    light = estimate_multiview(estimator, photos, [np.eye(3)] * 3)
+    light = estimator.multiview(photos, [np.eye(3)] * 3)
     seconds = light.info["seconds"]
     assert seconds["load"] >= 3 * SLOW_S
     assert sum(seconds.values()) < time.perf_counter() - start + 0.01  # rounded

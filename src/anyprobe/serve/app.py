@@ -17,7 +17,7 @@ from starlette.requests import ClientDisconnect
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_cut
+from anyprobe.estimate.multiview import estimate_crops
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve import answers, openapi
@@ -152,7 +152,9 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 mask = mask or found
 
             def work(job: Job) -> Response:
-                light = estimate_cut(asked_of(common), taken, views.world_from_camera, spent, material)
+                light = estimate_crops(
+                    asked_of(common).from_crop, taken, views.world_from_camera, spent, material
+                )
                 job.step()
                 return answers.light_response(light, media, common.include, mask)
 
