@@ -14,7 +14,7 @@ from torch import nn
 from anyprobe.errors import InputError, ModelError
 
 RENAMED = (
-    ("light.emitters.power.", "light.emitters.power."),
+    ("light.lamps.flux.", "light.emitters.power."),
     ("light.object.around.", "light.object.surroundings."),
     (".rise.", ".up."),
 )
