@@ -2,8 +2,8 @@
 
     python benchmarks/page_masks.py --data DATA --scenes 12 --photos PHOTOS [--seed 2020]
 
-The scenes and photos are those of `anyprobe evaluate-masks` with the same options. The page's code runs in Node
-with its own runtime, one thread. Needs what that command needs, OpenCV, Node.js and the packages of web/
+The scenes and photos are those of `python -m research.masks` with the same options. The page's code runs in Node
+with its own runtime, one thread. Needs what that command needs, Node.js and the packages of web/
 (cd web && npm ci).
 Prints one JSON object a set and a telling:
 
@@ -23,26 +23,22 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.dataset.asset_store import load_asset_store
-from anyprobe.evaluate.mask_scenes import rendered_cases
-from anyprobe.evaluate.masks import Case, iou, methods, photo_cases
-from anyprobe.masks.propose import shared_network
+from research.masks.cases import Case, iou, photo_cases
+from research.masks.scenes import rendered_cases
+from research.masks.scoring import PROMPTS, score
 
 ROOT = Path(__file__).parents[1]
 
-METHODS = {"nothing": "nothing: network, GrabCut", "click": "click: network, GrabCut", "box": "box: GrabCut"}
-"""What `anyprobe mask` does, by what it is told."""
-
 
 def compare(cases: list[Case], given: str) -> dict:
-    """The page and the command line told nothing, a click or a box."""
+    """The page and the command line without a prompt, by a click or by a box."""
     from support.page_masks import page_masks
 
     clicks = [[case.click] if given == "click" else [] for case in cases]
     boxes = [case.box if given == "box" else None for case in cases]
     with tempfile.TemporaryDirectory() as folder:
         pages, spent = page_masks(Path(folder), [case.rgb for case in cases], clicks, boxes)
-    find = methods(shared_network())[METHODS[given]]
-    ours = [find(case) for case in cases]
+    ours = [score(case, given, "anyprobe", None).mask for case in cases]
     ours = [np.zeros_like(page) if mask is None else mask for mask, page in zip(ours, pages, strict=True)]
     return {
         "page": scores(pages, cases),
@@ -84,7 +80,7 @@ def main() -> None:
     if asked.photos is not None:
         sets["photos"] = list(photo_cases(asked.photos))
     for name, cases in sets.items():
-        for given in METHODS:
+        for given in PROMPTS:
             print(
                 json.dumps({"set": name, "well_exposed_fraction": given, **compare(cases, given)}), flush=True
             )

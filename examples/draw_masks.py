@@ -14,12 +14,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from anyprobe.core.color import to_bytes
-from anyprobe.dataset.asks import cover_box, unasked_target
 from anyprobe.dataset.asset_store import draw_map
-from anyprobe.dataset.backdrops import TexturePool
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.scenes import draw_scene
-from anyprobe.dataset.sprites import ViewSource
+from anyprobe.dataset.mask_scenes.composites import draw_scene
+from anyprobe.dataset.mask_scenes.examples import cover_box, unasked_target
+from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
+from anyprobe.dataset.mask_scenes.patterns import TexturePool
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
@@ -37,11 +37,11 @@ def main(path: Path) -> None:
     rng = np.random.default_rng(SEED)
     maps = [draw_map(rng)[0] for _ in range(4)]
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=6, size=256, seed=SEED))
-    views, textures = ViewSource(Illuminator(maps, compiled=False), surfaces, SEED), TexturePool(SEED, 20)
+    views = ViewSource(Illuminator(maps, compiled=False), surfaces, TexturePool(SEED, 40, maps), SEED)
     columns = []
     number = 0
     while len(columns) < 4:
-        scene = draw_scene(rng, views.view(number), textures, SIZE)
+        scene = draw_scene(rng, views.view(number), views.textures, SIZE)
         number += 1
         target = unasked_target(scene)
         if target is None or scene.bounds != (0, SIZE, 0, SIZE) or len(scene.covers) < 2:

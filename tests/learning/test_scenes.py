@@ -12,13 +12,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
 
-from anyprobe.dataset.asks import HINTS, SceneSource, ask, unasked_target  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.backdrops import TexturePool  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.retakes import retake  # noqa: E402
-from anyprobe.dataset.scenes import GREY, SIZE, Scene, draw_scene  # noqa: E402
-from anyprobe.dataset.sprites import ViewSource  # noqa: E402
+from anyprobe.dataset.mask_scenes.augment import retake  # noqa: E402
+from anyprobe.dataset.mask_scenes.backgrounds import TexturePool  # noqa: E402
+from anyprobe.dataset.mask_scenes.composites import GREY, Scene, draw_scene  # noqa: E402
+from anyprobe.dataset.mask_scenes.examples import PROMPTS, SIZE, SceneSource, ask, unasked_target  # noqa: E402
+from anyprobe.dataset.mask_scenes.foregrounds import ViewSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.masks.propose import MaskNetwork  # noqa: E402
 from anyprobe.nets.mask_net import MaskNet  # noqa: E402
@@ -30,19 +30,15 @@ from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, mask_loss, smo
 def views():
     rng = np.random.default_rng(0)
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
-    return ViewSource(illuminator, build_surfaces([], SurfaceConfig(views=1, procedural=2)), seed=0)
+    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
+    return ViewSource(illuminator, surfaces, TexturePool(0, 6, illuminator.maps), seed=0)
 
 
 @pytest.fixture(scope="module")
-def textures():
-    return TexturePool(0, count=6)
-
-
-@pytest.fixture(scope="module")
-def scenes(views, textures):
+def scenes(views):
     rng = np.random.default_rng(1)
     view = views.view(0)
-    return [draw_scene(rng, view, textures) for _ in range(30)]
+    return [draw_scene(rng, view, views.textures, SIZE) for _ in range(30)]
 
 
 def two_discs() -> Scene:
@@ -57,7 +53,6 @@ def two_discs() -> Scene:
     return Scene(
         photo=photo,
         covers=torch.stack([small, large]),
-        uniform=np.array([True, True]),
         bounds=(27, 133, 0, 160),
     )
 
@@ -77,8 +72,8 @@ def test_a_scene_is_a_photo_of_things_that_hide_one_another(scenes):
 
 def test_the_same_number_gives_the_same_view(views):
     once, again, other = views.view(3), views.view(3), views.view(4)
-    assert torch.equal(once.sprites, again.sprites)
-    assert not torch.equal(once.sprites, other.sprites)
+    assert torch.equal(once.foregrounds, again.foregrounds)
+    assert not torch.equal(once.foregrounds, other.foregrounds)
 
 
 def test_told_nothing_the_large_central_one_is_meant():
@@ -89,7 +84,7 @@ def test_told_nothing_the_large_central_one_is_meant():
     assert unasked_target(replace(scene, covers=twins)) is None
 
 
-@pytest.mark.parametrize("kind", list(HINTS))
+@pytest.mark.parametrize("kind", list(PROMPTS))
 def test_a_hint_points_at_its_answer(kind, scenes):
     rng = np.random.default_rng(0)
     for scene in [two_discs(), *scenes]:
@@ -112,7 +107,7 @@ def test_a_retake_moves_photo_and_answer_alike():
     rng = np.random.default_rng(3)
     sizes = set()
     for _ in range(40):
-        scene = retake(rng, two_discs())
+        scene = retake(rng, two_discs(), SIZE)
         top, bottom, left, right = scene.bounds
         sizes.add(scene.bounds)
         small, large = scene.covers
@@ -143,8 +138,9 @@ def test_network_learns_one_batch_and_sees_the_hint():
     hints = torch.stack([cover * 0.5 for cover in scene.covers])
     image = torch.cat([scene.photo.expand(2, 3, SIZE, SIZE), hints[:, None]], dim=1)
     target = scene.covers[:, None]
-    net = MaskNet(widths=(8, 8, 12, 16, 16))
-    optimizer = torch.optim.Adam(net.parameters(), lr=1e-2)
+    net = MaskNet()
+    net.encoder.requires_grad_(False)
+    optimizer = torch.optim.Adam([one for one in net.parameters() if one.requires_grad], lr=1e-2)
     for _ in range(25):
         optimizer.zero_grad()
         mask_loss(net.logits(image), target).backward()

@@ -1,4 +1,4 @@
-"""The page cuts objects out of still photos as OpenCV does for the command line: our own scenes through both."""
+"""The page cuts objects out of still photos as well as the command line: our own scenes through both."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ import pytest
 from support.page_masks import can_run, page_masks
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
-pytest.importorskip("cv2", reason="needs the box extra")
 
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.backdrops import TexturePool  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.sprites import ViewSource  # noqa: E402
+from anyprobe.dataset.mask_scenes.foregrounds import ViewSource  # noqa: E402
+from anyprobe.dataset.mask_scenes.patterns import TexturePool  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
-from anyprobe.evaluate.mask_scenes import drawn_cases  # noqa: E402
-from anyprobe.evaluate.masks import iou  # noqa: E402
-from anyprobe.masks.grabcut import cut_seeded, mask_from_box  # noqa: E402
-from anyprobe.masks.propose import shared_network  # noqa: E402
+from anyprobe.files.images import read_image  # noqa: E402
+from anyprobe.masks.find import find_mask  # noqa: E402
+from research.masks.cases import iou  # noqa: E402
+from research.masks.scenes import drawn_cases  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
@@ -30,30 +29,31 @@ def cases():
     rng = np.random.default_rng(0)
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=4, size=384))
-    return list(
-        drawn_cases(ViewSource(illuminator, surfaces, seed=0), TexturePool(0, count=24), SCENES, seed=0)
-    )
+    return list(drawn_cases(ViewSource(illuminator, surfaces, TexturePool(0, 24), seed=0), SCENES, seed=0))
 
 
-def test_page_cuts_out_what_the_package_cuts_out(cases, tmp_path):
+def test_page_cuts_out_as_well_as_the_package(cases, tmp_path):
     if not can_run():
         pytest.skip("needs Node.js and the packages of web/ (cd web && npm ci)")
     clicks = [on for case in cases for on in ([], [case.click])]
     photos = [case.rgb for case in cases for _ in range(2)]
     pages, _ = page_masks(tmp_path, photos, clicks)
-    agreements = []
-    for rgb, on, page in zip(photos, clicks, pages, strict=True):
-        own = cut_seeded(rgb, shared_network().propose(rgb, on).cover, on)
-        agreements.append(iou(page, np.zeros(page.shape) if own is None else own))
-    assert np.mean(agreements) >= 0.9, np.round(agreements, 2)
+    ours = [find_mask(read_image(rgb), click=on or None).mask for rgb, on in zip(photos, clicks, strict=True)]
+    _check_alike(pages, ours, [case.mask for case in cases for _ in range(2)])
 
 
-def test_page_cuts_out_of_a_box_what_the_package_cuts_out(cases, tmp_path):
+def test_page_cuts_out_of_a_box_as_well_as_the_package(cases, tmp_path):
     if not can_run():
         pytest.skip("needs Node.js and the packages of web/ (cd web && npm ci)")
     photos, boxes = [case.rgb for case in cases], [case.box for case in cases]
     pages, _ = page_masks(tmp_path, photos, [[]] * len(photos), boxes)
-    agreements = [
-        iou(page, mask_from_box(rgb, box)) for rgb, box, page in zip(photos, boxes, pages, strict=True)
-    ]
-    assert np.mean(agreements) >= 0.9, np.round(agreements, 2)
+    ours = [find_mask(read_image(rgb), box=box).mask for rgb, box in zip(photos, boxes, strict=True)]
+    _check_alike(pages, ours, [case.mask for case in cases])
+
+
+def _check_alike(pages: list[np.ndarray], ours: list[np.ndarray], true: list[np.ndarray]) -> None:
+    """Each cuts out in its own way from the same proposal: mostly the same, and neither is worse on the whole."""
+    agreements = [iou(page, own) for page, own in zip(pages, ours, strict=True)]
+    gained = [iou(page, mask) - iou(own, mask) for page, own, mask in zip(pages, ours, true, strict=True)]
+    assert np.median(agreements) >= 0.85, np.round(agreements, 2)
+    assert abs(np.mean(gained)) <= 0.08, np.round(gained, 2)

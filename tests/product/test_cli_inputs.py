@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-import sys
 import zlib
 from pathlib import Path
 
@@ -14,9 +13,9 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.options import read_where, where_for
+from anyprobe.cli.options import MaskOptions, hints_for
 from anyprobe.core.response import response
-from anyprobe.files.names import natural_order
+from anyprobe.files.paths import natural_order
 from anyprobe.files.radiance import read_radiance
 
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -167,7 +166,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--not", "20,10", "--mask", "photos/sphere.png"), "--not: expected --click, --box or neither"),
         (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
         (("--far", "3"), "--far: expected --depth"),
-        (("--emitters", "bright"), "emitters 'bright': expected one of drawn, spread"),
+        (("--emitters", "bright"), "emitters 'bright': expected one of mode, expected"),
         (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
     ],
 )
@@ -198,13 +197,7 @@ def test_folder_without_photos(work, command):
     assert "expected a folder with photos" in command("estimate", "empty").complaint
 
 
-def test_box_without_opencv_names_the_extra(work, command, photo_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    assert "anyprobe[box]" in command("estimate", photo_path, "--box", "20,10,110,90").complaint
-
-
 def test_box_cuts_the_object_out(work, command, photo_rgba):
-    pytest.importorskip("cv2")
     Image.fromarray(photo_rgba[..., :3]).save("photo.png")
     outcome = command("estimate", "photo.png", "--box", "24,8,104,88", "--json")
     assert outcome.status == 0, outcome.err
@@ -298,8 +291,8 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
 def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
     (work / "panoramas").mkdir()
     (work / "panoramas" / "room.hdr").touch()
-    given = read_where(None, None, None, None, None, None, None) | {"surroundings": Path("panoramas")}
-    assert where_for(Path("room.jpg"), given)["surroundings"] == Path("panoramas/room.hdr")
+    given = MaskOptions().hints() | {"surroundings": Path("panoramas")}
+    assert hints_for(Path("room.jpg"), given)["surroundings"] == Path("panoramas/room.hdr")
 
 
 def test_names_are_ordered_whatever_digits_they_have():

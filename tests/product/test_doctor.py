@@ -12,6 +12,7 @@ import pytest
 import anyprobe
 from anyprobe.cli import doctor
 from anyprobe.errors import ModelError
+from anyprobe.estimate import estimator as estimator_module
 from anyprobe.estimate.runtime import DEFAULT_MODEL, file_hashes
 
 
@@ -69,7 +70,7 @@ def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
     """A model that always sees one emitter is as wrong as that emitter is far from the drawn one."""
     inside = doctor._emitter(np.asarray(found) / np.linalg.norm(found))
     light = anyprobe.Light(radiance=inside)
-    monkeypatch.setattr("anyprobe.estimate.estimator.Estimator", lambda model: lambda photo: light)
+    monkeypatch.setattr(estimator_module, "Estimator", lambda model: lambda photo: light)
     assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
 
 

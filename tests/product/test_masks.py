@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
 
-from anyprobe.core.hints import BOX_LEVEL, draw_hints
 from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
+from anyprobe.masks import find
+from anyprobe.masks.cut import Cut, cut_out, tidy
 from anyprobe.masks.depth import mask_from_depth, read_depth
-from anyprobe.masks.find import find_mask
-from anyprobe.masks.grabcut import cut_seeded
+from anyprobe.masks.find import find_mask, require_plausible
 from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.pointing import check_clicks
-from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, keep_large_parts
+from anyprobe.masks.prompts import BOX_LEVEL, draw_prompts
+from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, Proposal, keep_large_parts, shared_network
+from anyprobe.masks.quality import DOUBTFUL, Evidence, examine
 from anyprobe.masks.refine import box_mean, refine, resize
+from anyprobe.masks.regions import fill_holes, label_parts
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
 
@@ -131,18 +133,18 @@ def test_a_function_that_gives_no_mask(answer):
     assert "\n" not in str(caught.value)
 
 
-# Hints and where they go
+# Prompts and where they go
 
 
-def test_hint_channel():
-    hint = draw_hints(SIZE, on=[(40.5, 30.5)], off=[(100.5, 90.5)], box=(20, 10, 60, 50))
+def test_prompt_channel():
+    hint = draw_prompts(SIZE, on=[(40.5, 30.5)], off=[(100.5, 90.5)], box=(20, 10, 60, 50))
     assert hint[30, 40] == 1.0
     assert hint[90, 100] == -1.0
     assert hint[30, 44] == pytest.approx(np.exp(-0.5))
     assert hint[90, 104] == pytest.approx(-np.exp(-0.5))
     assert hint[12, 58] == hint[10, 20] == hint[49, 59] == BOX_LEVEL
     assert hint[50, 60] == pytest.approx(0.0, abs=1e-6)
-    assert draw_hints(SIZE).any() == False  # noqa: E712
+    assert draw_prompts(SIZE).any() == False  # noqa: E712
 
 
 def test_letterbox_centres_the_photo_and_points_follow():
@@ -232,26 +234,103 @@ def test_a_click_and_a_box_find_it_too(project_root):
         assert overlap(found.mask, true) > least
 
 
-def test_grabcut_starts_from_a_rough_mask_and_believes_clicks():
-    pytest.importorskip("cv2", reason="needs the box extra")
+def two_colors(true: np.ndarray) -> np.ndarray:
+    """[H, W, 3]: a reddish object on blue."""
+    return np.where(true[..., None] > 0.5, (0.7, 0.3, 0.2), (0.3, 0.4, 0.5)).astype(np.float32)
+
+
+def test_cutting_out_follows_the_photo_and_believes_clicks_and_the_box():
     true = disc(240, 320, 160, 120, 70)
-    rgb = np.where(true[..., None] > 0.5, (0.7, 0.3, 0.2), (0.3, 0.4, 0.5)).astype(np.float32)
+    rgb = two_colors(true)
     rough = disc(60, 80, 41, 29, 15)
     assert overlap(resize(rough, 320, 240), true) < 0.8
-    assert overlap(cut_seeded(rgb, rough), true) > 0.97
-    assert cut_seeded(rgb, np.zeros((60, 80), np.float32)) is None
-    clicked = cut_seeded(rgb, rough, on=[(160, 120)], off=[(200, 120)])
-    assert clicked[120, 160] == 1.0
-    assert clicked[120, 200] == 0.0
+    assert overlap(cut_out(rgb, rough).mask, true) > 0.97
+    assert cut_out(rgb, np.zeros((60, 80), np.float32)) is None
+    clicked = cut_out(rgb, rough, on=[(160, 120)], off=[(200, 120)]).mask
+    assert clicked[120, 160] > 0.9
+    assert clicked[120, 200] < 0.1
+    boxed = cut_out(rgb, rough, box=(0, 0, 320, 120)).mask
+    assert boxed[100, 160] > 0.9
+    assert boxed[130:].max() < 0.1
 
 
-def test_without_opencv_the_guided_filter_finishes(project_root, monkeypatch):
+def test_a_mask_is_one_object_without_pinholes():
+    true = disc(240, 320, 120, 120, 70)
+    cover = np.maximum(true, disc(240, 320, 290, 40, 12))
+    cover[118:123, 100:105] = 0.0  # smaller than any handle's hole
+    for cut in (cut_out(np.full((240, 320, 3), 0.5, np.float32), cover), tidy(two_colors(true), cover)):
+        assert cut.mask[120, 102] > 0.5
+        assert cut.mask[40, 290] < 0.5
+        assert cut.loose == pytest.approx(disc(240, 320, 290, 40, 12).sum() / cover.sum(), abs=0.01)
+    ring = true - disc(240, 320, 120, 120, 30)
+    assert tidy(two_colors(ring), ring).mask[120, 120] < 0.5
+
+
+def test_parts_are_those_that_touch(rng):
+    pattern = rng.random((17, 23)) < 0.5
+    labels, sizes = label_parts(pattern)
+    assert sizes.sum() == pattern.size
+    assert ((labels > 0) == pattern).all()
+    for axis in (0, 1):
+        near = [pattern.take(range(start, pattern.shape[axis] - 1 + start), axis) for start in (0, 1)]
+        both = near[0] & near[1]
+        one, other = (
+            labels.take(range(start, pattern.shape[axis] - 1 + start), axis)[both] for start in (0, 1)
+        )
+        np.testing.assert_array_equal(one, other)
+    assert label_parts(np.eye(5, dtype=bool))[1].tolist() == [20, 1, 1, 1, 1, 1]  # corners do not touch
+    spiral = np.ones((9, 9), bool)
+    spiral[1, 1:8] = spiral[1:8, 7] = spiral[7, 2:8] = spiral[3:8, 2] = spiral[3, 2:6] = False
+    assert len(label_parts(spiral)[1]) == 2
+    assert fill_holes(spiral).sum() == spiral.sum()
+
+
+def good_evidence(**worse) -> Evidence:
+    good = dict.fromkeys(
+        ("expected", "mirrored", "by_box", "by_click", "kept", "one_part", "told_apart", "edge"), 0.95
+    )
+    return Evidence(**{**good, "border": 0.0, "small": 0.0, "large": 0.0, **worse})
+
+
+def test_what_speaks_against_a_mask_lowers_what_to_expect():
+    best = good_evidence().expected_iou()
+    assert best > DOUBTFUL
+    assert good_evidence().doubts() == []
+    for name, value in (("mirrored", 0.1), ("by_box", 0.1), ("by_click", 0.1), ("expected", 0.3)):
+        assert good_evidence(**{name: value}).expected_iou() < best, name
+    assert good_evidence(mirrored=0.1, by_box=0.1, by_click=0.1, expected=0.5).expected_iou() < DOUBTFUL
+    assert "in another way" in good_evidence(by_click=0.1).doubts()[0]
+    assert "several parts" in good_evidence(one_part=0.3).doubts()[0]
+
+
+def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root, monkeypatch):
+    rgb, _ = vase(project_root)
+    found = find_mask(read_image(rgb))
+    assert found.warnings == ()
+    assert require_plausible(found) is found
+    monkeypatch.setattr(find, "DOUBTFUL", 1.1)
+    found = find_mask(read_image(rgb))
+    (warning,) = found.warnings
+    for word in ("may be wrong", "--box X0,Y0,X1,Y1", "--click X,Y", "--mask FILE"):
+        assert word in warning
+    assert load_photo(rgb).warnings == (warning,)
+    with pytest.raises(InvalidMask, match="may be wrong"):
+        require_plausible(found)
+
+
+def test_the_same_object_found_in_another_way_speaks_for_it(project_root):
     rgb, true = vase(project_root)
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    rows, columns = np.nonzero(true > 0.5)
-    found = find_mask(read_image(rgb), click=(float(columns.mean()), float(rows.mean())))
-    assert found.source == "click"
-    assert 0.3 < overlap(found.mask, true) < 1.0
+    network = shared_network()
+    there = Cut(mask=true, loose=0.0, told_apart=1.0)
+    corner = disc(*true.shape, 0.15 * true.shape[1], 0.15 * true.shape[0], 0.1 * true.shape[0])
+    elsewhere = Cut(mask=corner, loose=0.0, told_apart=1.0)
+    right, wrong = (
+        examine(network, rgb, Proposal(cover=cut.mask, confidence=0.9), cut) for cut in (there, elsewhere)
+    )
+    assert min(right.mirrored, right.by_box) > 0.6
+    assert wrong.mirrored < 0.2
+    assert right.edge > wrong.edge
+    assert right.expected_iou() > DOUBTFUL > wrong.expected_iou()
 
 
 def test_nothing_to_find():

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 from PIL import Image
 
 from anyprobe.core.color import to_bytes
-from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
+from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.estimate.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
+from anyprobe.files.images import read_image
 from anyprobe.masks.check import check_mask
-from anyprobe.masks.grabcut import mask_from_box
+from anyprobe.masks.cut import Cut
+from anyprobe.masks.find import find_mask
+from anyprobe.masks.pointing import check_box
 from anyprobe.masks.sources import mask_from_file
 
 
@@ -59,11 +60,12 @@ def test_mask_goes_before_alpha():
 def test_box_goes_before_alpha_and_mask_before_box(monkeypatch):
     asked = []
 
-    def cut(rgb, box):
+    def cut(rgb, cover, on, off, box):
         asked.append(box)
-        return disc(120, 200, 150.0, 60.0, 20.0)
+        return Cut(mask=disc(120, 200, 150.0, 60.0, 20.0), loose=0.0, told_apart=1.0)
 
-    monkeypatch.setattr("anyprobe.masks.find.mask_from_box", cut)
+    monkeypatch.setattr("anyprobe.masks.find.cut_out", cut)
+    monkeypatch.setattr("anyprobe.masks.find.REFUSED", 0.0)
     assert load_photo(rgba_photo(), box=(1, 2, 90, 90)).mask[60, 150] == 1.0
     assert load_photo(rgba_photo(), box=(1, 2, 90, 90), mask=np.ones((120, 200))).mask.min() == 1.0
     assert asked == [(1, 2, 90, 90)]
@@ -198,38 +200,29 @@ def test_senseless_mask(bad):
 )
 def test_senseless_box(box):
     with pytest.raises(InvalidMask) as caught:
-        mask_from_box(np.zeros((120, 200, 3), np.float32), box)
+        check_box(box, 200, 120)
     assert_one_line(caught, "box")
-
-
-def test_box_without_opencv_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(MissingExtra) as caught:
-        mask_from_box(np.zeros((120, 200, 3), np.float32), (10, 10, 90, 90))
-    assert_one_line(caught, "opencv-python-headless", "anyprobe[box]")
 
 
 @pytest.mark.parametrize("scale", [1, 6])
 def test_box_finds_the_object(scale):
-    pytest.importorskip("cv2")
     height, width = 120 * scale, 200 * scale
     truth = disc(height, width, 70.0 * scale, 50.0 * scale, 30.0 * scale)[..., None]
     noise = np.random.default_rng(0).normal(0.0, 0.02, (height, width, 3))
     rgb = truth * (0.7, 0.35, 0.2) + (1 - truth) * (0.2, 0.4, 0.5) + noise
     rgb = np.clip(rgb, 0.0, 1.0).astype(np.float32)
     box = tuple(scale * v for v in (32, 12, 108, 88))
-    mask = mask_from_box(rgb, box)
+    mask = find_mask(read_image(rgb), box=box).mask
     assert mask.shape == (height, width)
     found, true = mask > 0.5, truth[..., 0] > 0.5
     assert (found & true).sum() / (found | true).sum() > 0.95
-    np.testing.assert_array_equal(mask, mask_from_box(rgb, box))  # the same twice
+    np.testing.assert_array_equal(mask, find_mask(read_image(rgb), box=box).mask)  # the same twice
 
 
 @pytest.mark.parametrize("box", [(32, 12, 108, 88), (0, 0, 199.9, 119.9)])
 def test_box_on_a_blank_photo_finds_nothing(box):
-    pytest.importorskip("cv2")
     with pytest.raises(InvalidMask) as caught:
-        mask_from_box(np.full((120, 200, 3), 0.5, np.float32), box)
+        find_mask(read_image(np.full((120, 200, 3), 0.5, np.float32)), box=box)
     assert_one_line(caught, "box", "--mask FILE")
 
 

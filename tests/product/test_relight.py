@@ -257,7 +257,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
     ("arguments", "words"),
     [
         (("--insert", "bunni"), ("sphere, vase", "'bunni'")),
-        (("--insert", "absent.glb"), ("mesh file", "found none")),
+        (("--insert", "absent.glb"), ("mesh file", "no such file")),
         (("--insert-material", "glass"), ("chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),

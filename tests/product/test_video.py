@@ -56,7 +56,7 @@ def begin(made, estimator, monkeypatch):
         virtual = None
         if relit:
             virtual = VirtualObject(mesh=sphere(8), material="photo", arrangement=Arrangement(pitch_deg=15))
-        follower = MaskFollower(made / "masks", {}, None)
+        follower = MaskFollower({"mask": made / "masks"}, {}, {})
         clip = open_clip(made / "clip.mp4")
         return ClipRun(clip, folder, estimator, follower, settings, every=every, virtual=virtual)
 
@@ -72,9 +72,7 @@ def files_of(folder) -> dict[str, bytes]:
 
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_a_track_and_maps(command, work, made):
-    done = command(
-        "video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q"
-    )
+    done = command("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q")
     assert done.status == 0, done.err
     assert json.loads(done.out)["bad"] == []
     track = json.loads((work / "out" / "track.json").read_text())
@@ -161,7 +159,7 @@ def test_frame_without_object_keeps_the_light_and_is_named(begin, tmp_path, reli
     masks = write_masks(tmp_path / "masks", COUNT)
     Image.fromarray(0 * sphere_mask()).save(masks / "0004.png")
     run = begin(tmp_path / "out", relit=relit, every=2)
-    run.follower = MaskFollower(masks, {}, None)
+    run.follower = MaskFollower({"mask": masks}, {}, {})
     outcome = run(lambda done: None)
     assert [index for index, _ in outcome.bad] == [4]
     assert "empty mask" in outcome.bad[0][1]
@@ -176,7 +174,7 @@ def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
         Image.fromarray(sphere_mask() if number < COUNT else 0 * sphere_mask()).save(
             folder / f"m{number}.png"
         )
-    follower = MaskFollower(folder, {}, None)
+    follower = MaskFollower({"mask": folder}, {}, {})
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         assert follower.photo(frame).mask.any()  # m10, which is empty, comes last
 
@@ -193,7 +191,7 @@ def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
 @pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])
 def test_object_of_the_first_frame_is_followed(made, where):
     pytest.importorskip("cv2")
-    follower = MaskFollower(None, where, None)
+    follower = MaskFollower({}, where, {})
     truth = sphere_mask() > 127
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         mask = follower.photo(frame).mask > 0.5
@@ -201,7 +199,7 @@ def test_object_of_the_first_frame_is_followed(made, where):
 
 
 def test_another_object_is_not_taken_for_it(made):
-    follower = MaskFollower(None, {}, None)
+    follower = MaskFollower({}, {}, {})
     follower.last = [40.0, 60.0, 100.0, 20, 40, 60, 80]  # the sphere has some 1250 pixels
     with pytest.raises(InvalidMask, match="about 100 pixels"):
         follower.photo(next(read_frames(open_clip(made / "clip.mp4"), [])))
@@ -306,7 +304,7 @@ def test_other_settings_are_refused(begin, tmp_path):
         (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
         (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
         (("--mask", "."), "no frame gave a light"),
-        (("--mask", "absent"), "a folder with one file"),
+        (("--mask", "absent"), "a mask file or folder, found none"),
         (("--insert", "bunni"), "sphere, vase"),
         (("--insert-material", "glass", "--insert", "sphere"), "chrome, gold"),
     ],

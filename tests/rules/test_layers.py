@@ -14,8 +14,8 @@ import anyprobe
 SOURCE = Path(anyprobe.__file__).parent
 
 ORDER = (
-    "errors core light scatter render files export nets dataset masks estimate relight video "
-    "evaluate train serve cli __init__"
+    "errors core light scatter render files export detail nets dataset masks estimate relight video "
+    "evaluate train serve cli __init__ __main__"
 ).split()
 """A part may import itself and the parts before it."""
 
@@ -24,7 +24,7 @@ ONLY = {
     "onnxruntime": {"files", "estimate", "train", "cli"},
     "onnx": {"train"},
     "openvino": {"estimate"},
-    "cv2": {"masks"},
+    "rembg": {"masks"},
     "trimesh": {"files"},
     "typer": {"cli"},
     "rich": {"cli", "train"},
@@ -34,7 +34,7 @@ ONLY = {
     "drjit": {"relight"},
     "fastapi": {"serve"},
     "starlette": {"serve"},
-    "uvicorn": {"cli"},
+    "uvicorn": {"cli", "serve"},
     "cryptography": {"serve"},
 }
 """Packages that not every part may import."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
-import click
 import typer
 from typer.core import TyperGroup
 
@@ -15,6 +15,7 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
+from anyprobe.cli.quiet import own_lines
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
@@ -23,13 +24,13 @@ from anyprobe.errors import AnyprobeError
 
 USERS = (estimate, mask, relight, video, export, serve, doctor)
 MAKERS = (evaluate, train, weights)
-"""Commands of those who train and compare; `data` is one too."""
+"""Commands for training and evaluation; `data` is one too."""
 
 
 class Sections(TyperGroup):
     """Lists users' commands first, then those for training and evaluation."""
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
         names = {command.__name__ for command in USERS}
         sections: dict[str, list[tuple[str, str]]] = {"Commands": [], "Training and evaluation": []}
         for name in self.list_commands(ctx):
@@ -71,7 +72,8 @@ def _options(
 def main() -> None:
     """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
     try:
-        app()
+        with own_lines():
+            app()
     except AnyprobeError as error:
         print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
         sys.exit(2)

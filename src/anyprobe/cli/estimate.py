@@ -19,6 +19,7 @@ from rich.table import Column, Table
 
 from anyprobe.cli.options import (
     STDIN,
+    DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -56,6 +57,7 @@ def estimate(
     ],
     taken: ObjectOptions,
     by: ModelOptions,
+    fine: DetailOptions,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
@@ -63,27 +65,32 @@ def estimate(
             help="JSON of the photos' camera rotations: several views of one object give one light."
         ),
     ] = None,
+    size: Annotated[int, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.")] = 512,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
     hints, material = taken.photo_hints() | {"fov_deg": taken.fov}, taken.given_material()
     listed = list_photos(photos)
-    estimator = by.estimator()
+    estimator = by.estimator(size=size, **fine.settings())
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
     )
     job = Job(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
     if poses is not None:
-        return _report([job.together(steps, poses)], talk, out)
+        done = [job.together(steps, poses)]
+        _report(done, talk, out)
+        if taken.strict and done[0].warnings:
+            raise typer.Exit(2)
+        return
     done = [job.one(path) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)
     for one in failed:
         print(f"anyprobe: {one.error}", file=sys.stderr)
-    if failed:
+    if failed or (taken.strict and any(one.warnings for one in done)):
         raise typer.Exit(2)
 
 

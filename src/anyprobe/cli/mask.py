@@ -19,12 +19,16 @@ def mask(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
 ) -> None:
     """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
-    where = pointed.hints()
+    hints = pointed.hints()
     listed = list_photos(photos)
     failed = False
     for path in listed:
         try:
-            typer.echo(_one(path, out, where, listed))
+            line, warnings = _one(path, out, hints, listed)
+            typer.echo(line)
+            for warning in warnings:
+                print(f"warning: {warning}", file=sys.stderr)
+            failed |= pointed.strict and bool(warnings)
         except AnyprobeError as error:
             print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
             failed = True
@@ -32,8 +36,8 @@ def mask(
         raise typer.Exit(2)
 
 
-def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
-    """Write one photo's two files; a line that says what was found and how."""
+def _one(path: Path, out: Path, hints: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
+    """Write one photo's two files; a line that says what was found and how, and warnings."""
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
     from anyprobe.masks.overlay import draw_overlay
@@ -41,7 +45,7 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
     twins = [other for other in listed if other.stem == path.stem]
     if twins[0] != path:
         raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
-    hints = hints_for(path, where)
+    hints = hints_for(path, hints)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
     inputs = {given.resolve() for given in (*listed, hints["depth"]) if given is not None}
     for target in targets.values():
@@ -54,4 +58,4 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> str:
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())
     sure = "" if found.confidence is None else f", expected IoU {found.confidence:.2f}"
-    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}"
+    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", found.warnings

@@ -18,7 +18,7 @@ import typer
 
 from anyprobe.errors import InputError, InvalidMask, MissingExtra
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -56,6 +56,19 @@ class MaskOptions:
         float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
     ] = None
     far: Annotated[float | None, typer.Option(help="Cut the depth image up to here.")] = None
+    segmenter: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME[:ARGUMENT]",
+            help="What finds the object instead of the built-in network: rembg[:MODEL], sam:FOLDER, or a plug-in.",
+        ),
+    ] = None
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 2 where a result has a warning; it is written all the same."
+        ),
+    ] = False
 
     def hints(self, mask: Path | None = None) -> dict[str, Any]:
         """The keywords of load_photo, or one line on what does not go together.
@@ -91,6 +104,7 @@ class MaskOptions:
             "depth": self.depth,
             "near": self.near,
             "far": self.far,
+            "segmenter": self.segmenter,
         }
 
 
@@ -191,11 +205,31 @@ class ModelOptions:
         int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")
     ] = None
 
-    def estimator(self) -> Estimator:
+    def estimator(self, **more: Any) -> Estimator:
         """Opened by these options."""
         from anyprobe.estimate.estimator import Estimator
 
-        return Estimator(self.model, threads=self.threads, engine=self.engine, emitters=self.emitters)
+        return Estimator(self.model, threads=self.threads, engine=self.engine, emitters=self.emitters, **more)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DetailOptions:
+    """Where a map's detail is from."""
+
+    detail: Annotated[
+        str,
+        typer.Option(
+            metavar="none|plausible",
+            help="plausible: the structure of a real-looking place under the estimated light, for sharp reflections.",
+        ),
+    ] = "none"
+    detail_library: Annotated[
+        Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")
+    ] = None
+
+    def settings(self) -> dict[str, Any]:
+        """For Estimator."""
+        return {"detail": self.detail, "detail_library": self.detail_library}
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:

@@ -13,6 +13,7 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import (
+    DetailOptions,
     JsonOption,
     ModelOptions,
     ObjectOptions,
@@ -64,6 +65,7 @@ def relight(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
     taken: ObjectOptions,
     by: ModelOptions,
+    fine: DetailOptions,
     placed: InsertOptions,
     insert: Annotated[
         str, typer.Option(metavar="SHAPE|FILE", help=f"{SHAPES}, or a .glb, .obj or .ply file.")
@@ -92,7 +94,7 @@ def relight(
     from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
     from anyprobe.scatter.materials import material_named
 
-    material, size, pitch = placed.insert_material, placed.scale, placed.pitch
+    material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
     foot = point(placed.at)
     if material != PHOTO_MATERIAL:
@@ -106,7 +108,7 @@ def relight(
     traced = uses_mitsuba(renderer)
     name, mesh = insert, open_object(insert)
     taken = load_photo(photo, fov_deg=taken.fov, **hints)
-    radiance, gain = _radiance(taken, light, by, given)
+    radiance, gain = _radiance(taken, light, by, fine, given)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
@@ -127,6 +129,9 @@ def relight(
         "light_gain": round(gain, 3),
         "warnings": list(taken.warnings),
     }
+    for line in summary["warnings"]:
+        if not (quiet or as_json):
+            print(f"warning: {line}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     elif not quiet:
@@ -135,10 +140,12 @@ def relight(
             f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
             file=sys.stderr,
         )
+    if strict and summary["warnings"]:
+        raise typer.Exit(2)
 
 
 def _radiance(
-    photo: Photo, light: Path | None, by: ModelOptions, material: Material | None
+    photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions, material: Material | None
 ) -> tuple[np.ndarray, float]:
     """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
@@ -151,7 +158,7 @@ def _radiance(
         return radiance, 1.0
     from anyprobe.relight.appearance import least_scale
 
-    radiance = by.estimator().from_photo(photo, material=material).radiance
+    radiance = by.estimator(**fine.settings()).from_photo(photo, material=material).radiance
     if material is not None:  # which settles the level
         return radiance, 1.0
     gain = least_scale(photo, radiance)

@@ -23,7 +23,11 @@ def luminance(rgb):
 
 def to_bytes(display) -> np.ndarray:
     """Display values in [0, 1] to uint8, rounded."""
-    return np.round(np.clip(np.asarray(display), 0.0, 1.0) * 255.0).astype(np.uint8)
+    values = np.clip(np.asarray(display), 0.0, 1.0)
+    values = np.multiply(
+        values, 255.0, out=values if isinstance(values, np.ndarray) else None
+    )  # photos are large
+    return np.round(values, out=values if isinstance(values, np.ndarray) else None).astype(np.uint8)
 
 
 def xyz_from_rgb(chromaticities) -> np.ndarray:

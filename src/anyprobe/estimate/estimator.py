@@ -7,10 +7,14 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.detail.plausible import DETAILS, ROWS
+from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import estimate_multiview
@@ -31,6 +35,7 @@ from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.pointing import Clicks
+from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import MATERIALS, Material, given_material
 
@@ -55,15 +60,27 @@ class Estimator:
         threads: int | None = None,
         engine: str = DEFAULT_ENGINE,
         emitters: str = MODE,
+        segmenter: str | Segmenter | None = None,
+        detail: str = DETAILS[0],
+        size: int = ROWS,
+        detail_library: str | Path | None = None,
     ) -> None:
         """Open a bundled model, or a folder of graphs, with an engine of estimate.runtime.ENGINES.
 
         threads: of the engine; None leaves the choice to it.
         emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
             the mean radiance over all positions (soft, and truer on matte objects).
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        detail: "none", or "plausible": maps of `size` rows with detail of detail_library, a folder of maps (None: our
+            own), see Light.with_detail; of single photos, not of several together.
         """
+        self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.models = Models(model, threads, engine, emitters)
         self.model_id, self.emitters = model_id(model), emitters
+        if detail not in DETAILS:
+            raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+        self.detail, self.size, self.detail_library = detail, size, detail_library
 
     def with_emitters(self, emitters: str) -> Estimator:
         """The same open networks with other emitters."""
@@ -125,6 +142,7 @@ class Estimator:
             fov_deg=fov_deg,
             normals=normals,
             surroundings=surroundings,
+            segmenter=self.segmenter,
         )
         return self.from_photo(photo, start, material=material)
 
@@ -157,7 +175,17 @@ class Estimator:
             material: the object's, if given.
         """
         start = time.perf_counter() if start is None else start
-        return self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        return light if self.detail == DETAILS[0] else self._with_detail(light, photo)
+
+    def _with_detail(self, light: Light, photo: Photo) -> Light:
+        """Of the photo's own surroundings too, where they are to be used."""
+        start, seen = time.perf_counter(), None
+        if photo.surroundings_map is True:
+            seen = seen_in_photo(photo.rgb, photo.mask, photo.long_fov_deg, self.size)
+        light = light.with_detail(library=self.detail_library, size=self.size, seen=seen)
+        seconds = {**light.info["seconds"], "detail": round(time.perf_counter() - start, 4)}
+        return replace(light, info={**light.info, "seconds": seconds})
 
     def from_crop(
         self,
@@ -178,7 +206,7 @@ class Estimator:
         material = as_material(material)
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
-        known = {"normals": crop.normals is not None}
+        known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
@@ -231,13 +259,13 @@ class Estimator:
         given = [name for name, value in known if value is not None]
         if given and self.models.stages != LIFT_STAGES:
             raise InputError(
-                f"{' and '.join(given)}: expected a model that tells normals, got {self.models.name}; "
+                f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
 
 
 def as_material(
-    material: Material | str | None, albedo: Albedo | None = None, roughness: float | None = None
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
     """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
 
@@ -250,7 +278,7 @@ def as_material(
             "give an albedo alone as albedo="
         )
     try:
-        values = None if albedo is None else np.asarray(albedo, np.float64).reshape(-1)
+        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
     except (TypeError, ValueError) as error:
         raise InputError(
             f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"

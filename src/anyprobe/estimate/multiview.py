@@ -14,7 +14,7 @@ from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
-from anyprobe.estimate.result import Light
+from anyprobe.estimate.result import Info, Light
 from anyprobe.light.environment import integral
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 BRIGHT = 0.8
 """Radiance above which light may be emitters; white is 1."""
 LEAST_FLUX = 0.01
-"""Of what is brighter, where power is given back to it: from less nobody knows where the emitters are."""
+"""Of what is brighter, where power is given back to it: with less, their positions are unknown."""
 
 
 def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -88,6 +88,17 @@ def estimate_multiview(
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]
+    return estimate_cut(estimator, taken, world_from_camera, spent, material)
+
+
+def estimate_cut(
+    estimator: Estimator,
+    taken: list[tuple[Photo, Crop]],
+    world_from_camera: Sequence[np.ndarray],
+    spent: Sequence[float],
+    material: Material | None = None,
+) -> Light:
+    """The same of photos whose objects are cut out already, by panorama.cut_out; spent: seconds on each."""
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
@@ -145,7 +156,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
         well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
-        info={**first.info, "fused": [light.info.get("photo") for light in lights], **_seconds(lights)},
+        info=_fused_info(lights),
     )
 
 
@@ -161,13 +172,16 @@ def _turns(count: int, world_from_camera: Sequence[np.ndarray]) -> list[np.ndarr
 
 def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
     """What brings each photo to the first one's exposure, and whether all say theirs."""
-    given = all(exposures)
-    return [exposures[0] / one for one in exposures] if given else [1.0] * len(exposures), given
+    given = [one for one in exposures if one]
+    if len(given) < len(exposures):
+        return [1.0] * len(exposures), False
+    return [given[0] / one for one in given], True
 
 
-def _seconds(lights: Sequence[Light]) -> dict[str, dict[str, float]]:
-    """What all of them took, step by step."""
+def _fused_info(lights: Sequence[Light]) -> Info:
+    """The first photo's, the names of all, and the seconds of all, step by step."""
+    info: Info = {**lights[0].info, "fused": [light.info.get("photo") for light in lights]}
     given = [light.info["seconds"] for light in lights if "seconds" in light.info]
-    return (
-        {"seconds": {step: round(sum(one[step] for one in given), 4) for step in given[0]}} if given else {}
-    )
+    if given:
+        info["seconds"] = {step: round(sum(one[step] for one in given), 4) for step in given[0]}
+    return info

@@ -24,6 +24,7 @@ from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 
 if TYPE_CHECKING:
+    from anyprobe.detail.library import Library
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -70,7 +71,8 @@ class Info(TypedDict, total=False):
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; seconds: by step.
+    priors: what was given of the object; fused: photos of a multiview light; seconds: by step; detail: where it is
+    from, see with_detail.
     """
 
     photo: str
@@ -82,7 +84,9 @@ class Info(TypedDict, total=False):
     mask: MaskInfo
     priors: dict[str, Any]
     crop: CropInfo
+    fused: list[str | None]
     seconds: dict[str, float]
+    detail: dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -190,6 +194,34 @@ class Light:
             return turned
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
+    def with_detail(
+        self,
+        *,
+        library: Library | str | Path | None = None,
+        size: int = 512,
+        seed: int = 0,
+        seen: np.ndarray | None = None,
+    ) -> Light:
+        """The light with plausible detail, `size` rows high: sharp mirror images, the same spherical harmonics.
+
+        The structure is of the best match in a library, a folder of .exr and .hdr maps (None: our own rooms, streets
+        and studios), not measured: info["detail"] says so, and the confidence stays the estimate's.
+
+        Args:
+            seed: 0 takes the best match, 1 the next, and so on.
+            seen: what the photo shows around the object, see detail.seen.
+        Raises:
+            InputError: detailed already; or see detail.plausible.add_detail.
+        """
+        from anyprobe.detail.plausible import add_detail
+
+        if "detail" in self.info:
+            raise InputError(
+                "detail: expected a light without it, got one that has it; begin with the estimate"
+            )
+        found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
+        return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
     ) -> np.ndarray:
@@ -258,6 +290,8 @@ class Light:
         kind = path.suffix.lower()
         turned = {name: str(value) for name, value in self._frame().items()}
         attributes = {"model": str(self.info.get("model", "")), **turned, "scale": SCALE}
+        if "detail" in self.info:
+            attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.info["detail"])
         if kind == ".exr":
             write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
         elif kind == ".hdr":
@@ -288,7 +322,7 @@ def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         exposed = float(said.get("well_exposed_fraction", 1.0))
         warnings = tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(

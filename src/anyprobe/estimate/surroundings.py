@@ -1,10 +1,10 @@
-"""Surroundings (noun): what is known of the map itself, by the rest of the photo or by an unfinished panorama.
+"""Surroundings: the part of the environment map that is seen, in the photo's background or in a partial panorama.
 
-An object tells what comes from everywhere, but neither its own colour nor how bright all is; what the camera sees of
-the surroundings tells a small part of the map, but that exactly.
+An object shows light from all directions, but its own colour and the level stay ambiguous; what the camera sees of
+the surroundings is a small part of the environment map, but exact.
 
 Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
-channel tells how much of the cover is measured above white too: a display value above 1 is that radiance there.
+channel is the share of the cover that is measured above white too: a display value above 1 is that radiance there.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import ImageSource, read_image
-from anyprobe.files.linear import read_linear
+from anyprobe.files.radiance import read_linear
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 PHOTO = "photo"
@@ -34,13 +35,13 @@ SEEN = 0.9
 """How sure a place is that the photo shows."""
 TINT = 0.5
 """How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
-chosen on pairs that no run learns from (docs/ablation.md)."""
+chosen on pairs that no run learns from."""
 TINT_FLOOR = 0.05
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
 LINEAR = 5
-"""Channels of surroundings that tell what is above white."""
+"""Channels of surroundings that hold values above white."""
 PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
@@ -56,7 +57,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
         InputError: not a panorama, or nothing known in it.
     """
     try:
-        linear = read_linear(source)
+        linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
         raise InputError(f"surroundings: {error}") from error
@@ -85,7 +86,8 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 def surroundings_of(
     radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None
 ) -> np.ndarray:
-    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: of the cover, what tells more than white."""
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its
+    share with values above white."""
     display = response(radiance)
     if measured is None:
         return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
@@ -166,7 +168,7 @@ def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> 
 
     One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
     """
-    white = inverse_response(np.float32([CLIPPED]))
+    white = inverse_response(np.array([CLIPPED], np.float32))
     room = np.where(clipped, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
     asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never clipped
     gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))

@@ -14,7 +14,7 @@ from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.errors import OutputError
 from anyprobe.export.exported_light import SCALE, ExportedLight
 from anyprobe.export.target_frames import OPENEXR
-from anyprobe.files.plain_path import utf8_path
+from anyprobe.files.paths import utf8_path
 
 SCENE = """<!-- mitsuba {name}.xml; the emitter is all that other scenes need -->
 <scene version="3.0.0">

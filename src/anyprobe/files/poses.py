@@ -1,4 +1,4 @@
-"""Poses (noun): how cameras are turned, and how much their lenses take in, from the files that trackers write."""
+"""Camera rotations and fields of view from the files that trackers write."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.files.images import photo_header
-from anyprobe.files.names import natural_order
+from anyprobe.files.headers import photo_header
+from anyprobe.files.paths import natural_order, read_regular
 
 TOLERANCE = 0.01
 """By how much R R^T may differ from 1: files carry a few digits."""
 
 MOST_POSES = 10_000
 """Named poses in a file of which a few photos are wanted: a clip of five minutes has as many frames."""
+
+MAX_BYTES = 64 * 2**20
+"""Longest file of poses."""
 
 LENS_KEYS = ("fl_x", "fl_y", "w", "h", "camera_angle_x", "camera_angle_y")
 """What tells a lens."""
@@ -107,13 +110,9 @@ class Poses:
 
 def read_poses(path: Path) -> Poses:
     """parse_poses of a file; InputError too where there is none."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: expected a JSON file of camera poses, got none that can be read"
-        ) from error
-    return parse_poses(data, str(path))
+    return parse_poses(
+        read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path)
+    )
 
 
 def bare_name(path: str) -> str:

@@ -69,7 +69,7 @@ def connected(mask: np.ndarray, row: int, column: int) -> np.ndarray:
     count = 1
     while True:
         region = dilate(region) & mask
-        last, count = count, np.count_nonzero(region)
+        last, count = count, int(np.count_nonzero(region))
         if count == last:
             return region
 
@@ -80,7 +80,7 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     height = len(bright)
     small = reduced(bright[..., None])
     blurred = blur_cap(small, BLUR_RADIUS)[..., 0]
-    row, column = np.unravel_index(np.argmax(blurred), blurred.shape)
+    row, column = map(int, np.unravel_index(np.argmax(blurred), blurred.shape))
     lobe = connected(blurred >= LOBE_LEVEL * blurred[row, column], row, column)
     source = dilate(lobe)
     ring = source

@@ -1,4 +1,4 @@
-"""Where the object of a photo is, from whatever was told about it."""
+"""Where the object of a photo is, from whatever is given about it."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from typing import TypedDict
 
 import numpy as np
 
-from anyprobe.core.hints import Point
-from anyprobe.errors import InvalidMask, MissingExtra
+from anyprobe.core.color import to_bytes
+from anyprobe.errors import InvalidMask
 from anyprobe.files.images import Pixels
 from anyprobe.masks.check import check_mask
+from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.depth import DepthSource, mask_from_depth
-from anyprobe.masks.grabcut import cut_seeded, mask_from_box
 from anyprobe.masks.pointing import Clicks, check_box, check_clicks
-from anyprobe.masks.propose import shared_network
-from anyprobe.masks.refine import refine
+from anyprobe.masks.prompts import Point
+from anyprobe.masks.propose import Proposal, as_proposal, object_window, shared_network
+from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
+from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
-
-UNSURE = 0.55
-"""Expected IoU below which a proposal that nobody asked for is refused."""
 
 
 class Where(TypedDict, total=False):
-    """What can be told about the object, all of it optional.
+    """What can be given about the object, all of it optional.
 
     mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array);
         or a function that gets the upright photo [H, W, 3] uint8 and returns its mask [H, W].
     depth: depth image of the same view; near, far: the cut, in its unit (see mask_from_depth).
     click: x, y on the object, or several; click_off: likewise beside it.
     box: x0, y0, x1, y1 around it. Pixels of the upright photo, from the top left.
+    segmenter: what finds it in the place of our network: a name of load_segmenter, or a Segmenter.
     """
 
     mask: MaskSource | None
@@ -40,16 +40,26 @@ class Where(TypedDict, total=False):
     click: Clicks | None
     click_off: Clicks | None
     box: Sequence[float] | None
+    segmenter: str | Segmenter | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FoundMask:
     """mask [H, W] float32 in [0, 1], 1 on the object; source: "mask", "function", "depth", "click", "box",
-    "alpha" or "network"; confidence: the IoU that the network expects, None where it was not asked."""
+    "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality; None where the mask was given;
+    warnings: one line each, where the mask may well be wrong."""
 
     mask: np.ndarray
     source: str
     confidence: float | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def require_plausible(found: FoundMask) -> FoundMask:
+    """The mask as it came, or InvalidMask where it comes with a warning: for `--strict`."""
+    if found.warnings:
+        raise InvalidMask(found.warnings[0])
+    return found
 
 
 def find_mask(
@@ -62,14 +72,14 @@ def find_mask(
     click: Clicks | None = None,
     click_off: Clicks | None = None,
     box: Sequence[float] | None = None,
+    segmenter: str | Segmenter | None = None,
 ) -> FoundMask:
-    """The object's mask: by the first told of mask, depth, click or box, alpha that cuts; else the network's proposal.
+    """The object's mask: by the first given of mask, depth, click or box, alpha that cuts; else by what stands out.
 
     Args: see Where.
 
     Raises:
-        InvalidMask: with one line that says what to do; also when nothing was told and the
-            network finds nothing, or is unsure.
+        InvalidMask: with one line that says what to do; also when nothing is found.
     """
     shape = pixels.rgb.shape[:2]
     if callable(mask):
@@ -80,55 +90,88 @@ def find_mask(
         return FoundMask(mask=mask_from_depth(depth, shape, near, far), source="depth")
     if near is not None or far is not None:
         raise InvalidMask("near, far: expected a depth image to cut, got none; pass --depth FILE too")
-    if click is not None or click_off is not None or box is not None:
-        return _pointed_at(pixels, click, click_off, box)
-    cut_out = mask_from_alpha(pixels.alpha)
-    return _proposed(pixels) if cut_out is None else FoundMask(mask=cut_out, source="alpha")
+    prompts = _Prompts.checked(click, click_off, box, *shape[::-1])
+    if prompts.source == "network":
+        alpha = mask_from_alpha(pixels.alpha)
+        if alpha is not None:
+            return FoundMask(mask=alpha, source="alpha")
+    return _found(pixels, prompts, load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter)
 
 
-def _pointed_at(pixels: Pixels, click, click_off, box) -> FoundMask:
-    height, width = pixels.rgb.shape[:2]
-    on = check_clicks(() if click is None else click, width, height)
-    off = check_clicks(() if click_off is None else click_off, width, height, "click beside")
-    corners = None if box is None else check_box(box, width, height)
-    if corners is not None and not on and not off:
-        return FoundMask(mask=mask_from_box(pixels.rgb, corners), source="box")
-    source = "click" if on or box is None else "box"
-    proposal = shared_network().propose(pixels.rgb, on, off, corners)
-    found = _cut_out(pixels.rgb, proposal.cover, on, off)
-    if found is None:
-        shown = f"the {source}" if on or box is not None else "the clicks beside it"
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Prompts:
+    """Clicks on the object and beside it, and a box, checked; source: what FoundMask calls them."""
+
+    on: list[Point]
+    off: list[Point]
+    box: tuple[float, float, float, float] | None
+    source: str
+
+    @classmethod
+    def checked(cls, click, click_off, box, width: int, height: int) -> _Prompts:
+        on = check_clicks(() if click is None else click, width, height)
+        off = check_clicks(() if click_off is None else click_off, width, height, "click beside")
+        corners = None if box is None else check_box(box, width, height)
+        source = "click" if on or (off and box is None) else "network" if box is None else "box"
+        return cls(on=on, off=off, box=corners, source=source)
+
+    def clicks(self) -> tuple[list[Point], list[Point], tuple[float, float, float, float] | None]:
+        return self.on, self.off, self.box
+
+
+def _found(pixels: Pixels, prompts: _Prompts, segmenter: Segmenter | None) -> FoundMask:
+    network = shared_network()
+    if segmenter is None:
+        proposal = network.propose(pixels.rgb, *prompts.clicks())
+        cut = cut_out(pixels.rgb, proposal.cover, *prompts.clicks())
+    else:
+        proposal = _segmented(pixels.rgb, prompts, segmenter)
+        cut = tidy(pixels.rgb, proposal.cover)
+    if cut is None or not (cut.mask > 0.5).any():
+        raise InvalidMask(_nothing(pixels.name, prompts))
+    mask = check_mask(cut.mask)
+    evidence = examine(network, pixels.rgb, proposal, cut, *prompts.clicks())
+    confidence = evidence.expected_iou()
+    if confidence < REFUSED:
+        raise InvalidMask(_nothing(pixels.name, prompts))
+    source = "segmenter" if segmenter is not None and prompts.source == "network" else prompts.source
+    warnings = () if confidence >= DOUBTFUL else (_doubt(pixels.name, confidence, evidence.doubts()),)
+    return FoundMask(mask=mask, source=source, confidence=confidence, warnings=warnings)
+
+
+def _segmented(rgb: np.ndarray, prompts: _Prompts, segmenter: Segmenter) -> Proposal:
+    """What another segmenter finds, with our network's box where it needs a prompt and there is none."""
+    on, off, box = prompts.clicks()
+    if segmenter.needs_prompt and not on and box is None:
+        window = object_window(shared_network().propose(rgb, on, off).cover, rgb.shape[1], rgb.shape[0])
+        box = None if window is None else (window[0], window[1], window[0] + window[2], window[1] + window[3])
+        if box is None:
+            return Proposal(cover=np.zeros(rgb.shape[:2], np.float32), confidence=0.0)
+    cover = np.asarray(segmenter.segment(to_bytes(rgb), on, off, box), np.float32)
+    if cover.shape != rgb.shape[:2] or not np.isfinite(cover).all():
         raise InvalidMask(
-            f"{pixels.name}: expected an object at {shown}, found none that stands out; "
-            "click elsewhere on it, draw --box X0,Y0,X1,Y1, or pass --mask FILE"
+            f"segmenter: expected a cover [{rgb.shape[0]}, {rgb.shape[1]}] in 0 to 1, got shape {cover.shape} "
+            "or NaN; report it to the plug-in's author"
         )
-    return FoundMask(mask=check_mask(found), source=source, confidence=proposal.confidence)
+    return as_proposal(np.clip(cover, 0.0, 1.0))
 
 
-def _proposed(pixels: Pixels) -> FoundMask:
-    proposal = shared_network().propose(pixels.rgb)
-    found = _cut_out(pixels.rgb, proposal.cover)
-    if found is None or proposal.confidence < UNSURE:
-        seen = (
-            "nothing stands out"
-            if found is None
-            else f"the network is unsure ({proposal.confidence:.2f}, {UNSURE} needed)"
-        )
-        raise InvalidMask(
-            f"{pixels.name}: expected an object that can be told from its surroundings, but {seen}; "
+def _nothing(name: str, prompts: _Prompts) -> str:
+    if prompts.source == "network":
+        return (
+            f"{name}: expected an object that can be told from its surroundings, but nothing stands out; "
             "pass --click X,Y, --box X0,Y0,X1,Y1 or --mask FILE, or a photo with an alpha channel"
         )
-    return FoundMask(mask=check_mask(found), source="network", confidence=proposal.confidence)
+    shown = f"the {prompts.source}" if prompts.on or prompts.box is not None else "the clicks beside it"
+    return (
+        f"{name}: expected an object at {shown}, found none that stands out; "
+        "click elsewhere on it, draw --box X0,Y0,X1,Y1, or pass --mask FILE"
+    )
 
 
-def _cut_out(
-    rgb: np.ndarray, cover: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = ()
-) -> np.ndarray | None:
-    """The proposal cut out by GrabCut, or by the guided filter without OpenCV; None where nothing is."""
-    if not on and not (cover > 0.5).any():
-        return None
-    try:
-        found = cut_seeded(rgb, cover, on, off)
-    except MissingExtra:
-        found = refine(rgb, cover)
-    return found if found is not None and (found > 0.5).any() else None
+def _doubt(name: str, confidence: float, doubts: list[str]) -> str:
+    because = f": {doubts[0]}" if doubts else ""
+    return (
+        f"{name}: the mask may be wrong (expected IoU {confidence:.2f}{because}); look at it, then pass "
+        "--box X0,Y0,X1,Y1 around the object, --click X,Y on it, --not X,Y beside it, or --mask FILE"
+    )

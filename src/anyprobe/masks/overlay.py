@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anyprobe.core.hints import Point
+from anyprobe.masks.prompts import Point
 from anyprobe.masks.refine import box_mean
 
 EDGE = (0.1, 1.0, 0.4)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from anyprobe.core.hints import Point
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.check import MIN_OBJECT_PX
+from anyprobe.masks.prompts import Point
 
 Clicks = Point | Sequence[Point]
 

@@ -1,4 +1,4 @@
-"""Our own network finds the object: from a click, a box or nothing, at 160 pixels across."""
+"""Our own network finds the object: from a click, a box or no prompt, at 160 pixels across."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.core.hints import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_hints
 from anyprobe.errors import ModelError
 from anyprobe.files.graphs import open_graph
+from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.masks.refine import resize
 
 SIZE = 160
@@ -83,6 +83,11 @@ class Letterbox:
         square[rows, columns] = resize(window, self.width, self.height)
         return square
 
+    def cut_photo(self, mask: np.ndarray) -> np.ndarray:
+        """The window of a mask [H, W] of the photo's size at the square's resolution, bool."""
+        x, y = self.origin
+        return resize(mask[y : y + self.size[1], x : x + self.size[0]], self.width, self.height) > 0.5
+
     def cut(self, square: np.ndarray) -> np.ndarray:
         """What of a picture [SIZE, SIZE] lies on the window."""
         return square[self._inside()]
@@ -132,25 +137,32 @@ class MaskNetwork:
         """
         height, width = rgb.shape[:2]
         whole = Letterbox.around((0, 0), (width, height))
-        first = self._look(rgb, whole, on, off, box)
-        found = _object_window(first.cover, width, height)
+        first = self.look(rgb, whole, on, off, box)
+        found = object_window(first.cover, width, height)
         if not again or found is None or max(found[2:]) >= AGAIN_BELOW * max(width, height):
             return first
-        window = _square_around(found, width, height)
+        window = square_around(found, width, height)
         seen = (found[0], found[1], found[0] + found[2], found[1] + found[3])
         given = bool(on) or box is not None
-        closer = self._look(rgb, window, on, off, box if given else seen)
+        closer = self.look(rgb, window, on, off, box if given else seen)
         if closer.confidence < first.confidence:
             return first
         return Proposal(cover=_paste(closer.cover, window, width, height), confidence=closer.confidence)
 
-    def _look(self, rgb, window: Letterbox, on, off, box) -> Proposal:
+    def look(self, rgb, window: Letterbox, on, off, box) -> Proposal:
         """One run of the network on a window; cover of the window's extent."""
         corners = None if box is None else (*window.point(*box[:2]), *window.point(*box[2:]))
-        hint = draw_hints(SIZE, [window.point(*p) for p in on], [window.point(*p) for p in off], box=corners)
+        hint = draw_prompts(
+            SIZE, [window.point(*p) for p in on], [window.point(*p) for p in off], box=corners
+        )
         cover = window.cut(self.cover(window.square(rgb), hint))
         kept = cover * keep_large_parts(cover > 0.5)
         return Proposal(cover=kept, confidence=_confidence(cover, kept > 0.5))
+
+
+def as_proposal(cover: np.ndarray) -> Proposal:
+    """Another segmenter's cover [H, W] in [0, 1], with the IoU that it expects by itself."""
+    return Proposal(cover=cover, confidence=_confidence(cover, cover > 0.5))
 
 
 @lru_cache(maxsize=1)
@@ -206,7 +218,7 @@ def _confidence(cover: np.ndarray, inside: np.ndarray) -> float:
     return float(cover[inside].sum() / (inside.sum() + cover[~inside].sum()))
 
 
-def _object_window(cover: np.ndarray, width: int, height: int) -> tuple[float, float, float, float] | None:
+def object_window(cover: np.ndarray, width: int, height: int) -> tuple[float, float, float, float] | None:
     """x, y, w, h of cover > 0.5 in the photo's pixels."""
     inside = cover > 0.5
     if not inside.any():
@@ -217,7 +229,7 @@ def _object_window(cover: np.ndarray, width: int, height: int) -> tuple[float, f
     return x, y, (columns[-1] + 1) * across - x, (rows[-1] + 1) * down - y
 
 
-def _square_around(found: tuple[float, float, float, float], width: int, height: int) -> Letterbox:
+def square_around(found: tuple[float, float, float, float], width: int, height: int) -> Letterbox:
     """AGAIN_SIDE times the longer side of x, y, w, h around its centre, moved into the photo."""
     side = AGAIN_SIDE * max(found[2:])
     centre = found[0] + found[2] / 2, found[1] + found[3] / 2

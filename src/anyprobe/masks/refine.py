@@ -52,6 +52,12 @@ def refine(
     return np.clip((fitted - 0.5) * STEEPNESS + 0.5, 0.0, 1.0)
 
 
+def guided(guide: np.ndarray, target: np.ndarray, reach: int, epsilon: float) -> np.ndarray:
+    """The guided filter itself: target [h, w] smoothed, but not across the edges of guide [h, w, 3]."""
+    slope, offset = _fit(guide, target, reach, epsilon)
+    return (slope * guide).sum(axis=-1) + offset
+
+
 def _fit(guide: np.ndarray, target: np.ndarray, reach: int, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
     """Slope [h, w, 3] and offset [h, w] of the fits of all windows over each pixel, averaged."""
     mean = box_mean(np.dstack([guide, target]), reach)

@@ -105,7 +105,7 @@ def lay_over(
 RENDERERS = ("auto", "own", "mitsuba")
 
 PHOTO_MATERIAL = "photo"
-"""The real object's own, as far as the photo tells it (relight.appearance)."""
+"""The real object's own, as estimated from the photo (relight.appearance)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

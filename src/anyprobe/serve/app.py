@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-import tempfile
+import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -18,14 +17,14 @@ from starlette.requests import ClientDisconnect
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.multiview import estimate_cut
 from anyprobe.export.targets import TARGETS, find_target
-from anyprobe.serve import answers, estimates, openapi
-from anyprobe.serve.guards import BodyLimit, OwnNamesOnly, OwnPagesOnly, SecureHeaders
-from anyprobe.serve.limits import Limits
+from anyprobe.scatter.materials import given_material
+from anyprobe.serve import answers, openapi
+from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.page import Page, add_page
-from anyprobe.serve.pool import Busy, Cancelled, Job, WorkerPool
-from anyprobe.serve.several import estimate_uploads, read_multiview
-from anyprobe.serve.uploads import read_upload, take_unread
+from anyprobe.serve.pool import Busy, Cancelled, Job, Limits, WorkerPool
+from anyprobe.serve.uploads import TooManyPixels, Upload, read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
@@ -39,7 +38,9 @@ def create_app(
     *,
     page: Page | None = None,
     hosts: Sequence[str] = ("*",),
+    addresses: bool = False,
     origins: Sequence[str] = (),
+    token: str | None = None,
 ) -> FastAPI:
     """The application around networks that are open already.
 
@@ -48,6 +49,8 @@ def create_app(
         page: the built page; None leaves the API alone.
         hosts: names a browser may call this server by; others get 400, so that a foreign name
             pointed at this machine opens nothing.
+        addresses: whether it may be called by any IP address besides.
+        token: asked for by all addresses but /healthz; None: nothing is asked for.
         origins: pages of other origins that may use the API; none by default.
     """
     limits = limits or Limits()
@@ -66,11 +69,17 @@ def create_app(
         redoc_url=None,
         lifespan=lifespan,
     )
-    app.add_middleware(BodyLimit, max_bytes=limits.max_bytes)
+    app.state.pool = pool
+    app.add_middleware(
+        BodyLimit, max_bytes=limits.max_bytes, grace_s=limits.grace_s, least_rate=limits.least_rate
+    )
     app.add_middleware(OwnPagesOnly, origins=origins)
     if origins:
         app.add_middleware(CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"])
-    app.add_middleware(OwnNamesOnly, names=hosts)
+    if token:
+        app.add_middleware(TokenOnly, token=token)
+    app.add_middleware(OwnNamesOnly, names=hosts, addresses=addresses)
+    app.add_middleware(HeadAsGet)
     app.add_middleware(SecureHeaders)  # the last added stands first
     _add_error_lines(app, limits)
     _add_api(app, estimator, limits, pool)
@@ -81,6 +90,16 @@ def create_app(
 
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
     """The addresses that other programs call."""
+
+    def asked_of(upload: Upload) -> Estimator:
+        return estimator if upload.emitters is None else estimator.with_emitters(upload.emitters)
+
+    async def decode(request: Request, task: str, upload: Upload, *arguments: Any) -> Any:
+        arguments = (upload, limits.max_pixels, *arguments)
+        return await pool.decode(task, *arguments, quick=upload.is_quick, gone=_leaving(request))
+
+    async def cut(request: Request, upload: Upload, first: bool = True) -> Any:
+        return await decode(request, "cut", upload, first, first and "mask" in upload.include)
 
     @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"])
     async def healthz() -> dict[str, Any]:
@@ -101,12 +120,15 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            upload = await read_upload(request, limits, openapi.ESTIMATE)
+            upload = await read_upload(request, pool, openapi.ESTIMATE)
+            material = given_material(upload.material, upload.albedo)
+            start = time.perf_counter()
+            photo, crop, mask = await cut(request, upload)
 
             def work(job: Job) -> Response:
-                photo, light = estimates.estimate_light(estimator, upload, job)
+                light = asked_of(upload).from_crop(photo, crop, start, material=material)
                 job.step()
-                return answers.light_response(light, media, upload.include, photo)
+                return answers.light_response(light, media, upload.include, mask)
 
             return await pool.run(work, _leaving(request))
 
@@ -118,12 +140,21 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            several = await read_multiview(request, limits)
+            views = await read_views(request, pool)
+            common = views.uploads[0]
+            material = given_material(common.material, common.albedo)
+            taken, spent, mask = [], [], None
+            for upload in views.uploads:
+                start = time.perf_counter()
+                photo, crop, found = await cut(request, upload, first=not taken)
+                taken.append((photo, crop))
+                spent.append(time.perf_counter() - start)
+                mask = mask or found
 
             def work(job: Job) -> Response:
-                photo, light = estimate_uploads(estimator, several, job)
+                light = estimate_cut(asked_of(common), taken, views.world_from_camera, spent, material)
                 job.step()
-                return answers.light_response(light, media, several.uploads[0].include, photo)
+                return answers.light_response(light, media, common.include, mask)
 
             return await pool.run(work, _leaving(request))
 
@@ -132,44 +163,28 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """The mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
-            upload = await read_upload(request, limits, openapi.MASK)
-
-            def work(job: Job) -> Response:
-                photo = estimates.open_photo(upload, job)
-                if media == answers.JSON:
-                    return JSONResponse(answers.mask_json(photo))
-                return Response(answers.mask_png(photo.mask), media_type=media)
-
-            return await pool.run(work, _leaving(request))
+            upload = await read_upload(request, pool, openapi.MASK)
+            found = await decode(request, "mask", upload, media == answers.JSON)
+        return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
     @app.post("/v1/photo", openapi_extra=openapi.PHOTO, tags=["page"], response_class=Response)
     async def photo(request: Request) -> Response:
         """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
         async with pool.place():
-            upload = await read_upload(request, limits, openapi.PHOTO)
-
-            def work(job: Job) -> Response:
-                picture, fov_deg = estimates.upright_picture(upload.photo, job)
-                headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
-                return Response(answers.png(picture), media_type="image/png", headers=headers)
-
-            return await pool.run(work, _leaving(request))
+            upload = await read_upload(request, pool, openapi.PHOTO)
+            picture, fov_deg = await decode(request, "upright", upload)
+        headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
+        return Response(picture, media_type="image/png", headers=headers)
 
     @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT, tags=["light"], response_class=Response)
     async def export(request: Request, target: str) -> Response:
         """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
         find_target(target)
         async with pool.place():
-            upload = await read_upload(request, limits, openapi.EXPORT)
-
-            def work(job: Job) -> Response:
-                with tempfile.TemporaryDirectory() as folder:
-                    estimates.export_map(upload, target, Path(folder), job)
-                    archive = answers.zip_folder(Path(folder))
-                name = f'attachment; filename="light_{target}.zip"'
-                return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
-
-            return await pool.run(work, _leaving(request))
+            upload = await read_upload(request, pool, openapi.EXPORT)
+            archive = await decode(request, "export_zip", upload, target)
+        name = f'attachment; filename="light_{target}.zip"'
+        return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 
     @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"])
     async def targets() -> list[str]:
@@ -212,7 +227,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     @app.exception_handler(AnyprobeError)
     async def ours(request: Request, error: AnyprobeError) -> Response:
         if isinstance(error, InputError):
-            return line(error, 422)
+            return line(error, 413 if isinstance(error, TooManyPixels) else 422)
         if isinstance(error, MissingExtra):
             return line(error, 501)
         log.error("%s", error)  # it may name a path of this machine

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import json
 import time
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.nn import functional as F
 
-from anyprobe.dataset.asks import Batch, SceneConfig, SceneSource
 from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.sprites import ViewSource
+from anyprobe.dataset.mask_scenes.examples import Batch, SceneConfig, SceneSource
+from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
+from anyprobe.dataset.mask_scenes.patterns import TexturePool
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
@@ -35,21 +37,28 @@ from anyprobe.train.loop import CHECKPOINT_SECONDS
 class MaskRunConfig:
     """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
 
-    small: side of the pictures in the first small_share of the steps, which cost a third there and
-    teach what an object is as well; the rest are at full size and teach its edge.
+    small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
+    object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
+    weights, which is what is exported. The encoder stays as it is published: it has seen photos, and renders
+    would teach it to recognise renders.
     """
 
     name: str = "mask"
-    steps: int = 20_000
+    steps: int = 1_700
     small: int = 96
-    small_share: float = 0.6
+    small_steps: int = 1_300
     learning_rate: float = 2e-3
-    weight_decay: float = 1e-4
+    weight_decay: float = 1e-3
     warmup: int = 50
-    cooldown: float = 0.7
-    seed: int = 2
-    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=102))
-    surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
+    cooldown: float = 0.5
+    averaged: float = 0.998
+    seed: int = 3
+    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=103))
+    surfaces: SurfaceConfig = field(
+        default_factory=lambda: SurfaceConfig(
+            views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192
+        )
+    )
     light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
 
 
@@ -61,7 +70,7 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
         steps=steps,
         warmup=2,
         scenes=replace(config.scenes, batch=4, scenes=4, views=2, textures=4),
-        surfaces=replace(config.surfaces, views=1, procedural=2),
+        surfaces=replace(config.surfaces, views=1, procedural=2, figures=0, parts=0),
         light=replace(config.light, procedural=2),
     )
 
@@ -72,7 +81,8 @@ def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneS
     radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
     surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
-    views = ViewSource(Illuminator(radiance, compiled=False), surfaces, config.scenes.seed)
+    textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
+    views = ViewSource(Illuminator(radiance, compiled=False), surfaces, textures, config.scenes.seed)
     return SceneSource(views, config.scenes)
 
 
@@ -82,16 +92,15 @@ def mask_loss(logits: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     cover = torch.sigmoid(logits)
     shared = (cover * target).sum(dim=(1, 2, 3))
     either = (cover + target - cover * target).sum(dim=(1, 2, 3))
-    given = (target.sum(dim=(1, 2, 3)) > 0).float()
-    return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * given).mean()
+    full = (target.sum(dim=(1, 2, 3)) > 0).float()
+    return 2.0 * entropy + ((1 - (shared + 1) / (either + 1)) * full).mean()
 
 
 def shrink(batch: Batch, size: int) -> Batch:
-    """The same questions and answers [B, C, size, size], averaged over areas."""
-    return Batch(
-        image=F.interpolate(batch.image, size=(size, size), mode="area"),
-        mask=F.interpolate(batch.mask, size=(size, size), mode="area"),
-    )
+    """The same examples [B, C, size, size], averaged over areas."""
+    parts = (batch.photo, batch.prompt, batch.mask)
+    photo, prompt, mask = (F.interpolate(one, size=(size, size), mode="area") for one in parts)
+    return Batch(photo=photo, prompt=prompt, mask=mask)
 
 
 def train_mask(
@@ -119,18 +128,26 @@ def train_mask(
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
     net = MaskNet().to(memory_format=torch.channels_last)
-    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    net.encoder.requires_grad_(False)
+    optimizer = torch.optim.AdamW(
+        [one for one in net.parameters() if one.requires_grad],
+        lr=config.learning_rate,
+        weight_decay=config.weight_decay,
+    )
+    mean = deepcopy(net)
     first = 0
     origin: dict[str, Any] = {} if start is None else {"start": init_weights_id(start)}
     if path.is_file():
         stored = read_checkpoint(path, holds=("net",))
         check_goes_on(path, stored, config)
         origin = agreed(path, stored.get("origin", {}), origin)
-        load_weights(net, stored["net"], path)
+        load_weights(mean, stored["net"], path)
+        load_weights(net, stored["moving"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first = stored["step"]
     elif start is not None:
         load_init_weights(net, start)
+        mean.load_state_dict(net.state_dict())
     else:
         origin["start"] = None
     folder = run_folder(runs, config.name)
@@ -153,21 +170,22 @@ def train_mask(
     ):
         rows = csv.writer(log)
         if first == 0:
-            rows.writerow(["step", "questions", "loss", "iou", "learning_rate", "seconds"])
+            rows.writerow(["step", "examples", "loss", "iou", "learning_rate", "seconds"])
         task = progress.add_task("", total=config.steps, completed=first)
         for step in range(first, last):
             rate = _learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
             batch = scenes.batch(step)
-            if step < config.small_share * config.steps:
+            if step < config.small_steps:
                 batch = shrink(batch, config.small)
             history.append(_step(net, optimizer, batch))
+            _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
             progress.advance(task)
             if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
                 loss, iou = np.mean(history, axis=0)
                 seconds = (time.monotonic() - since) / len(history)
-                seen = (step + 1) * config.scenes.batch
+                seen = (step + 1) * config.scenes.batch * config.scenes.prompts
                 rows.writerow([step + 1, seen, f"{loss:.5f}", f"{iou:.4f}", f"{rate:.2e}", f"{seconds:.2f}"])
                 log.flush()
                 progress.update(task, description=f"loss {loss:.3f} IoU {iou:.3f}")
@@ -176,7 +194,8 @@ def train_mask(
                 with atomic_path(path) as temporary:
                     torch.save(
                         {
-                            "net": net.state_dict(),
+                            "net": mean.state_dict(),
+                            "moving": net.state_dict(),
                             "optimizer": optimizer.state_dict(),
                             "step": step + 1,
                             "config": json.dumps(dataclasses.asdict(config)),
@@ -189,8 +208,8 @@ def train_mask(
 
 
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
-    """The trained network of a checkpoint, ready to run, and its stored step and configuration; ModelError if there is
-    none, or of another release."""
+    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
+    configuration; ModelError if there is none, or of another release."""
     stored = read_checkpoint(checkpoint, holds=("net",))
     net = MaskNet()
     load_weights(net, stored["net"], checkpoint)
@@ -198,19 +217,34 @@ def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
 
 
 def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> tuple[float, float]:
-    """One step; the loss and the mean IoU of the pictures that have a target."""
+    """One step; the loss and the mean IoU of the examples that have a target."""
     net.train()
+    count = batch.prompt.shape[1]
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        logits = net.logits(batch.image.contiguous(memory_format=torch.channels_last)).float()
-    loss = mask_loss(logits, batch.mask)
+        with torch.no_grad():
+            features = net.encoder(batch.photo.contiguous(memory_format=torch.channels_last))
+        prompt = batch.prompt.flatten(0, 1)[:, None]
+        logits = net.decode([one.repeat_interleave(count, dim=0) for one in features], prompt).float()
+    mask = batch.mask.flatten(0, 1)[:, None]
+    loss = mask_loss(logits, mask)
     optimizer.zero_grad(set_to_none=True)
     loss.backward()
     torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
     optimizer.step()
-    found, true = logits.detach() > 0, batch.mask > 0.5
-    given = true.sum(dim=(1, 2, 3)) > 0
+    found, true = logits.detach() > 0, mask > 0.5
+    full = true.sum(dim=(1, 2, 3)) > 0
     iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
-    return float(loss.detach()), float(iou[given].mean())
+    return float(loss.detach()), float(iou[full].mean())
+
+
+@torch.no_grad()
+def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
+    """Move the running mean of the weights, and of the statistics, towards those of now."""
+    for kept, new in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
+        if kept.is_floating_point():
+            kept.lerp_(new, 1.0 - decay)
+        else:
+            kept.copy_(new)
 
 
 def _learning_rate(config: MaskRunConfig, step: int) -> float:

@@ -1,0 +1,177 @@
+"""How good a found mask is: what the network expects of it, and whether other ways to ask give the same object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from anyprobe.masks.cut import Cut
+from anyprobe.masks.prompts import Point
+from anyprobe.masks.propose import MaskNetwork, Proposal, object_window, square_around
+from anyprobe.masks.refine import box_mean, resize
+
+DOUBTFUL = 0.75
+"""Expected IoU below which a mask comes with a warning."""
+
+REFUSED = 0.1
+"""Expected IoU below which there is no mask."""
+
+WEIGHTS = {
+    "offset": 0.0,
+    "expected": 1.0,
+    "mirrored": 1.0,
+    "by_box": 1.0,
+    "by_click": 1.0,
+    "kept": 1.0,
+    "one_part": 1.0,
+    "told_apart": 0.5,
+    "edge": 1.0,
+    "border": -1.0,
+    "small": -0.1,
+    "large": -1.0,
+}
+"""Of the log-odds of the IoU."""
+
+WORK_PX = 160
+"""Longer side at which edges are compared."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Evidence:
+    """What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful.
+
+    expected: IoU by the network's own probabilities; mirrored, by_box, by_click: IoU with what it finds in the
+    mirrored photo, in a box around the mask, and at the point deepest inside it; kept: IoU of the rough mask and the
+    one cut out of it; one_part: share of what was found that is in one part; told_apart: by colour; edge: share of the
+    outline where the photo has an edge; border: share of the outline on the photo's border; small: ln of how many
+    times less than 5 % of the photo the mask covers; large: how much more than 60 % of it.
+    """
+
+    expected: float
+    mirrored: float
+    by_box: float
+    by_click: float
+    kept: float
+    one_part: float
+    told_apart: float
+    edge: float
+    border: float
+    small: float
+    large: float
+
+    def expected_iou(self) -> float:
+        """The IoU to expect, in [0, 1]."""
+        odds = WEIGHTS["offset"] + sum(WEIGHTS[name] * value for name, value in asdict(self).items())
+        return float(1.0 / (1.0 + np.exp(-odds)))
+
+    def doubts(self) -> list[str]:
+        """What looks wrong, in a few words each, the gravest first."""
+        agreement = min(self.mirrored, self.by_box, self.by_click)
+        found = [
+            (agreement - 0.7, "asked in another way, the network finds something else"),
+            (self.edge - 0.45, "its outline does not follow the photo's edges"),
+            (self.one_part - 0.8, "it falls into several parts"),
+            (0.15 - self.border, "it is cut by the photo's border"),
+            (0.9 - self.small, "it is very small"),
+            (0.1 - self.large, "it covers nearly the whole photo"),
+            (self.kept - 0.7, "the photo's colours contradict the network"),
+        ]
+        return [words for margin, words in sorted(found) if margin < 0]
+
+
+def examine(
+    network: MaskNetwork,
+    rgb: np.ndarray,
+    proposal: Proposal,
+    cut: Cut,
+    on: Sequence[Point] = (),
+    off: Sequence[Point] = (),
+    box: Sequence[float] | None = None,
+) -> Evidence:
+    """Ask again in other ways, and look at the mask itself.
+
+    Args:
+        rgb: [H, W, 3] display values in [0, 1]. proposal: the rough mask; cut: what was cut out there.
+        on, off, box: the prompts that gave it, in pixels.
+    """
+    height, width = rgb.shape[:2]
+    inside = cut.mask > 0.5
+    rough = resize(proposal.cover, width, height) > 0.5
+    there = object_window(cut.mask, width, height)
+    window = square_around(there, width, height)
+    corners = (there[0], there[1], there[0] + there[2], there[1] + there[3])
+    here = window.cut_photo(cut.mask)
+    by_box, by_click = (
+        _iou(network.look(rgb, window, clicks, (), around).cover > 0.5, here)
+        for clicks, around in (((), corners), ((deepest_point(cut.mask),), None))
+    )
+    flipped = network.propose(
+        np.ascontiguousarray(rgb[:, ::-1]),
+        [(width - x, y) for x, y in on],
+        [(width - x, y) for x, y in off],
+        None if box is None else (width - box[2], box[1], width - box[0], box[3]),
+    )
+    share = float(inside.mean())
+    edge, border = _outline(rgb, cut.mask)
+    return Evidence(
+        expected=proposal.confidence,
+        mirrored=_iou(resize(flipped.cover[:, ::-1], width, height) > 0.5, inside),
+        by_box=by_box,
+        by_click=by_click,
+        kept=_iou(rough, inside),
+        one_part=1.0 - cut.loose,
+        told_apart=cut.told_apart,
+        edge=edge,
+        border=border,
+        small=float(np.log(max(0.05 / max(share, 1e-5), 1.0))),
+        large=max(share - 0.6, 0.0) / 0.4,
+    )
+
+
+def deepest_point(mask: np.ndarray) -> Point:
+    """x, y of the point of a mask [H, W] that is furthest from everything outside, to a 64th of the longer side."""
+    height, width = mask.shape
+    step = max(1, round(max(height, width) / 64))
+    inside = np.pad(mask[step // 2 :: step, step // 2 :: step] > 0.5, 1)
+    if not inside.any():
+        rows, columns = np.nonzero(mask > 0.5)
+        return float(columns[0]) + 0.5, float(rows[0]) + 0.5
+    last = inside
+    while inside.any():
+        last = inside
+        inside = inside.copy()
+        inside[1:-1, 1:-1] &= last[:-2, 1:-1] & last[2:, 1:-1] & last[1:-1, :-2] & last[1:-1, 2:]
+    rows, columns = np.nonzero(last)
+    middle = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
+    return (columns[middle] - 1) * step + step // 2 + 0.5, (rows[middle] - 1) * step + step // 2 + 0.5
+
+
+def _iou(one: np.ndarray, other: np.ndarray) -> float:
+    return float((one & other).sum() / max((one | other).sum(), 1))
+
+
+def _outline(rgb: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
+    """Share of the outline where the photo changes more than it mostly does nearby, and share on the border."""
+    height, width = mask.shape
+    x, y, w, h = object_window(mask, width, height)
+    more = 0.25 * max(w, h)
+    rows = slice(max(0, int(y - more)), min(height, int(y + h + more) + 1))
+    columns = slice(max(0, int(x - more)), min(width, int(x + w + more) + 1))
+    scale = min(1.0, WORK_PX / max(rows.stop - rows.start, columns.stop - columns.start))
+    size = (
+        max(4, round((columns.stop - columns.start) * scale)),
+        max(4, round((rows.stop - rows.start) * scale)),
+    )
+    picture, inside = resize(rgb[rows, columns], *size), resize(mask[rows, columns], *size) > 0.5
+    steps = [np.gradient(picture, axis=axis) for axis in (0, 1)]
+    change = np.sqrt(sum((step**2).sum(axis=-1) for step in steps))
+    share = box_mean(inside[..., None].astype(np.float32), 1)[..., 0]
+    outline = (share > 0.01) & (share < 0.99)
+    band = box_mean(outline[..., None].astype(np.float32), 5)[..., 0] > 0
+    usual = np.median(change[band]) if band.any() else 0.0
+    sharpest = box_mean(change[..., None], 1)[..., 0]
+    edge = float((sharpest[outline] > 1.3 * usual).mean()) if outline.any() else 0.0
+    at_border = mask[0].sum() + mask[-1].sum() + mask[:, 0].sum() + mask[:, -1].sum()
+    return edge, float(min(1.0, at_border / max(2.0 * (w + h), 1.0)))

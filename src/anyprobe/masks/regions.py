@@ -1,0 +1,73 @@
+"""Connected parts of a mask: the object is one of them, without specks beside it or pinholes in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+HOLE_SHARE = 0.03
+"""Holes up to this share of the object are filled; larger ones are seen through, as a handle is."""
+
+
+def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which 4-connected part each pixel belongs to.
+
+    Args:
+        inside: [H, W] bool.
+    Returns:
+        labels [H, W] int, 0 outside, parts numbered from 1; sizes [N + 1] in pixels, sizes[0] of what is outside.
+    """
+    rows, starts, stops = _runs(inside)
+    parent = np.arange(len(rows))
+
+    def root(one: int) -> int:
+        while parent[one] != one:
+            parent[one] = parent[parent[one]]
+            one = parent[one]
+        return one
+
+    above, first = 0, np.searchsorted(rows, np.arange(len(inside) + 1))
+    for one in range(len(rows)):
+        above = max(above, first[rows[one] - 1] if rows[one] else 0)
+        other = above
+        while other < len(rows) and rows[other] == rows[one] - 1 and starts[other] < stops[one]:
+            if stops[other] > starts[one]:
+                parent[root(other)] = root(one)
+                above = other
+            other += 1
+    roots = np.array([root(one) for one in range(len(rows))], np.int64)
+    _, number = np.unique(roots, return_inverse=True)
+    labels = np.zeros(inside.size, np.int64)
+    lengths = stops - starts
+    offset = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    labels[np.repeat(rows * inside.shape[1] + starts, lengths) + offset] = np.repeat(number + 1, lengths)
+    labels = labels.reshape(inside.shape)
+    return labels, np.bincount(labels.ravel(), minlength=1 + (number.max() + 1 if len(number) else 0))
+
+
+def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row, first column and column after the last of each run of true pixels, row by row."""
+    padded = np.pad(inside, ((0, 0), (1, 1))).astype(np.int8)
+    rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
+    _, stops = np.nonzero(np.diff(padded, axis=1) == -1)
+    return rows, starts, stops
+
+
+def one_object(inside: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The part of the mask [H, W] bool that weighs most, with its small holes filled; empty where it is empty."""
+    labels, sizes = label_parts(inside)
+    if len(sizes) < 2:
+        return inside.copy()
+    sums = np.bincount(labels.ravel(), weights=weight.ravel(), minlength=len(sizes))
+    sums[0] = -np.inf
+    return fill_holes(labels == int(sums.argmax()))
+
+
+def fill_holes(part: np.ndarray) -> np.ndarray:
+    """A part [H, W] bool with the holes filled that are at most HOLE_SHARE of it."""
+    labels, sizes = label_parts(~part)
+    at_border = np.zeros(len(sizes), bool)
+    for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        at_border[edge] = True
+    fills = ~at_border & (sizes <= HOLE_SHARE * max(int(part.sum()), 1))
+    fills[0] = False
+    return part | fills[labels]

@@ -1,0 +1,232 @@
+"""Other segmenters in the place of our own network: rembg, networks of the SAM family, anybody's plug-in.
+
+A plug-in is an entry point of the group `anyprobe.segmenters`: a callable that gets what follows the colon of
+`--segmenter NAME:ARGUMENT`, or "", and returns a Segmenter. What a segmenter needs it downloads or reads itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from PIL import Image
+
+from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, ModelError
+from anyprobe.files.graphs import open_graph
+from anyprobe.masks.prompts import Point
+from anyprobe.masks.regions import label_parts
+
+GROUP = "anyprobe.segmenters"
+
+
+class Segmenter(Protocol):
+    """Anything that cuts an object out of a photo."""
+
+    needs_prompt: bool
+    """Whether it finds nothing without a click or a box; without one it gets the box of our network's proposal."""
+
+    def segment(
+        self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
+    ) -> np.ndarray:
+        """Cover [H, W] in [0, 1] of the object in a photo [H, W, 3] uint8.
+
+        Args:
+            on, off: clicks x, y on the object and beside it; box: x0, y0, x1, y1 around it; pixels, all optional.
+        """
+        ...
+
+
+def load_segmenter(name: str) -> Segmenter:
+    """The segmenter called NAME or NAME:ARGUMENT.
+
+    Raises:
+        InputError: nothing has that name. MissingExtra: its package is not installed. ModelError: its files are absent.
+    """
+    name, _, argument = name.partition(":")
+    if name in OWN:
+        return OWN[name](argument)
+    found = {one.name: one for one in entry_points(group=GROUP)}
+    if name not in found:
+        known = ", ".join(sorted({*OWN, *found}))
+        raise InputError(
+            f"segmenter: expected one of {known}, got {name!r}; install the package that brings it"
+        )
+    try:
+        return found[name].load()(argument)
+    except AnyprobeError:
+        raise
+    except Exception as error:  # a plug-in may raise whatever it likes
+        raise ModelError(
+            f"segmenter {name}: could not be loaded ({error}); see its own documentation"
+        ) from error
+
+
+class Rembg:
+    """A session of rembg (Gatis), by default U2-Net; its weights come from its own store at the first use."""
+
+    needs_prompt = False
+
+    def __init__(self, model: str = "") -> None:
+        try:
+            import rembg
+        except ImportError as error:
+            raise MissingExtra("rembg", "rembg", "--segmenter rembg") from error
+        from rembg.sessions import sessions_class
+
+        model = model or "u2net"
+        known = {one.name(): one for one in sessions_class if one.is_local()}
+        if model not in known:
+            raise InputError(
+                f"segmenter rembg: expected a model that runs here, got {model!r}; try u2net or isnet-general-use"
+            )
+        try:
+            self._session = rembg.new_session(model)
+        except Exception as error:  # downloads fail in many ways
+            raise ModelError(
+                f"segmenter rembg: {model} could not be loaded ({error}); see rembg's documentation"
+            ) from error
+
+    def segment(
+        self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
+    ) -> np.ndarray:
+        """It finds what stands out: in the box, if there is one; of several parts, those that were clicked on."""
+        height, width = rgb.shape[:2]
+        x0, y0, x1, y1 = (0, 0, width, height) if box is None else _widened(box, width, height)
+        found = np.zeros((height, width), np.float32)
+        (mask, *_) = self._session.predict(Image.fromarray(rgb[y0:y1, x0:x1]))
+        found[y0:y1, x0:x1] = np.asarray(mask.convert("L"), np.float32) / 255.0
+        return found * _clicked_parts(found, on, off)
+
+
+CROP_MARGIN = 0.15
+"""What a segmenter without prompts sees around a box, in the box's longer sides."""
+
+
+def _widened(box: Sequence[float], width: int, height: int) -> tuple[int, int, int, int]:
+    more = CROP_MARGIN * max(box[2] - box[0], box[3] - box[1])
+    x0, y0 = max(0, int(box[0] - more)), max(0, int(box[1] - more))
+    return x0, y0, min(width, round(box[2] + more)), min(height, round(box[3] + more))
+
+
+def _clicked_parts(found: np.ndarray, on: Sequence[Point], off: Sequence[Point]) -> np.ndarray:
+    """1 on the parts of a mask [H, W] with a click on them and none beside the object, everywhere without clicks."""
+    if not on and not off:
+        return np.ones_like(found)
+    labels, sizes = label_parts(found > 0.5)
+    clicked, taken = ({labels[int(y), int(x)] for x, y in points} - {0} for points in (on, off))
+    kept = np.zeros(len(sizes), np.float32)
+    kept[sorted((clicked if on else set(range(1, len(sizes)))) - taken)] = 1.0
+    if not kept.any():
+        raise InvalidMask(
+            "segmenter: expected something that stands out at the clicks, found none; draw --box, or try sam"
+        )
+    return kept[labels]
+
+
+class Sam:
+    """An encoder and a decoder of the SAM family as ONNX files: SAM and MobileSAM, or SAM 2, which has finer features.
+
+    The files are those that the models' own export scripts and samexporter write (see docs/masks.md).
+    """
+
+    needs_prompt = True
+    SIDE = 1024
+    MEAN, SPREAD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+
+    def __init__(self, folder: str) -> None:
+        if not folder:
+            raise InputError(
+                "segmenter sam: expected sam:FOLDER with *encoder*.onnx and *decoder*.onnx, got no folder"
+            )
+        self._encoder, self._decoder = (self._open(Path(folder), part) for part in ("encoder", "decoder"))
+        self._input = self._encoder.get_inputs()[0]
+        self._wanted = [one.name for one in self._decoder.get_inputs()]
+        self._second = "high_res_feats_0" in self._wanted
+
+    @staticmethod
+    def _open(folder: Path, part: str):
+        files = sorted(folder.glob(f"*{part}*.onnx"))
+        if len(files) != 1:
+            raise ModelError(
+                f"{folder}: expected one file *{part}*.onnx, got {len(files)}; name the folder of one model"
+            )
+        return open_graph(files[0])
+
+    def segment(
+        self, rgb: np.ndarray, on: Sequence[Point], off: Sequence[Point], box: Sequence[float] | None
+    ) -> np.ndarray:
+        """The likeliest of the masks that the decoder offers for these prompts."""
+        height, width = rgb.shape[:2]
+        size = (self.SIDE, self.SIDE) if self._second else _fitted(width, height, self.SIDE)
+        features = self._encode(np.asarray(Image.fromarray(rgb).resize(size, Image.Resampling.BILINEAR)))
+        points, labels = _as_points(on, off, box)
+        prompts = {
+            "point_coords": (points * np.array(size) / np.array([width, height]))[None].astype(np.float32),
+            "point_labels": labels[None].astype(np.float32),
+            "mask_input": np.zeros((1, 1, self.SIDE // 4, self.SIDE // 4), np.float32),
+            "has_mask_input": np.zeros(1, np.float32),
+            "orig_im_size": np.array([height, width], np.float32),
+        }
+        available = {**features, **prompts}
+        missing = [name for name in self._wanted if name not in available]
+        if missing:
+            raise ModelError(
+                f"segmenter sam: expected a decoder of SAM, MobileSAM or SAM 2, got one that wants {missing[0]}"
+            )
+        answer = dict(
+            zip(
+                [one.name for one in self._decoder.get_outputs()],
+                self._decoder.run(None, {name: available[name] for name in self._wanted}),
+                strict=True,
+            )
+        )
+        best = int(np.asarray(answer["iou_predictions"]).reshape(-1).argmax())
+        odds = answer.get("low_res_masks", answer["masks"])[0, best]
+        return self._enlarged(odds, size, width, height)
+
+    def _encode(self, picture: np.ndarray) -> dict[str, np.ndarray]:
+        """What the decoder needs of a picture [h, w, 3] uint8."""
+        if len(self._input.shape) == 3:  # it normalises and pads by itself
+            fed = picture.astype(np.float32)
+        else:
+            fed = np.zeros((1, 3, self.SIDE, self.SIDE), np.float32)
+            scaled = (picture / 255.0 - self.MEAN) / self.SPREAD
+            fed[0, :, : picture.shape[0], : picture.shape[1]] = scaled.transpose(2, 0, 1)
+        outputs = self._encoder.run(None, {self._input.name: fed})
+        if not self._second:
+            return {"image_embeddings": outputs[0]}
+        return dict(zip(("high_res_feats_0", "high_res_feats_1", "image_embed"), outputs[:3], strict=True))
+
+    def _enlarged(self, odds: np.ndarray, size: tuple[int, int], width: int, height: int) -> np.ndarray:
+        """Log-odds of the square, or of the photo, as cover [height, width]."""
+        if odds.shape != (height, width):
+            scale = odds.shape[0] / self.SIDE
+            shown = odds[: max(1, round(size[1] * scale)), : max(1, round(size[0] * scale))]
+            image = Image.fromarray(np.ascontiguousarray(shown, np.float32))
+            odds = np.asarray(image.resize((width, height), Image.Resampling.BILINEAR))
+        return (1.0 / (1.0 + np.exp(-np.clip(odds, -30, 30)))).astype(np.float32)
+
+
+def _fitted(width: int, height: int, side: int) -> tuple[int, int]:
+    """Width and height with the longer side `side`."""
+    scale = side / max(width, height)
+    return int(width * scale + 0.5), int(height * scale + 0.5)
+
+
+def _as_points(on, off, box) -> tuple[np.ndarray, np.ndarray]:
+    """Prompts as SAM takes them: points [N, 2] in the photo's pixels, labels [N]: 1 on, 0 off, 2 and 3 a box's corners;
+    without a box one point of label -1, which counts for nothing."""
+    points = [*on, *off]
+    labels = [1.0] * len(on) + [0.0] * len(off)
+    if box is None:
+        points, labels = [*points, (0.0, 0.0)], [*labels, -1.0]
+    else:
+        points, labels = [*points, tuple(box[:2]), tuple(box[2:])], [*labels, 2.0, 3.0]
+    return np.array(points, np.float64).reshape(-1, 2), np.array(labels)
+
+
+OWN = {"rembg": Rembg, "sam": Sam}
+"""Segmenters that come with the package."""

@@ -1,0 +1,59 @@
+"""Rooms, streets and studios drawn for the library of detail."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.dataset.boxes import Builder, cast, lines, turbulence, visible
+from anyprobe.dataset.detailed_outdoors import detailed_outdoor
+from anyprobe.dataset.detailed_rooms import detailed_room, detailed_studio
+from anyprobe.detail.library import encode
+
+
+@pytest.mark.parametrize("draw", [detailed_room, detailed_outdoor, detailed_studio])
+def test_a_scene_is_finite_detailed_and_the_same_again(draw):
+    radiance = draw(np.random.default_rng((1, 2)), 64)
+    assert radiance.shape == (64, 128, 3)
+    assert np.isfinite(radiance).all()
+    assert radiance.min() >= 0
+    assert encode(radiance)[2] > 0.02
+    np.testing.assert_array_equal(radiance, draw(np.random.default_rng((1, 2)), 64))
+
+
+@pytest.mark.parametrize("draw", [detailed_room, detailed_outdoor])
+def test_bands_of_a_scene_do_not_show(draw):
+    """Each band draws the same numbers: no row differs from the next as bands would."""
+    display = np.minimum(draw(np.random.default_rng((3, 4)), 64), 1.0).mean(axis=-1)
+    steps = np.abs(np.diff(display, axis=0)).mean(axis=1)
+    borders = [8 * k - 1 for k in range(1, 8)]
+    horizon = steps[[31]]
+    assert steps[borders].mean() < 2.5 * np.median(steps) + horizon.mean() / 7
+
+
+def test_rays_hit_the_nearest_box_and_shadows_fall_behind_it():
+    scene = Builder()
+    scene.add([0, 0, -3], [1, 1, 1], 0.5)
+    scene.add([0, 0, -6], [4, 4, 1], 0.2)
+    boxes = scene.boxes()
+    d = np.array([[0, 0, -1], [0.28, 0, -0.96], [0, 1, 0]], float)
+    hits = cast(boxes, np.zeros(3), d)
+    assert hits.index.tolist() == [0, 1, -1]
+    np.testing.assert_allclose(hits.distance[0], 2.5)
+    np.testing.assert_allclose(hits.normal[0], [0, 0, 1])
+    lit = visible(boxes, np.array([[0, 0, -5.4], [1.9, 0, -5.4]]), np.zeros(3))
+    assert lit.tolist() == [False, True]
+
+
+def test_lines_cover_their_share_of_a_wide_pixel():
+    x = np.linspace(0, 7, 50)
+    np.testing.assert_allclose(lines(x, 0.1, 0.02, 1.0), 0.2, atol=0.02)
+    assert set(np.round(lines(np.array([0.01, 0.05]), 0.1, 0.02, 1e-4), 3)) == {0.0, 1.0}
+
+
+def test_noise_finer_than_a_pixel_fades():
+    x = pixel_directions(32).reshape(-1, 3) * 50.0
+    whole, faded = (turbulence(np.random.default_rng(0), x, 4, footprint) for footprint in (0.0, 10.0))
+    assert whole.std() > 0.2
+    assert not faded.any()
