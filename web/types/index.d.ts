@@ -137,7 +137,7 @@ export declare class AnyProbe {
   mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; confidence: number | null }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
-  /** The light of every frame of a playing video, steady on a still scene. */
+  /** The light of every frame of a playing video, steady on a still scene. One video at a time. */
   track(video: HTMLVideoElement, onLight: (light: Light) => void, options?: TrackOptions): Tracker;
   dispose(): void;
 }

@@ -2,7 +2,7 @@
  * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
  *
  * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}. A camera's frames have no id:
- * lights are told as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
+ * lights come as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
  */
 
 import { describe } from "../light/light.js";
@@ -60,7 +60,7 @@ const tasks = {
   startLive({ hints, longFovDeg, options, withViews }) {
     const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, options, withViews);
     const frames = new Newest(
-      (given) => tellLight(lights, given),
+      (given) => sendLight(lights, given),
       ({ frame }) => letGo(frame),
     );
     live = { lights, frames };
@@ -80,7 +80,7 @@ const tasks = {
 };
 
 /** The light of a frame to the caller, unless it has begun anew meanwhile. */
-async function tellLight(lights, { frame, time }) {
+async function sendLight(lights, { frame, time }) {
   let answer;
   try {
     answer = await lights.next(frame, time);
