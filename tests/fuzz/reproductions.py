@@ -245,7 +245,7 @@ def _(folder: Path) -> str:
 
 @case("1 hidden .hdr as surroundings")
 def _(folder: Path) -> str:
-    body, kind = form(("photo", png(64)), ("surroundings", hidden_hdr(8192, 16384)))
+    body, kind = form(("photo", png(64)), ("surroundings", hidden_hdr(6000, 12000)))
     return against(lambda port: post(port, "/v1/estimate", body, kind))
 
 
