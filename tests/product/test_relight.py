@@ -253,7 +253,7 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--object", "bunni"), ("ball, vase", "'bunni'")),
+        (("--object", "bunni"), ("sphere, vase", "'bunni'")),
         (("--object", "absent.glb"), ("mesh file", "no such file")),
         (("--material", "glass"), ("chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),

@@ -228,5 +228,5 @@ def test_render_knows_the_objects_of_relight(name):
 
 
 def test_render_of_an_unknown_object_names_those_known():
-    with pytest.raises(anyprobe.InputError, match="expected one of ball, vase"):
+    with pytest.raises(anyprobe.InputError, match="expected one of sphere, vase"):
         anyprobe.Light(radiance=made_map()).render("bal")

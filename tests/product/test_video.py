@@ -305,7 +305,7 @@ def test_other_settings_are_refused(begin, tmp_path):
         (("--surroundings", "absent.png", "--masks", "."), "surroundings: absent.png"),
         (("--masks", "."), "no frame gave a light"),
         (("--masks", "absent"), "a folder with one mask"),
-        (("--object", "bunni"), "ball, vase"),
+        (("--object", "bunni"), "sphere, vase"),
         (("--material", "glass", "--object", "ball"), "chrome, gold"),
     ],
 )

@@ -25,7 +25,7 @@ def _vase() -> Mesh:
 
 
 OBJECTS: dict[str, Callable[[], Mesh]] = {
-    "ball": lambda: sphere(48),
+    "sphere": lambda: sphere(48),
     "vase": _vase,
     "pebble": lambda: blob(np.random.default_rng(7), rows=56),
     "block": lambda: superquadric(np.random.default_rng(2), rows=56),
@@ -33,8 +33,13 @@ OBJECTS: dict[str, Callable[[], Mesh]] = {
 }
 
 
+OLD_NAMES = {"ball": "sphere"}
+"""Names that older scripts use."""
+
+
 def open_object(name: str) -> Mesh:
-    """One of OBJECTS, or a mesh file; +Y is up. InputError or InvalidMesh names what is known."""
+    """One of OBJECTS, or a mesh file; +Y is up. InputError or InvalidMesh lists them."""
+    name = OLD_NAMES.get(name, name)
     if name in OBJECTS:
         return OBJECTS[name]()
     if not Path(name).suffix:
