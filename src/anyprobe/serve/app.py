@@ -115,7 +115,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     async def estimate(request: Request) -> Response:
         """Estimate the light around the object of a photo.
 
-        The object is told by a mask, a box, clicks, the photo's alpha channel, or found. JSON by
+        The object is given by a mask, a box, clicks, the photo's alpha channel, or found. JSON by
         default; the map itself as OpenEXR, Radiance .hdr or tone-mapped PNG by Accept or `format`.
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
@@ -204,7 +204,7 @@ def _leaving(request: Request) -> Callable[[], Any]:
 
 
 def _add_error_lines(app: FastAPI, limits: Limits) -> None:
-    """Every error as {"error": one line}; what was not foreseen is logged here and not told there."""
+    """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
         return JSONResponse({"error": " ".join(str(error).split())}, status, headers)
