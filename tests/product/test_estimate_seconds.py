@@ -54,7 +54,7 @@ def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, count
     pytest.importorskip("python_multipart", reason="needs the serve extra")
     from fastapi.testclient import TestClient
 
-    from anyprobe.serve.app import create_app
+    from anyprobe.serve.api import create_app
 
     files = [("photo", (f"{k}.png", photo_path.read_bytes())) for k in range(count)]
     given = {"poses": json.dumps([np.eye(3).tolist()] * count)} if count > 1 else {}

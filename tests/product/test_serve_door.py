@@ -25,12 +25,12 @@ from anyprobe.cli.serve import _token
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.serve.answers import png as as_png
-from anyprobe.serve.app import create_app
+from anyprobe.serve.api import create_app
 from anyprobe.serve.door import DoorProtocol, FewLines
 from anyprobe.serve.page import Page
 from anyprobe.serve.pool import Busy, Limits, WorkerPool
 from anyprobe.serve.processes import Lane, TooMuchMemory, TooSlow
-from anyprobe.serve.uploads import Upload
+from anyprobe.serve.tasks import Upload
 
 
 @pytest.fixture(scope="module")

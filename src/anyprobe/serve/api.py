@@ -24,7 +24,8 @@ from anyprobe.serve import answers, openapi
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, Limits, WorkerPool
-from anyprobe.serve.uploads import TooManyPixels, Upload, read_upload, read_views, take_unread
+from anyprobe.serve.tasks import TooManyPixels, Upload
+from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
