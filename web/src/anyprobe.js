@@ -44,7 +44,7 @@ export class AnyProbe {
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
    * @returns {Promise<{mask: Float32Array, width: number, height: number, confidence: number | null}>} confidence: the
-   *   IoU that the mask network expects, null where it was not asked
+   *   IoU that the mask network expects or finds in other ways, the less; null where it was not asked
    */
   async mask(image, hints = {}) {
     const picture = readSource(image);

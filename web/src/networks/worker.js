@@ -8,6 +8,7 @@
 import { describe } from "../light/light.js";
 import { drawSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
+import { agreement } from "../photo/agreement.js";
 import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
@@ -38,8 +39,8 @@ const tasks = {
   },
 
   /**
-   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With the IoU that the
-   * network expects, null where it was not asked.
+   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With its confidence: the
+   * IoU that the network expects or that it finds when it is asked in other ways, the less; null where it was not asked.
    */
   mask({ picture, hints }) {
     return findMask(picture, hints);
@@ -107,8 +108,10 @@ function letGo(frame) {
 async function findMask(picture, hints) {
   if (hints.box) return { mask: cutOutOfBox(picture, hints), confidence: null };
   if (!models.hasMask) return { mask: flood(picture, hints), confidence: null };
-  const cover = await propose((input) => models.mask(input), picture, hints);
-  return { mask: cutOut(picture, cover, hints), confidence: cover.confidence };
+  const run = (input) => models.mask(input);
+  const cover = await propose(run, picture, hints);
+  const mask = cutOut(picture, cover, hints);
+  return { mask, confidence: Math.min(cover.confidence, await agreement(run, picture, mask, hints)) };
 }
 
 /** The same at one look and without refining, for video. */
