@@ -157,7 +157,7 @@ def _curves(points: list[Point]) -> Iterator[dict]:
     for point in points:
         row = {"pairs": point.pairs, "seed": point.seed, "after": point.after}
         for key, values in point.columns.items():
-            if key.endswith(("/rmse", "/ssim")):
+            if key.startswith("test/") and key.endswith(("/rmse", "/ssim")):
                 row[key] = float(values.mean())
         yield row
 
@@ -170,7 +170,7 @@ def write_report(folder: Path, out: Path = HERE) -> None:
             ceilings = {key: stored[key] for key in stored.files}
     content = results(points, ceilings)
     rounded = json.loads(json.dumps(content), parse_float=lambda text: round(float(text), 5))
-    (out / "results.json").write_text(json.dumps(rounded, indent=1) + "\n")
+    (out / "results.json").write_text(json.dumps(rounded) + "\n")
     draw(content, out / "curves.png")
     readme = out / "README.md"
     before, rest = readme.read_text().split(BEGIN)
