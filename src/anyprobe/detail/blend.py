@@ -44,6 +44,7 @@ FINE = 16
 """Steps between two codes of a picture."""
 STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
+STEPS = 5
 CLIPPED = 0.97
 """Display value of what is seen from which on it is at least as bright as it looks."""
 LEAST_COVER = 1e-3
@@ -188,7 +189,9 @@ def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.nda
     then harmonics [9, 3] those of the goal."""
     free, fixed = _shrunk(free), _shrunk(fixed)
     m = _ratio(_held(response(rest)), _held(response(free)))
-    return m * _harmonics_step(m * free, goal - project(_interleaved(m * free + fixed)))
+    for _ in range(STEPS):
+        m = m * _harmonics_step(m * free, goal - project(_interleaved(m * free + fixed)))
+    return m
 
 
 def _ratio(wanted: np.ndarray, shown: np.ndarray) -> np.ndarray:
