@@ -73,18 +73,19 @@ def test_a_place_of_the_library_is_found_and_turned_as_the_camera_was(library, y
     match = find_match(np.maximum(seen, 0.0) * 0.2, None, library)
     assert match.name == "place-2"
     turn = match.candidate_from_estimate @ map_from_camera.T
-    assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 6
+    assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 8
     assert np.ptp(match.ln_gain) < 0.1
 
 
-def test_what_is_not_certain_does_not_choose(library):
-    """A place with nonsense over half the sphere is found where the confidence there is low."""
-    seen = np.maximum(reduced(place(4), 64), 0.0)
+@pytest.mark.parametrize("other", [2, 4])
+def test_what_is_not_certain_does_not_choose(library, other):
+    """Half of the sphere shows another place upside down: that misleads, unless the confidence there is low."""
+    spoiled = np.maximum(reduced(place(1), 64), 0.0)
+    spoiled[:, :64] = reduced(place(other), 64)[:, 64:][::-1]
     confidence = np.ones((64, 128), np.float32)
     confidence[:, :64] = 0.0
-    spoiled = seen.copy()
-    spoiled[:, :64] = reduced(place(0), 64)[:, 64:][::-1]
-    assert find_match(spoiled, confidence, library).name == "place-4"
+    assert find_match(spoiled, None, library).name != "place-1"
+    assert find_match(spoiled, confidence, library).name == "place-1"
 
 
 def test_no_seam_behind_the_camera_and_no_pinch_at_the_poles(library, estimate):
