@@ -77,11 +77,10 @@ def test_a_place_of_the_library_is_found_and_turned_as_the_camera_was(library, y
     assert np.ptp(match.ln_gain) < 0.1
 
 
-@pytest.mark.parametrize("other", [2, 4])
-def test_what_is_not_certain_does_not_choose(library, other):
+def test_what_is_not_certain_does_not_choose(library):
     """Half of the sphere shows another place upside down: that misleads, unless the confidence there is low."""
     spoiled = np.maximum(reduced(place(1), 64), 0.0)
-    spoiled[:, :64] = reduced(place(other), 64)[:, 64:][::-1]
+    spoiled[:, :64] = reduced(place(2), 64)[:, 64:][::-1]
     confidence = np.ones((64, 128), np.float32)
     confidence[:, :64] = 0.0
     assert find_match(spoiled, None, library).name != "place-1"
