@@ -1,6 +1,6 @@
 """Make the library that anyprobe.detail comes with, of rooms, streets and studios of our own:
 
-    python -m anyprobe.dataset.detail_library src/anyprobe/detail/own.zip
+    python -m research.detail_library.draw src/anyprobe/detail/own.zip
 
 The same seed gives the same maps on the same machine; a few minutes on two cores.
 """
@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.detailed_outdoors import detailed_outdoor
-from anyprobe.dataset.detailed_rooms import detailed_room, detailed_studio
 from anyprobe.detail.library import encode, write_library
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room, detailed_studio
 
 KINDS = {"room": (detailed_room, 24), "outdoor": (detailed_outdoor, 14), "studio": (detailed_studio, 6)}
 """What is drawn, and how many of each."""

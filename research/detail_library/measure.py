@@ -1,8 +1,8 @@
-"""python -m research.detail: maps with plausible detail beside the plain estimate and the truth, on test pairs.
+"""Maps with plausible detail beside the plain estimate and the truth, on test pairs.
 
-    python -m research.detail DATA                          # our own library
-    python -m research.detail DATA --library DATA/hdri/train --mirrors
-    python -m research.detail --pairs 6 --sheet docs/detail.jpg    # scenes of our own that no library has
+    python -m research.detail_library.measure DATA                          # our own library
+    python -m research.detail_library.measure DATA --library DATA/hdri/train --mirrors
+    python -m research.detail_library.measure --pairs 6 --sheet docs/detail.jpg  # scenes no library has
 
 DATA holds hdri/test and meshes/test; the pairs are those of `anyprobe evaluate`. Times are of the processor,
 all threads together.
@@ -29,8 +29,6 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore, own_shape
 from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
-from anyprobe.dataset.detailed_outdoors import detailed_outdoor
-from anyprobe.dataset.detailed_rooms import detailed_room
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.plan import balanced_recipes
 from anyprobe.detail.library import Library, encode, open_library, write_library
@@ -42,6 +40,8 @@ from anyprobe.files.objects import draw_under
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.harmonics import project
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room
 
 PAIRS, SEED = 200, 2020
 ORDERS = (8, 10, 12, 16, 24, 31, 48, 63)

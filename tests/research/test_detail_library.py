@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.dataset.boxes import Builder, cast, lines, turbulence, visible
-from anyprobe.dataset.detailed_outdoors import detailed_outdoor
-from anyprobe.dataset.detailed_rooms import detailed_room, detailed_studio
 from anyprobe.detail.library import codes_of, encode, richness_of
+from research.detail_library.boxes import Builder, cast, lines, turbulence, visible
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room, detailed_studio
 
 
 @pytest.mark.parametrize("draw", [detailed_room, detailed_outdoor, detailed_studio])
