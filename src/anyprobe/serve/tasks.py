@@ -31,7 +31,6 @@ MAX_PANORAMA_PIXELS = 8_500_000
 
 def ready() -> None:
     """Nothing; for a process that is to have its imports done."""
-    Image.init()
 
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> tuple[Photo, Crop, bytes | None]:
