@@ -245,6 +245,7 @@ def test_errors_come_back_as_they_are(lane):
         ("export/cube", hidden_hdr(8192, 16384)),
         ("photo", hidden_hdr(8192, 16384)),
     ],
+    ids=["exr", "map", "hdr"],
 )
 def test_bombs_are_refused_by_what_they_would_be_decoded_to(estimator, address, body):
     with TestClient(create_app(estimator)) as client:

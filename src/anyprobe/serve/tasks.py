@@ -86,7 +86,6 @@ class TooManyPixels(InputError):
 
 def ready() -> None:
     """Nothing; for a process that is to have its imports done."""
-    Image.init()
 
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> tuple[Photo, Crop, bytes | None]:
