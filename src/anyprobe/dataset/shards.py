@@ -153,7 +153,7 @@ def remove_shard(folder: Path, shard: int, *, index_only: bool = False) -> None:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(
-                f"{path}: cannot be deleted ({error.strerror}); check who may write there"
+                f"{path}: cannot be deleted ({error.strerror}); check its permissions"
             ) from error
 
 

@@ -23,7 +23,7 @@ SCRATCH = ".anyprobe-"
 """What the folders begin with that hold files until all are written; the machine and the process's number follow."""
 
 STALE_S = 86_400.0
-"""Age of such a folder that nobody waits for any more, whichever machine's process made it."""
+"""Age of such a folder that is abandoned, whichever machine's process made it."""
 
 
 @contextmanager

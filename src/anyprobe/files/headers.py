@@ -44,7 +44,7 @@ PLUGINS = (
     *(AvifImagePlugin, BmpImagePlugin, GifImagePlugin, Jpeg2KImagePlugin, JpegImagePlugin, MpoImagePlugin),
     *(PngImagePlugin, PpmImagePlugin, TiffImagePlugin, WebPImagePlugin),
 )
-"""Their readers, imported here and not at the first photo: who forks while a thread imports waits for ever."""
+"""Their readers, imported here and not at the first photo: a process forked while a thread imports hangs."""
 
 ON_ITS_SIDE = (5, 6, 7, 8)
 """Orientations of photos that are turned by a quarter to be shown."""

@@ -30,7 +30,7 @@ from anyprobe.serve.uploads import read_upload, read_views, take_unread
 log = logging.getLogger("anyprobe.serve")
 
 CLIENT_GONE = 499
-"""Nobody reads this answer; the number is what logs of other servers call it."""
+"""This answer is never read; the number is the one that logs of other servers use."""
 
 
 def create_app(

@@ -107,7 +107,7 @@ class FewLines(logging.Filter):
 
 
 def settings() -> dict[str, Any]:
-    """Of uvicorn, with limits that fit this process. Only for who owns it: descriptors and logs are set up too."""
+    """uvicorn settings with limits that fit this process. Sets up its descriptors and logs too."""
     descriptors = _most_descriptors()
     limited = min(MAX_CONNECTIONS, max(16, descriptors - SPARE_DESCRIPTORS))
     few = FewLines()

@@ -80,7 +80,7 @@ class BodyLimit:
 class OwnNamesOnly:
     """Refuses names that the server does not go by, so that a foreign one pointed at this machine opens nothing.
 
-    Where addresses are let in, any IP address is: nobody can point one elsewhere.
+    Where addresses are let in, any IP address is: no DNS name can point one elsewhere.
     """
 
     def __init__(self, app: ASGIApp, names: Collection[str], addresses: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""A bounded number of places: who comes too many is sent away at once, who leaves is not computed."""
+"""A bounded queue: a request beyond the bound is refused at once, one whose client left is not computed."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Job:
         """Called between the steps of the work.
 
         Raises:
-            Cancelled: nobody waits for the answer any more.
+            Cancelled: the client no longer waits for the answer.
         """
         if self._gone.is_set():
             raise Cancelled
@@ -133,7 +133,7 @@ class WorkerPool:
         return self._taken >= self._limits.workers + self._limits.waiting
 
     async def _make_room(self) -> bool:
-        """End the slowest body that has had its time of grace, so that slow senders lock nobody out."""
+        """End the slowest body that has had its time of grace, so that slow senders do not lock others out."""
         slow = [one for one in self._uploads if time.monotonic() - one.since > self._limits.grace_s / 2]
         if not slow:
             return False
@@ -186,7 +186,7 @@ class WorkerPool:
     ) -> Answer:
         """Compute work(job) in a thread, unless gone() returns first.
 
-        The place is held until a started step has ended, so that those who leave and
+        The place is held until a started step has ended, so that clients that leave and
         come again cannot pile up work.
 
         Raises:
