@@ -11,8 +11,9 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground import Placement, View, place_beside, view_of
+from anyprobe.relight.ground import View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, Ground, open_mitsuba, trace_mesh
+from anyprobe.relight.placement import Placement, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -112,12 +113,12 @@ PHOTO_MATERIAL = "photo"
 class Arrangement:
     """Where the virtual object stands, in the units of relight.ground.
 
-    size: its largest extent over the real object's. at: x, y of its foot in the photo [px], None for
+    size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
     down, None for level or as far as the object's base asks.
     """
 
-    size: float = 0.8
+    size: float = 0.5
     at: tuple[float, float] | None = None
     turn_deg: float = 0.0
     pitch_deg: float | None = None
