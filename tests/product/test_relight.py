@@ -12,12 +12,12 @@ from support.scenes import made_map, sphere_photo
 
 import anyprobe
 from anyprobe.core.response import response
-from anyprobe.errors import InputError
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
+from anyprobe.relight.ground import contact_of
 from anyprobe.relight.insert import Arrangement, Stage
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
@@ -81,7 +81,8 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
     pixels = stage.view.pixels(stage.placement.mesh.positions)
     assert pixels[:, 1].max() == pytest.approx(90 + DIAMETER / 2, abs=1.0)
     assert (pixels[:, 0].mean() - center_x) * side > DIAMETER / 2
-    assert np.ptp(pixels[:, 0]) == pytest.approx(0.8 * DIAMETER, rel=0.1)
+    assert np.ptp(pixels[:, 1]) == pytest.approx(0.8 * DIAMETER, rel=0.1)
+    assert stage.warnings == ()
     left, right = pixels[:, 0].min(), pixels[:, 0].max()
     assert left >= 0
     assert right <= WIDTH
@@ -109,13 +110,13 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
     assert (pixels >= -0.5).all()
     assert (pixels <= np.array([WIDTH, HEIGHT]) + 0.5).all()
     assert np.ptp(pixels, axis=0).max() > 0.1 * diameter * min(stretch)
-    corner = Arrangement(size=size, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15)
-    if diameter * size * max(stretch[1:]) > 500 and stretch[2] == 1 and stretch[1] == 1:
-        with pytest.raises(InputError, match="reaches behind it"):
-            Stage(photo, mesh, corner)
+    assert not any("outside" in line for line in stage.warnings)
+    if size > 1 and diameter > 40:  # reaches behind the camera there
         return
-    put = Stage(photo, mesh, corner)
-    assert put.view.pixels(put.placement.mesh.positions)[:, 0].max() > WIDTH
+    put = Stage(photo, mesh, Arrangement(size=size / 4, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15))
+    over = put.view.pixels(put.placement.mesh.positions)[:, 0].max() - WIDTH
+    assert over > 0
+    assert any("outside" in line for line in put.warnings) == (over > 0.5)
     # what is drawn is the part that the photo shows, and all of it, however large the object
     drawn = put.window
     shown = np.clip(put.view.pixels(put.placement.mesh.positions), 0, (WIDTH, HEIGHT))
@@ -165,6 +166,58 @@ def test_real_object_in_front_hides_the_virtual_one(photo):
     inside = photo.mask > 0.99
     np.testing.assert_array_equal(picture[inside], photo.rgb[inside])
     assert (picture != photo.rgb).any()
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (0.3, 1, 0.3), (1, 0.5, 1)])
+def test_default_is_half_as_high_as_the_real_object(photo, stretch):
+    unit = sphere(24)
+    mesh = Mesh(positions=unit.positions * np.array(stretch), faces=unit.faces, normals=unit.normals)
+    pixels = Stage(photo, mesh).view.pixels(Stage(photo, mesh).placement.mesh.positions)
+    assert np.ptp(pixels[:, 1]) == pytest.approx(DIAMETER / 2, rel=0.15)
+
+
+def test_thin_spout_below_is_not_where_the_object_stands():
+    """The contact line is the mask's lower border without what is narrower than a thirtieth of the object."""
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[40:100, 30:130], mask[100:130, 50:52] = 1, 1
+    assert contact_of(mask) == (80.0, 100)
+
+
+@pytest.mark.parametrize(("left", "right"), [(20, 150), (90, 220)])
+def test_never_over_the_real_object(left, right):
+    """Whatever the shape and the side, the pixels of the real object stay as they are, but behind it with a warning."""
+    picture = sphere_photo((120, 80), DIAMETER, HEIGHT, WIDTH)
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[20:140, left:right] = 1
+    photo = replace(load_photo(picture), mask=mask)
+    for name in OBJECTS:
+        stage = Stage(photo, open_object(name))
+        pixels = stage.view.pixels(stage.placement.mesh.positions)
+        beside = pixels[:, 0].min() >= right - 0.5 or pixels[:, 0].max() <= left + 0.5
+        assert beside != stage.placement.is_behind
+        assert any("behind" in line for line in stage.warnings) == stage.placement.is_behind
+
+
+def test_without_room_it_stands_behind_and_says_so():
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[20:140, 8:232] = 1
+    photo = replace(load_photo(sphere_photo((120, 80), DIAMETER, HEIGHT, WIDTH)), mask=mask)
+    stage = Stage(photo, sphere(24))
+    assert stage.placement.is_behind
+    assert "no room beside" in stage.warnings[0]
+    picture = stage.relit(made_map(), "gold", "own")
+    np.testing.assert_array_equal(picture[mask == 1], photo.rgb[mask == 1])
+
+
+def test_object_in_a_large_photo_is_enlarged(photo, stage, monkeypatch):
+    """Drawn coarser, then brought to its window: the same picture but for its edge."""
+    whole = stage.draw(made_map(), "matte", "own")
+    monkeypatch.setattr("anyprobe.relight.insert.MOST_DRAWN", whole.shape[0] // 2)
+    coarse = stage.draw(made_map(), "matte", "own")
+    assert coarse.shape == whole.shape
+    inside = whole[..., 3] == 1
+    assert np.abs(coarse - whole)[inside].mean() < 0.03 * whole[inside].mean()
+    assert abs(coarse[..., 3].sum() / whole[..., 3].sum() - 1) < 0.05
 
 
 # What changes

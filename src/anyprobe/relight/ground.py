@@ -71,13 +71,29 @@ class View:
         down = -(rays @ self.up)
         return rays / np.where(down > 1e-4, down, np.nan)[..., None]
 
-    def ground_strips(self) -> Iterator[tuple[slice, np.ndarray]]:
-        """on_ground of all pixels' centres from the top down, a few rows at a time: which rows, and [R, W, 3]."""
-        step = max(1, STRIP_PIXELS // self.width)
-        for top in range(0, self.height, step):
-            strip = slice(top, min(top + step, self.height))
-            rows, columns = np.mgrid[strip, 0 : self.width] + 0.5
-            yield strip, self.on_ground(columns.ravel(), rows.ravel()).reshape(*rows.shape, 3)
+    def part_around(self, point: np.ndarray, reach: float) -> tuple[slice, slice]:
+        """Rows and columns of the photo that show the ground so near to a point of it; all if it reaches the camera."""
+        corners = point + reach * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        if corners[:, 2].max() >= -1e-3:
+            return slice(0, self.height), slice(0, self.width)
+        pixels, sides = self.pixels(corners), np.array([self.width, self.height])
+        left, top = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
+        right, bottom = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
+        return slice(top, bottom), slice(left, right)
+
+    def ground_strips(
+        self, part: tuple[slice, slice] | None = None
+    ) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
+        """on_ground of all pixels' centres from the top down, a few rows at a time: which pixels, and [R, C, 3].
+
+        part: rows and columns; None for the whole photo.
+        """
+        lines, columns = part or (slice(0, self.height), slice(0, self.width))
+        step = max(1, STRIP_PIXELS // max(columns.stop - columns.start, 1))
+        for top in range(lines.start, lines.stop, step):
+            strip = slice(top, min(top + step, lines.stop)), columns
+            y, x = np.mgrid[strip] + 0.5
+            yield strip, self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """Where points [..., 3] in front of the camera appear, [..., 2] px."""
@@ -118,7 +134,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
 
 
 def contact_of(mask: np.ndarray) -> tuple[float, int]:
-    """Pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and that border's row."""
+    """Pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and its row."""
     x0, y0, x1, y1 = object_box(mask)
     inside = mask[y0:y1, x0:x1] > 0.5
     wide = np.flatnonzero(inside.sum(axis=1) >= LEAST_CONTACT * (x1 - x0))

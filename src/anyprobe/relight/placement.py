@@ -1,4 +1,4 @@
-"""A place for a virtual object: beside the real one on the same ground, all of it in the photo, never over the real one.
+"""A place for a virtual object: beside the real one on its ground, all of it in the photo, never over the real one.
 
 On the side with more room; on the other if only that holds it; smaller if neither does; and where it would become too
 small, behind the real one, which then hides part of it. web/page/view/placement.js does the same.
@@ -102,33 +102,37 @@ def place_beside(
         pixels = view.pixels(turned * (height * spot.share) + _foot(view, spot))
         return (*pixels.min(axis=0), *pixels.max(axis=0))
 
-    behind = view.row_at_depth(depth + (box[2] - box[0]) / view.focal * depth + height)
-    spot, is_behind = find_spot(view, box, row, behind, extent_at)
+    behind = view.row_at_depth(depth + (box[2] - box[0]) / view.focal * depth + min(height, height / size))
+    spot, is_behind = find_spot(view, box, row, behind, min(1.0, 1 / size), extent_at)
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
     return replace(placed, share=spot.share, is_behind=is_behind)
 
 
-def find_spot(view: View, box: Box, row: float, behind: float, extent_at: Extent) -> tuple[Spot, bool]:
+def find_spot(
+    view: View, box: Box, row: float, behind: float, most_behind: float, extent_at: Extent
+) -> tuple[Spot, bool]:
     """Where an object fits beside a box, and whether it had to stand behind it instead.
 
     Args:
-        row: on which both stand. behind: row of the ground behind the real object.
+        row: on which both stand. behind: row of the ground behind the real object. most_behind: the share of what
+            was asked that is tried there.
     """
     edge = MARGIN * view.width
     top, bottom = edge, view.height - edge
     sides = [(box[2], 1, (box[2], top, view.width - edge, bottom)), (box[0], -1, (edge, top, box[0], bottom))]
     if view.width - box[2] < box[0]:
         sides.reverse()
-    found = [_fit(Spot(x=x, y=row, share=1.0), bounds, gap, extent_at) for x, gap, bounds in sides]
+    far_row = view.farthest_row
+    found = [_fit(Spot(x=x, y=row, share=1.0), bounds, gap, far_row, extent_at) for x, gap, bounds in sides]
     best = found[1] if found[1].share > found[0].share + 0.01 else found[0]
     if best.share >= LEAST_SHARE:
         return best, False
-    far = Spot(x=view.width if sides[0][1] > 0 else 0, y=behind, share=1.0)
-    return _fit(far, (edge, top, view.width - edge, bottom), 0, extent_at), True
+    far = Spot(x=view.width if sides[0][1] > 0 else 0, y=behind, share=most_behind)
+    return _fit(far, (edge, top, view.width - edge, bottom), 0, far_row, extent_at), True
 
 
-def _fit(spot: Spot, bounds: Box, gap: int, extent_at: Extent) -> Spot:
-    """Moved into the bounds, by GAP off the side where the real object is (gap 1: left) and on its row; smaller if need be.
+def _fit(spot: Spot, bounds: Box, gap: int, far_row: float, extent_at: Extent) -> Spot:
+    """Moved into the bounds, GAP off the side where the real object is (gap 1: left), on its row; smaller if needed.
 
     What is nearer is drawn larger, so that place and size depend on each other: later tries only make it smaller.
     """
@@ -147,7 +151,7 @@ def _fit(spot: Spot, bounds: Box, gap: int, extent_at: Extent) -> Spot:
         down = min(bottom, row) - y1 if gap else _into(y0, y1, top, bottom)
         if abs(larger - 1) < 0.001 and max(abs(across), abs(down)) < CLOSE_PX:
             break
-        x, y, share = float(np.clip(x + across, left, right)), y + down, share * larger
+        x, y, share = float(np.clip(x + across, left, right)), max(y + down, far_row), share * larger
     return Spot(x=x, y=y, share=share)
 
 
