@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +12,15 @@ from PIL import Image
 from support.scenes import made_map, sphere_photo
 
 import anyprobe
+from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.ground import contact_of
-from anyprobe.relight.insert import Arrangement, Stage
+from anyprobe.relight.ground import View, contact_of
+from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
@@ -246,6 +248,15 @@ def test_white_object_shows_the_light_through_the_camera(photo, stage):
     np.testing.assert_allclose(picture[middle[1], middle[0]], response(np.full(3, 0.5)), atol=0.01)
 
 
+def test_shadow_is_drawn_wherever_it_lies(photo, monkeypatch):
+    stage = Stage(photo, sphere(24), Arrangement(size=0.3, at=(160, 130), pitch_deg=20))
+    shadow = stage.shadow(made_map())
+    found = cast_shadow(photo, stage.view, shadow)
+    monkeypatch.setattr(View, "part_around", lambda *_: (slice(0, HEIGHT), slice(0, WIDTH)))
+    np.testing.assert_array_equal(found, cast_shadow(photo, stage.view, shadow))
+    assert (found != photo.rgb).any()
+
+
 def test_shadow_lies_away_from_the_emitter(photo):
     """The made map's emitter is at the upper left behind the camera: the shadow falls to the right."""
     stage = Stage(photo, sphere(24), Arrangement(at=(140, 130), size=0.6, pitch_deg=25))
@@ -304,6 +315,17 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
         np.testing.assert_allclose(parts[0], np.asarray(opened)[..., :3] / 255, atol=1e-6)
     for one, other in zip(parts, parts[1:], strict=False):
         assert np.abs(one - other).max() > 0.02
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
+    monkeypatch.setattr("anyprobe.cli.relight.SHOWN_AFTER_S", 0.0)
+    with progress("drawing", silent):
+        for _ in range(200):
+            time.sleep(0.0 if silent else 0.01)
+            if "drawing ..." in (shown := capsys.readouterr().err):
+                break
+    assert ("drawing ..." in shown) != silent
 
 
 @pytest.mark.parametrize(

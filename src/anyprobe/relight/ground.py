@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import Photo, object_box
 
@@ -72,8 +73,12 @@ class View:
         return rays / np.where(down > 1e-4, down, np.nan)[..., None]
 
     def part_around(self, point: np.ndarray, reach: float) -> tuple[slice, slice]:
-        """Rows and columns of the photo that show the ground so near to a point of it; all if it reaches the camera."""
-        corners = point + reach * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        """Rows and columns of the photo that show the square of ground [-reach, reach] along orthonormal_basis(up).
+
+        All of them where that reaches the camera.
+        """
+        side, across = orthonormal_basis(self.up)
+        corners = point + reach * np.array([x * side + y * across for x in (-1, 1) for y in (-1, 1)])
         if corners[:, 2].max() >= -1e-3:
             return slice(0, self.height), slice(0, self.width)
         pixels, sides = self.pixels(corners), np.array([self.width, self.height])

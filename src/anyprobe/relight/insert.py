@@ -24,7 +24,7 @@ from anyprobe.scatter.materials import Material, material_named
 BORDER_PX = 2
 """Kept around the object's window for its soft edge."""
 
-MOST_DRAWN = 640
+MOST_DRAWN = 512
 """Pixels that an object is drawn across; in larger photos it is enlarged, as their own pixels are hardly sharper."""
 
 MOST_PATHS = 1 << 25
@@ -74,7 +74,7 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow) -> np.ndarray:
     only the part is looked at that shows the shadow's square.
     """
     picture = photo.rgb.copy()
-    part = view.part_around(shadow.foot, np.sqrt(2) * shadow.reach)
+    part = view.part_around(shadow.foot, shadow.reach)
     for strip, ground in view.ground_strips(part):
         ratio = shadow.at(ground.reshape(-1, 3)).reshape(ground.shape)
         ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[strip][..., None])
