@@ -1,12 +1,13 @@
 """The npm package beside the page: lights a second, the first light, what is fetched for it.
 
-    python benchmarks/web_package.py [--seconds 10] [--rounds 3] [--pages NAME=CLONE ...]
+    python benchmarks/web_package.py [--seconds 10] [--rounds 3] [--threads 1 2] [--pages NAME=CLONE ...]
 
 Headless Chromium with a fake camera that shows the example; the page as `anyprobe serve --static` writes it,
 the package as `npm pack` makes it in a plain page with an import map, both over WASM, with one thread and with
 two. The rounds take turns, so that a slow minute of the machine is nobody's; of each figure the median, the
-least and the most. --pages adds the page of other clones, an older one for instance. Needs Chromium, Node.js
-and the packages of web/ and tests/browser. Prints one JSON object a line.
+least and the most. worker_ms is the networks' processor time a light (Linux). --pages adds the page of other
+clones, an older one for instance. Needs Chromium, Node.js and the packages of web/ and tests/browser. Prints one
+JSON object a line.
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--pages", nargs="*", default=[], metavar="NAME=CLONE")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -85,7 +87,7 @@ def main() -> None:
         seen: dict[tuple[str, int], list[dict]] = {}
         for _ in range(given.rounds):
             for key, site in sites.items():
-                for threads in (1, 2):
+                for threads in given.threads:
                     steps = {
                         "kind": "package" if key == "package" else "page",
                         "threads": threads,

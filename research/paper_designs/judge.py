@@ -145,7 +145,7 @@ def unwrap_mirror(mirror: torch.Tensor, normals: torch.Tensor, mask: torch.Tenso
     row = (uv[..., 1] * rows).long().clip(0, rows - 1)
     place = (row * 2 * rows + column).flatten(1)
     there = mask.flatten(1)
-    values = torch.zeros(len(mirror), 2 * rows * rows).scatter_add(1, place, mirror.flatten(1) * there)
+    values = mirror.new_zeros(len(mirror), 2 * rows * rows).scatter_add(1, place, mirror.flatten(1) * there)
     count = torch.zeros_like(values).scatter_add(1, place, there)
     shape = (len(mirror), 1, rows, 2 * rows)
     return _fill(values.reshape(shape), count.reshape(shape)).expand(-1, 3, -1, -1)

@@ -101,10 +101,10 @@ def balanced(tables: Tables, count: int, seed: int) -> Which:
         rounds = -(-count // number)
         return torch.cat([torch.randperm(number, generator=generator) for _ in range(rounds)])[:count]
 
-    maps = len(tables.ldr) // VIEWS
-    return Which(
-        map=turns(maps),
-        view=torch.randint(VIEWS, (count,), generator=generator),
-        material=place % len(MATERIALS),
-        shape=turns(len(tables.shape_names)),
-    )
+    drawn = {
+        "map": turns(len(tables.map_names)),
+        "view": torch.randint(VIEWS, (count,), generator=generator),
+        "material": place % len(MATERIALS),
+        "shape": turns(len(tables.shape_names)),
+    }
+    return Which(**{name: numbers.to(tables.ldr.device) for name, numbers in drawn.items()})

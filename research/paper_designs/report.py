@@ -91,7 +91,9 @@ def step_of(points: list[Point], worse: str, better: str, figure: str) -> dict:
 
 
 def verdict(each: list[tuple[float, float]]) -> str:
-    """Of (mean, standard error) a seed: holds or reversed where every seed says so, else open."""
+    """Of (mean, standard error) a seed: holds or reversed where every one of two seeds or more says so, else open."""
+    if len(each) < 2:
+        return "one seed"
     if all(mean > SURE * error for mean, error in each):
         return "holds"
     return "reversed" if all(mean < -SURE * error for mean, error in each) else "open"
@@ -155,7 +157,7 @@ def _curves(points: list[Point]) -> Iterator[dict]:
     for point in points:
         row = {"pairs": point.pairs, "seed": point.seed, "after": point.after}
         for key, values in point.columns.items():
-            if key.endswith(("/rmse", "/ssim")):
+            if key.startswith("test/") and key.endswith(("/rmse", "/ssim")):
                 row[key] = float(values.mean())
         yield row
 
@@ -168,7 +170,7 @@ def write_report(folder: Path, out: Path = HERE) -> None:
             ceilings = {key: stored[key] for key in stored.files}
     content = results(points, ceilings)
     rounded = json.loads(json.dumps(content), parse_float=lambda text: round(float(text), 5))
-    (out / "results.json").write_text(json.dumps(rounded, indent=1) + "\n")
+    (out / "results.json").write_text(json.dumps(rounded) + "\n")
     draw(content, out / "curves.png")
     readme = out / "README.md"
     before, rest = readme.read_text().split(BEGIN)
@@ -179,7 +181,9 @@ def write_report(folder: Path, out: Path = HERE) -> None:
 def lines(content: dict) -> Iterator[str]:
     """The README's table and answer."""
     count = {1: "one seed", 2: "mean of both seeds"}[len(content["seeds"])]
-    yield f"**This stands at {content['pairs']:,} pairs seen of 25,000,000** ({count})."
+    yield f"**This stands at {content['pairs']:,} of 25,000,000 pairs seen** ({count})."
+    if content["pairs"] < 25_000_000:
+        yield "The question is of 25,000,000 pairs; figures of fewer are no answer to it."
     for name, after in content["under_way"].items():
         yield f"The run of {int(name.split()[0]):,} pairs, {' '.join(name.split()[1:])}, has seen {after:,}."
     yield ""
@@ -258,5 +262,5 @@ def draw(content: dict, path: Path) -> None:
         axis.set(xscale="log", xlabel="pairs seen", ylabel=f"LDR map, {name.upper()}, test")
     axes[0].legend(fontsize=6)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=80)
     pyplot.close(figure)

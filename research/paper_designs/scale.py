@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from anyprobe.scatter.brdf import Material
+
+from anyprobe.scatter.materials import Material
 
 VIEWS = 23
 """Cameras, evenly over the upper hemisphere, as in the paper's Sect. 3.5."""

@@ -37,7 +37,7 @@ BLOCK = 1024
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tables:
-    """One split, on one device. L lights (map by map, camera by camera), G views of shapes (shape by shape, camera by
+    """One split. L lights (map by map, camera by camera), G views of shapes (shape by shape, camera by
     camera), N normals, M materials.
 
     shades [L * M, N + 1] int64: eight bytes each, display RGB of the photo, of the irradiance image (Eq. 5), the
@@ -76,7 +76,7 @@ def build_tables(
     shapes: dict[str, Mesh],
     device: str = "cpu",
 ) -> Tables:
-    """Shade everything. maps: [H, 2H, 3] each, any scale of radiance."""
+    """Shade everything, on the device; the tables are on the CPU. maps: [H, 2H, 3] each, any scale of radiance."""
     normals = hemisphere(scale.normals)
     light = np.concatenate([views_of(radiance, scale.light_rows) for radiance in maps.values()])
     small = np.stack([shrink(one, scale.rows) for one in light])
@@ -95,22 +95,22 @@ def build_tables(
                 for c in range(3):
                     shades[part, number, some, c] = display(radiance[c] @ channels[c, :, part]).T.cpu()
                     shades[part, number, some, 3 + c] = display(irradiance @ channels[c, :, part]).T.cpu()
+    ln_radiance = np.log(small.clip(1e-6)).clip(*LN_RANGE).astype(np.float16)
+    spheres = np.stack([bilinear(one, sphere) for one in light])
     return Tables(
-        shades=shades.view(torch.int64)[..., 0].flatten(0, 1).to(device),
-        ldr=display(torch.from_numpy(small)).permute(0, 3, 1, 2).contiguous().to(device),
-        ln_radiance=torch.from_numpy(np.log(small.clip(1e-6)).clip(*LN_RANGE).astype(np.float16))
-        .permute(0, 3, 1, 2)
-        .contiguous()
-        .to(device),
-        sphere=torch.stack([display(torch.from_numpy(bilinear(one, sphere))) for one in light])
-        .permute(0, 3, 1, 2)
-        .contiguous()
-        .to(device),
-        surface=torch.from_numpy(surface).to(device),
-        normals=torch.from_numpy(np.concatenate([normals, np.zeros((1, 3), np.float32)])).to(device),
+        shades=shades.view(torch.int64)[..., 0].flatten(0, 1),
+        ldr=_channels_first(display(torch.from_numpy(small))),
+        ln_radiance=_channels_first(torch.from_numpy(ln_radiance)),
+        sphere=_channels_first(display(torch.from_numpy(spheres))),
+        surface=torch.from_numpy(surface),
+        normals=torch.from_numpy(np.concatenate([normals, np.zeros((1, 3), np.float32)])),
         map_names=tuple(maps),
         shape_names=tuple(shapes),
     )
+
+
+def _channels_first(pictures: torch.Tensor) -> torch.Tensor:
+    return pictures.permute(0, 3, 1, 2).contiguous()
 
 
 def display(radiance: torch.Tensor) -> torch.Tensor:

@@ -7,9 +7,9 @@ the normal alone, and is linear in the map.
 from __future__ import annotations
 
 import numpy as np
-from anyprobe.scatter.brdf import Material
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))

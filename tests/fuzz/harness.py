@@ -143,6 +143,7 @@ def main() -> int:
     asked.add_argument("--seed", type=int, default=0)
     asked.add_argument("--batch", type=int, default=BATCH, help="inputs of one process")
     asked.add_argument("--keep-going", action="store_true", help="report one find of a kind, and go on")
+    asked.add_argument("--progress", action="store_true", help="a line after each process")
     given = asked.parse_args()
     os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     os.environ["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
@@ -159,6 +160,8 @@ def main() -> int:
         turn += 1
         count, finds = run_batch(name, turn, given.batch)
         fed[name] += count or given.batch  # of a process that ended, about so many
+        if given.progress:
+            print(f"{sum(fed.values())} inputs, {len(seen)} kinds of finds", flush=True)
         for found, data in finds:
             kind = (name, found.split(":")[0])
             if kind not in seen or not given.keep_going:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import zipfile
 
 import numpy as np
 import pytest
-from PIL import Image
 from support.places import place
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
-from anyprobe.detail.library import decode, encode, open_library, write_library
+from anyprobe.detail.blend import _enlarge
+from anyprobe.detail.library import codes_of, decode, encode, open_library, richness_of, write_library
 from anyprobe.detail.match import find_match
 from anyprobe.detail.plausible import add_detail
 from anyprobe.detail.seen import seen_in_photo
@@ -30,7 +29,7 @@ from anyprobe.light.harmonics import project
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
     path = tmp_path_factory.mktemp("library") / "places.zip"
-    write_library(path, ((f"place-{seed}", place(seed)) for seed in range(6)))
+    write_library(path, ((f"place-{seed}", encode(place(seed))) for seed in range(6)))
     return open_library(path)
 
 
@@ -74,18 +73,18 @@ def test_a_place_of_the_library_is_found_and_turned_as_the_camera_was(library, y
     match = find_match(np.maximum(seen, 0.0) * 0.2, None, library)
     assert match.name == "place-2"
     turn = match.candidate_from_estimate @ map_from_camera.T
-    assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 6
+    assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 8
     assert np.ptp(match.ln_gain) < 0.1
 
 
 def test_what_is_not_certain_does_not_choose(library):
-    """A place with nonsense over half the sphere is found where the confidence there is low."""
-    seen = np.maximum(reduced(place(4), 64), 0.0)
+    """Half of the sphere shows another place upside down: that misleads, unless the confidence there is low."""
+    spoiled = np.maximum(reduced(place(1), 64), 0.0)
+    spoiled[:, :64] = reduced(place(2), 64)[:, 64:][::-1]
     confidence = np.ones((64, 128), np.float32)
     confidence[:, :64] = 0.0
-    spoiled = seen.copy()
-    spoiled[:, :64] = reduced(place(0), 64)[:, 64:][::-1]
-    assert find_match(spoiled, confidence, library).name == "place-4"
+    assert find_match(spoiled, None, library).name != "place-1"
+    assert find_match(spoiled, confidence, library).name == "place-1"
 
 
 def test_no_seam_behind_the_camera_and_no_pinch_at_the_poles(library, estimate):
@@ -99,6 +98,14 @@ def test_no_seam_behind_the_camera_and_no_pinch_at_the_poles(library, estimate):
         poles.append(np.mean(across) / np.abs(np.diff(display, axis=0)).mean())
     assert np.mean(seams) < 1.4
     assert np.mean(poles) < 2.0
+
+
+def test_smooth_fields_grow_without_a_seam_or_a_pinch():
+    """Of order 1 and 2 they are the same at four times the size, across the seam and over the poles too."""
+    small, large = (
+        (d @ [0.3, 0.8, -0.5] + d[..., 0] * d[..., 2])[None] for d in map(pixel_directions, (64, 256))
+    )
+    np.testing.assert_allclose(_enlarge(small, 256), large, atol=0.004)
 
 
 def test_the_same_input_gives_the_same_bits_and_another_seed_another_place(library, estimate):
@@ -139,11 +146,11 @@ def test_codes_span_six_decades_in_small_steps():
 
 def test_a_coded_map_is_the_map():
     radiance = place(0)
-    picture, _, richness = encode(radiance * 1e4)
-    codes = np.asarray(Image.open(io.BytesIO(picture)))
+    codes = codes_of(encode(radiance * 1e4))
     ratio = np.log(decode()[codes].mean(axis=-1)) - np.log(radiance.mean(axis=-1))
     assert np.std(ratio) < 0.15
-    assert richness > 0.04
+    assert abs(np.log(decode()[codes]).mean()) < 0.4  # the geometric mean is about 1
+    assert richness_of(codes / np.float32(255)) > 0.04
 
 
 def test_a_folder_is_indexed_once_and_again_when_it_changes(tmp_path, monkeypatch):

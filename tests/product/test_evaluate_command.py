@@ -85,7 +85,7 @@ def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, score
         for line in ended.out.split("confidence, in brackets")[1].splitlines()
         if line.startswith("│ lift, surroundings given ")
     ]
-    assert f"{given['lift, given surroundings']['auc']:.3f} (0.500)" in row
+    assert f"{given['lift, surroundings given']['auc']:.3f} (0.500)" in row
 
 
 def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):

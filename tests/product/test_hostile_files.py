@@ -298,3 +298,17 @@ def test_a_sidecar_s_long_number_is_one_line(tmp_path, rng, key):
     said = json.dumps({"scale": SCALE, "size": [16, 8], key: 7}).replace("7}", "9" * 400 + "}")
     (tmp_path / "map.json").write_text(said)
     assert "save the light again" in refused(InputError, Light.load, tmp_path / "map.hdr")
+
+
+def test_an_interrupt_at_the_start_is_one_line(tmp_path):
+    """While libraries are imported, which is most of a short command's time."""
+    (tmp_path / "onnxruntime.py").write_text("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    ended = subprocess.run(
+        [sys.executable, "-c", "from anyprobe_command import main; main()", "--version"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=environment,
+    )
+    assert (ended.returncode, ended.stderr) == (130, "anyprobe: interrupted\n")

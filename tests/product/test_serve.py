@@ -27,7 +27,7 @@ from anyprobe.estimate.photo import load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.scatter.materials import Material
 from anyprobe.serve.answers import png as as_png
-from anyprobe.serve.app import CLIENT_GONE, create_app
+from anyprobe.serve.api import CLIENT_GONE, create_app
 from anyprobe.serve.pool import Busy, Cancelled, Limits, WorkerPool
 
 LIMITS = Limits(max_bytes=200_000, max_pixels=20_000, workers=1, waiting=1, upload_s=5.0)

@@ -20,7 +20,7 @@ from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.files.poses import parse_poses
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve.answers import png as as_png
-from anyprobe.serve.app import create_app
+from anyprobe.serve.api import create_app
 from anyprobe.serve.pool import Limits
 from anyprobe.serve.uploads import MOST_PHOTOS
 

@@ -22,7 +22,7 @@ from fastapi.testclient import TestClient
 
 from anyprobe.serve import openapi
 from anyprobe.serve.answers import png as as_png
-from anyprobe.serve.app import create_app
+from anyprobe.serve.api import create_app
 from anyprobe.serve.page import Page
 
 

@@ -228,6 +228,7 @@ def test_a_step_holds_only_where_every_seed_says_so():
     assert verdict([(0.03, 0.01), (0.02, 0.004)]) == "holds"
     assert verdict([(0.03, 0.01), (0.02, 0.011)]) == "open"
     assert verdict([(-0.03, 0.01), (-0.02, 0.004)]) == "reversed"
+    assert verdict([(0.03, 0.01)]) == "one seed"
 
 
 def test_runs_are_judged_evenly_on_a_logarithm_and_rates_rise_and_fall():

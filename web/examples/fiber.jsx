@@ -26,7 +26,12 @@ function Lit({ probe, light }) {
 
 function Scene({ probe, light }) {
   return (
-    <Canvas flat shadows camera={{ position: [0, 2, 7], fov: 35 }} onCreated={({ gl }) => installCameraCurve(gl)}>
+    <Canvas
+      shadows
+      gl={{ preserveDrawingBuffer: true }}
+      camera={{ position: [0, 2, 7], fov: 35 }}
+      onCreated={({ gl }) => installCameraCurve(gl)}
+    >
       <Lit probe={probe} light={light} />
       <mesh castShadow position={[0, 1, 0]}>
         <sphereGeometry args={[1, 64, 32]} />

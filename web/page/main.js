@@ -5,7 +5,7 @@ import { MaskEditor } from "./view/maskEditor.js";
 import { ObjectTools } from "./view/objectTools.js";
 import { PhotoStage } from "./view/photoStage.js";
 import { StagesPanel } from "./view/stagesPanel.js";
-import { element, listenForPhotos, setStatus, tellLight } from "./view/elements.js";
+import { element, listenForPhotos, setStatus, sendLight } from "./view/elements.js";
 import { ProbeOpener } from "./probe.js";
 import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
@@ -140,7 +140,7 @@ async function estimate(mask, confidence, isLate) {
   const probe = await networks.open();
   if (isLate()) return;
   setStatus("Estimating the lighting …");
-  const isWhole = maskFromAlpha(picture) === null; // else no canvas tells what is hidden
+  const isWhole = maskFromAlpha(picture) === null; // else no canvas has what is hidden
   const wanted = { ...options(), surroundings: surroundings.checked && isWhole };
   const result = await probe.examine({ picture, mask, longFovDeg, options: wanted });
   if (isLate()) return;
@@ -162,7 +162,7 @@ function showLight() {
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
-  tellLight(result);
+  sendLight(result);
 }
 
 /** The example comes with its answer, so that the page is finished before any network is opened. */

@@ -49,7 +49,7 @@ export function readBitmap(bitmap, longPx) {
   return { width, height, rgba: context.getImageData(0, 0, width, height).data };
 }
 
-/** Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent; null if untold. */
+/** Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent; null if not given. */
 async function exifFovDeg(blob) {
   try {
     const tags = await exifr.parse(blob, ["FocalLengthIn35mmFormat"]);
@@ -66,6 +66,6 @@ async function throughServer(blob, name, hasServer) {
   body.append("photo", blob, name);
   const answer = await fetch(new URL("v1/photo", document.baseURI), { method: "POST", body });
   if (!answer.ok) throw new Error((await answer.json()).error);
-  const told = answer.headers.get("X-Long-Fov-Deg");
-  return { blob: await answer.blob(), longFovDeg: told === null ? null : Number(told) };
+  const given = answer.headers.get("X-Long-Fov-Deg");
+  return { blob: await answer.blob(), longFovDeg: given === null ? null : Number(given) };
 }

@@ -10,6 +10,7 @@ import { readMask, readSource } from "./photo/source.js";
 
 export class AnyProbe {
   #client;
+  #tracker = null;
 
   /** Use load. */
   constructor(client, opened) {
@@ -43,7 +44,7 @@ export class AnyProbe {
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
    * @returns {Promise<{mask: Float32Array, width: number, height: number, confidence: number | null}>} confidence: the
-   *   IoU that the mask network expects, null where it was not asked
+   *   IoU that the mask network expects or finds in other ways, the less; null where it was not asked
    */
   async mask(image, hints = {}) {
     const picture = readSource(image);
@@ -74,7 +75,8 @@ export class AnyProbe {
   }
 
   /**
-   * The light of every frame of a playing video, steady on a still scene; the object is found again as it moves.
+   * The light of every frame of a playing video, steady on a still scene; the object is found again as it moves. One video
+   * at a time: the last one's tracker is stopped.
    *
    * @param {HTMLVideoElement} video
    * @param {(light: Light, answer: object) => void} onLight
@@ -82,10 +84,11 @@ export class AnyProbe {
    * @returns {Tracker}
    */
   track(video, onLight, { fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, onError, onLost, withViews = false, ...hints } = {}) {
-    const tracker = new Tracker(video, this.#client, {
+    this.#tracker?.stop();
+    const tracker = (this.#tracker = new Tracker(video, this.#client, {
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? reportError,
-    });
+    }));
     const given = { hints, longFovDeg: fovDeg, options: { surroundings, emitters }, withViews };
     tracker.start(given).catch((error) => tracker.running && tracker.onError(error));
     return tracker;
@@ -93,6 +96,7 @@ export class AnyProbe {
 
   /** End the thread; what is asked of it still is refused. */
   dispose() {
+    this.#tracker?.stop();
     this.#client.end();
   }
 

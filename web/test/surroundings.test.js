@@ -28,7 +28,7 @@ function assertHue(found, shown) {
 }
 
 for (const shown of [[0.5, 0.7, 1], [0.6, 0.98, 0.6], [0.99, 1, 0.8]]) {
-  test(`${shown} keeps its hue, whatever lamp was predicted there`, () => {
+  test(`${shown} keeps its hue, whatever light source was predicted there`, () => {
     const found = seenFor(shown, [30, 20, 10]);
     assertHue(found, shown);
     const most = Math.max(...found.filter((_, c) => shown[c] < WHITE).map(response));

@@ -131,13 +131,14 @@ export declare class AnyProbe {
   readonly threads: number;
   readonly hasMask: boolean;
   /**
-   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and the IoU that the mask network
-   * expects, null where it was not asked (a box is cut out without it).
+   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and a confidence: the IoU that the
+   * mask network expects or that it finds when it is asked in other ways, the less; null where it was not asked (a box is cut
+   * out without it). Below 0.75 the mask is doubtful.
    */
   mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; confidence: number | null }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
-  /** The light of every frame of a playing video, steady on a still scene. */
+  /** The light of every frame of a playing video, steady on a still scene. One video at a time. */
   track(video: HTMLVideoElement, onLight: (light: Light) => void, options?: TrackOptions): Tracker;
   dispose(): void;
 }

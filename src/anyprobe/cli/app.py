@@ -24,7 +24,7 @@ from anyprobe.errors import AnyprobeError
 
 USERS = (estimate, mask, relight, video, export, serve, doctor)
 MAKERS = (evaluate, train, weights)
-"""Commands of those who train and compare; `data` is one too."""
+"""Commands for training and evaluation; `data` is one too."""
 
 
 class Sections(TyperGroup):

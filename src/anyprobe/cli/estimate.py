@@ -129,7 +129,6 @@ class Job:
 
     def together(self, steps: Iterable[Path], poses: Path) -> Done:
         """One light of all photos, under the first one's name; any error ends all of it."""
-        from anyprobe.estimate.multiview import estimate_multiview
         from anyprobe.estimate.photo import load_photo
         from anyprobe.files.poses import read_poses
 
@@ -149,9 +148,7 @@ class Job:
 
         photos = map(load, steps)
         first = next(photos)
-        light = estimate_multiview(
-            self.estimator, chain([first], photos), turned, start=start, material=self.material
-        )
+        light = self.estimator.multiview(chain([first], photos), turned, start=start, material=self.material)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:

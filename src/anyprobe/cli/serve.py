@@ -89,7 +89,7 @@ def _listen(
     """Run until Ctrl-C."""
     import uvicorn
 
-    from anyprobe.serve.app import create_app
+    from anyprobe.serve.api import create_app
     from anyprobe.serve.certificate import write_certificate
     from anyprobe.serve.door import settings
 

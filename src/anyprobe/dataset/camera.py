@@ -151,7 +151,7 @@ def take_photo(
 ) -> np.ndarray:
     """One photo, [S, S, 3] uint8: white balance, lens, curve, noise, 8 bits, JPEG.
 
-    The lens blurs light, before the curve clips it: a lamp spreads as it does in a
+    The lens blurs light, before the curve clips it: a light source spreads as it does in a
     camera, brighter than white, and the object's rim takes from what is behind it.
 
     Args:

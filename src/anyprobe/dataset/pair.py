@@ -1,4 +1,4 @@
-"""Pair and MapPair (nouns): what a recipe gives, point by point in perspective.
+"""What a recipe renders to, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
 
 Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
 are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a
@@ -52,7 +52,7 @@ class Pair:
     radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
     map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
     tan_half: tangent of half the angle that the photo's side takes in.
-    normals [S, S, 3]: in the camera's frame, zero off the object; only methods that are told shapes may look.
+    normals [S, S, 3]: in the camera's frame, zero off the object; only for methods that are given normals.
     material: of the object, or of the larger part of one of two, under its texture if it has any.
     """
 
@@ -105,7 +105,7 @@ def render_pair(
     trace: Trace | None = None,
     textured: bool = False,
 ) -> Pair:
-    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape, or nobody can see it.
+    """The pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not visible.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
     textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both

@@ -72,7 +72,7 @@ class PairConfig:
 
 
 GIVEN_ERROR_DEG = 2.0
-"""Standard deviation of each of the three angles by which told normals are turned."""
+"""Standard deviation of each of the three angles by which given normals are turned."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

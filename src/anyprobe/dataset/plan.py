@@ -1,4 +1,4 @@
-"""Plan (noun): which recipes a dataset has, in a fixed order."""
+"""Which recipes a dataset has, in a fixed order."""
 
 from __future__ import annotations
 

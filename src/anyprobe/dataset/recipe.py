@@ -1,4 +1,4 @@
-"""Recipe (noun): the twenty bytes that a pair is made from, and its name."""
+"""The twenty bytes that a pair is rendered from, and its name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Job (noun): a folder with dataset.json, the shards it is to hold, and those it holds already."""
+"""A rendered dataset: dataset.json, its shards, and rendering those that are missing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from anyprobe.dataset.samples import CONDITIONS, FORMATS, Renderer, decode, same
 from anyprobe.errors import InputError, OutputError
 
 
-def render_again(job: Job, task: tuple[int, tuple[int, ...]], tell: Callable[[int], None]) -> str:
+def render_again(job: Job, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
     """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
     shard, numbers = task
     renderer = job.renderer()
@@ -37,7 +37,7 @@ def render_again(job: Job, task: tuple[int, tuple[int, ...]], tell: Callable[[in
             old = stored[sample.key].get(name, b"")
             if not same(name, old, data):
                 return f"{sample.key}.{name} differs when rendered again{_first_difference(name, old, data)}"
-        tell(count)
+        report(count)
     return ""
 
 
@@ -326,14 +326,14 @@ def check_space(job: Job, missing: Sequence[int]) -> int:
     return needed
 
 
-def render_shard(job: Job, shard: int, tell: Callable[[int], None]) -> None:
-    """Render one shard; tell(n) after each pair. Any process on any machine may do this."""
+def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
+    """Render one shard; report(n) after each pair. Any process on any machine may do this."""
     renderer = job.renderer()
 
     def samples():
         for count, index in enumerate(shard_range(job.plan, shard), 1):
             yield renderer.sample(renderer.recipe(index))
-            tell(count)
+            report(count)
 
     shards.write_shard(job.folder, shard, samples())
 
@@ -341,7 +341,7 @@ def render_shard(job: Job, shard: int, tell: Callable[[int], None]) -> None:
 def render_missing(job: Job, engine: Callable, watch: Callable[[int, int], None]) -> None:
     """Render what is missing with engine(work, tasks, watch), see local_engine and ray_engine.
 
-    watch(shard, pairs done in it) tells the progress.
+    watch(shard, pairs done in it) reports the progress.
     """
     with locked(job.folder):
         shards.remove_temporaries(job.folder)

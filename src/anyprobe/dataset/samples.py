@@ -1,4 +1,4 @@
-"""Sample (noun): a pair as named bytes, as it stands in a shard; and who renders it."""
+"""A pair as named bytes, as stored in a shard, and its renderer."""
 
 from __future__ import annotations
 

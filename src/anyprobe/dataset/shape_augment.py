@@ -1,4 +1,4 @@
-"""Reshape (verb): other shapes from surfaces already drawn, by what a picture of normals alone allows.
+"""Augmentation of shape: rasterised normal images deformed without their mesh.
 
 A surface seen in perspective is the logarithm of its depth over the picture, rho(x, y), for x and y of the
 points on the plane at depth 1. Its normal is along (rho_x, rho_y, 1 + x rho_x + y rho_y), so rho's slopes can

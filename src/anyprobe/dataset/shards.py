@@ -1,4 +1,4 @@
-"""Shard (noun): a tar of samples in WebDataset's order, and an index that says it is whole.
+"""Shards: tars of samples in WebDataset's order, each with an index that is written last.
 
 shard-000000.tar holds <key>.photo.png, <key>.irradiance.png, <key>.normals.png, <key>.json, the next key, and so on.
 shard-000000.json beside it is written last: names, offsets and sizes, and the tar's SHA-256.

@@ -1,4 +1,4 @@
-"""Library (noun): maps that lend their detail, as pictures of 8 bits and a few smooth features of each, in one file.
+"""The detail library: 8-bit environment maps and a few smooth features of each, in one file.
 
 A map is kept without a scale of its own: divided by its geometric mean, and coded by a curve that has steps of a few
 percent from a thousandth to a thousand times that mean. Its light sources need no more: their power is the estimate's.
@@ -43,7 +43,7 @@ PATTERN, SHADING = 12.0, 6.0
 """Sharpness (light.filtering) of the blurs of the features: of ln radiance, about what an estimate holds of it, orders
 up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
-"""Sharpness of the blur that an estimate is told from detail by: exp(-l (l + 1) / 96) of order l, a half at order 8."""
+"""Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
 VERSION = 1
 """Of the file; another is made anew."""
 
@@ -73,8 +73,8 @@ def features_of(radiance: np.ndarray) -> np.ndarray:
     return np.concatenate([blur_cosine_power(np.log(small), PATTERN), np.log(shading)], axis=-1)
 
 
-def encode(radiance: np.ndarray) -> tuple[bytes, np.ndarray, float]:
-    """A map [H, 2H, 3] without its scale: a picture of its codes, its features and its richness.
+def encode(radiance: np.ndarray) -> bytes:
+    """A map [H, 2H, 3] without its scale as a picture of its codes.
 
     Raises:
         InputError: next to no light.
@@ -86,13 +86,16 @@ def encode(radiance: np.ndarray) -> tuple[bytes, np.ndarray, float]:
     if not 0 < floor < np.inf:
         raise InputError("expected light, got a black map; take it out of the library")
     mean = np.exp(float((np.log(np.maximum(bright, floor)) * weights).sum() / (4 * np.pi)))
-    relative = np.maximum(small / np.float32(mean), DARKEST)
-    power = relative**EXPONENT
+    power = np.maximum(small / np.float32(mean), DARKEST) ** EXPONENT
     stream = io.BytesIO()
-    code = power / (power + SIGMA)
-    picture = Image.fromarray(np.round(255.0 * code).astype(np.uint8))
+    picture = Image.fromarray(np.round(255.0 * power / (power + SIGMA)).astype(np.uint8))
     picture.save(stream, format="JPEG", quality=QUALITY, optimize=True)
-    return stream.getvalue(), features_of(relative), richness_of(code)
+    return stream.getvalue()
+
+
+def codes_of(picture: bytes) -> np.ndarray:
+    """Codes [H, 2H, 3] uint8 of a picture."""
+    return np.asarray(Image.open(io.BytesIO(picture), formats=["JPEG"]))
 
 
 def richness_of(code: np.ndarray) -> float:
@@ -110,20 +113,20 @@ def decode() -> np.ndarray:
     return np.maximum((SIGMA * share / (1.0 - share)) ** (1.0 / EXPONENT), DARKEST).astype(np.float32)
 
 
-def write_library(path: Path, maps: Iterable[tuple[str, np.ndarray]], signature: str = "") -> None:
-    """Write the file of a library of named maps [H, 2H, 3]; the same maps give the same bytes.
+def write_library(path: Path, pictures: Iterable[tuple[str, bytes]], signature: str = "") -> None:
+    """Write the file of a library of names and pictures, see encode; the same pictures give the same bytes.
 
     Raises:
         InputError: no maps. OutputError: cannot be written.
     """
     names, features, richness = [], [], []
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
-        for name, radiance in maps:
-            picture, of_map, rich = encode(radiance)
+        for name, picture in pictures:
             _put(file, f"{len(names)}.jpg", picture)
+            codes = codes_of(picture)
             names.append(name)
-            features.append(of_map.astype(np.float16))
-            richness.append(round(rich, 4))
+            features.append(features_of(decode()[codes]).astype(np.float16))
+            richness.append(round(richness_of(codes / np.float32(255)), 4))
         if not names:
             raise InputError("library: expected at least one map, got none; check the folder")
         stream = io.BytesIO()
@@ -167,19 +170,17 @@ def open_library(folder: str | Path | None = None) -> Library:
     return _opened(path, signature)
 
 
-def _readable(folder: Path, files: list[Path]) -> Iterator[tuple[str, np.ndarray]]:
-    """Every map of a folder that can be read, lights included; InputError of the first bad one where there are none."""
+def _readable(folder: Path, files: list[Path]) -> Iterator[tuple[str, bytes]]:
+    """Pictures of all maps of a folder that can be read; the first one's error where none can."""
     found, fault = 0, None
     for file in files:
         try:
-            radiance = read_radiance(file)
-            if not luminance(radiance).any():
-                raise InputError(f"{file.name}: expected light, got a black map; take it out of the library")
+            picture = encode(read_radiance(file))
         except AnyprobeError as error:
             fault = fault or error
             continue
         found += 1
-        yield file.stem, radiance
+        yield file.stem, picture
     if not found:
         raise fault or InputError(f"{folder}: expected .exr or .hdr maps, found none; check the path")
 
@@ -204,6 +205,6 @@ def _opened(path: Path, signature: str) -> Library:
 @lru_cache(maxsize=2)
 def _picture(path: str, index: int) -> np.ndarray:
     with zipfile.ZipFile(path) as file:
-        codes = np.asarray(Image.open(io.BytesIO(file.read(f"{index}.jpg")), formats=["JPEG"]))
+        codes = codes_of(file.read(f"{index}.jpg"))
     codes.setflags(write=False)
     return codes

@@ -1,4 +1,4 @@
-"""Match (noun): the candidate that agrees best with an estimate, how it is turned and how bright it is.
+"""Matching: the library map that agrees best with an estimate, its rotation and exposure.
 
 Turned about the vertical alone; but which way is up in a photo is not known, so that the camera may look up a little
 or down by up to 75 degrees. Compared are ln radiance and ln shading of low orders, each difference counted by the
@@ -90,18 +90,23 @@ def _level_from_camera(pitch_deg: float) -> np.ndarray:
 
 @lru_cache(maxsize=2)
 def _spectra(library: Library) -> tuple[np.ndarray, np.ndarray]:
-    """Transforms along the columns of the features and of their squares' weighted sum, [N, 16, 17, 4]."""
+    """Fourier transforms along the columns of the features and of their squares, [N, 16, 17, 4]."""
     features = library.features
     return tuple(np.fft.rfft(values, axis=2).astype(np.complex64) for values in (features, features**2))
 
 
 def _compare(
-    features: np.ndarray, weight: np.ndarray, spectra: tuple[np.ndarray, np.ndarray], plain, pitch_deg: float
+    features: np.ndarray,
+    weight: np.ndarray,
+    spectra: tuple[np.ndarray, np.ndarray],
+    plain: np.ndarray,
+    pitch_deg: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Cost of every candidate at every turn, [N, columns], and ln gains [N, columns, 3].
+    """Cost of every candidate, with its price plain [N, 1], at every turn, [N, columns], and ln gains [N, columns, 3].
 
-    At a turn by k columns, with c the candidate's features and e the estimate's, g their weighted mean difference
-    a feature: sum of w (e(x) - c(x - k) - g)^2, by correlations along the columns. Radiance and shading take one g.
+    At a turn by k columns, with c the candidate's features and e the estimate's: the least sum of
+    w (e(x) - s c(x - k) - g)^2 over a gain g and a contrast s in [0, 1] of each feature, since an estimate is softer
+    than its place. By correlations along the columns.
     """
     level = rotate(np.concatenate([features, weight], axis=-1), _level_from_camera(pitch_deg))
     w = np.maximum(level[..., 4:], 0.0) * pixel_solid_angles(FEATURE_ROWS)[..., None]

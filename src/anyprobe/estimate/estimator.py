@@ -17,7 +17,7 @@ from anyprobe.detail.plausible import DETAILS, ROWS
 from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
-from anyprobe.estimate.multiview import estimate_multiview
+from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Light
@@ -154,16 +154,19 @@ class Estimator:
         material: Material | str | None = None,
         albedo: Albedo | None = None,
         roughness: float | None = None,
+        start: float | None = None,
     ) -> Light:
-        """One light of several photos of one object in one place; see multiview.estimate_multiview.
+        """One light of several photos of one object in one place; see multiview.estimate_crops.
 
         Args:
             photos: of load_photo, read in turn; their pixels are not kept.
             world_from_camera: [3, 3] of each.
             material, albedo, roughness: the object's, as above.
+            start: of time.perf_counter, when the first photo's loading began.
         """
         given = as_material(material, albedo, roughness)
-        return estimate_multiview(self, photos, world_from_camera, material=given)
+        taken, spent = cut_photos(photos, start)
+        return estimate_crops(self.from_crop, taken, world_from_camera, spent, given)
 
     def from_photo(
         self, photo: Photo, start: float | None = None, *, material: Material | None = None
@@ -259,7 +262,7 @@ class Estimator:
         given = [name for name, value in known if value is not None]
         if given and self.models.stages != LIFT_STAGES:
             raise InputError(
-                f"{' and '.join(given)}: expected a model that tells normals, got {self.models.name}; "
+                f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
 

@@ -36,7 +36,7 @@ ENOUGH = 0.5
 """Pixels that a place of a map must have seen for the measured light to count half."""
 MEASURED = 0.65
 """How likely a display value that is measured whole is within 0.1 of the truth, on training maps and shapes: a camera's
-curve is not known, and its normals are told by a pixel in two."""
+curve is not known, and its normals are estimated at every second pixel."""
 ODDS = 10.0
 """How much likelier light above white is in a place that is clipped than in one that is not seen."""
 
@@ -52,7 +52,7 @@ def measure(
     """Replace what the object mirrors of a map by what its photo shows of it.
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
-    has seen enough of a place tells it, the given map what none has seen. A clipped pixel tells where light above
+    covers a direction well gives it, the given map the rest. A clipped pixel marks where light above
     white may come from but not how much there is: that is the given map's.
 
     Args:
@@ -128,7 +128,7 @@ def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray
 ROWS = 32
 """Rows of the map that the object's points are lit by."""
 COARSE = 16
-"""Rows of the map that x is told on."""
+"""Rows of the map that x is sampled on."""
 NUM_POINTS = 200
 """Of the object, at most; they are shaded with so many samples:"""
 NUM_SAMPLES = 64
@@ -272,7 +272,7 @@ def use_material(
 
     Args:
         outputs, image, tan_half: of a crop, see estimate.runtime.Models.
-        given_normals: [64, 64, 3] as they were told, zero where they were not; None where nothing was.
+        given_normals: [64, 64, 3] as they were given, zero elsewhere; None for none.
     Returns:
         the answer, and what was done, for the sidecar.
     """

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,13 +18,10 @@ from anyprobe.light.environment import integral
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
 
-if TYPE_CHECKING:
-    from anyprobe.estimate.estimator import Estimator
-
 BRIGHT = 0.8
 """Radiance above which light may be emitters; white is 1."""
 LEAST_FLUX = 0.01
-"""Of what is brighter, where power is given back to it: from less nobody knows where the emitters are."""
+"""Of what is brighter, where power is given back to it: with less, their positions are unknown."""
 
 
 def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -63,24 +59,12 @@ NOT_GIVEN = (
 )
 
 
-def estimate_multiview(
-    estimator: Estimator,
-    photos: Iterable[Photo],
-    world_from_camera: Sequence[np.ndarray],
-    *,
-    start: float | None = None,
-    material: Material | None = None,
-) -> Light:
-    """One light of several photos, see fuse_lights; what each shows of the surroundings is known to all.
+def cut_photos(
+    photos: Iterable[Photo], start: float | None = None
+) -> tuple[list[tuple[Photo, Crop]], list[float]]:
+    """Each photo without its pixels and its object's crop, and the seconds each took.
 
-    Args:
-        photos: of load_photo, in turn; their pixels are not kept. Surroundings that are a panorama are in the first
-            photo's frame.
-        world_from_camera: [3, 3] of each.
-        start: of time.perf_counter, when the first one's loading began, where that was before the call.
-        material: the object's, if given.
-    Raises:
-        InputError: as fuse_lights, or no such material.
+    photos: of load_photo, read in turn. start: of time.perf_counter, when the first one's loading began.
     """
     start = time.perf_counter() if start is None else start
     taken, spent = [], []
@@ -88,31 +72,37 @@ def estimate_multiview(
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]
-    return estimate_cut(estimator, taken, world_from_camera, spent, material)
+    return taken, spent
 
 
-def estimate_cut(
-    estimator: Estimator,
+def estimate_crops(
+    from_crop: Callable[..., Light],
     taken: list[tuple[Photo, Crop]],
     world_from_camera: Sequence[np.ndarray],
     spent: Sequence[float],
     material: Material | None = None,
 ) -> Light:
-    """The same of photos whose objects are cut out already, by panorama.cut_out; spent: seconds on each."""
+    """One light of photos cut out by cut_photos, see fuse_lights; surroundings are shared across views.
+
+    Args:
+        from_crop: of an Estimator.
+        world_from_camera: [3, 3] of each. Surroundings that are a panorama are in the first photo's frame.
+        spent: seconds on each so far. material: the object's, if given.
+    Raises:
+        InputError: as fuse_lights.
+    """
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
-    known = _gathered([crop for _, crop in taken], to_first, gains)
+    merged = _merged([crop for _, crop in taken], to_first, gains)
     lights = [
-        estimator.from_crop(
-            photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen
-        )
-        for (photo, crop), seconds, seen in zip(taken, spent, known, strict=True)
+        from_crop(photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen)
+        for (photo, crop), seconds, seen in zip(taken, spent, merged, strict=True)
     ]
     return fuse_lights(lights, world_from_camera)
 
 
-def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
+def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
     """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):

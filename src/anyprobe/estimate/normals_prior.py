@@ -1,4 +1,4 @@
-"""Normals that somebody knows: of a tracked model, a depth camera, a scan, another network."""
+"""Normals given with a photo: of a tracked model, a depth camera, a scan, another network."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wid
 PLAIN = 0.1
 """Display value up to which black, and down from 1 white, is no normal's colour: their vectors are far too long."""
 SPHERE = "sphere"
-"""In place of a normal map: the object is a sphere, its outline tells its normals."""
+"""In place of a normal map: the object is a sphere, whose outline gives its normals."""
 ROUND = 0.9
 """Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
 STRIP_PX = 1 << 17
@@ -43,7 +43,7 @@ def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
     """Normals of an object that is a sphere, from its outline alone.
 
     A pinhole sees a sphere of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
-    solid angle 2 pi (1 - cos phi) tells phi, its mean ray c. With c at distance 1 the sphere has the radius
+    solid angle 2 pi (1 - cos phi) gives phi, its mean ray c. With c at distance 1 the sphere has the radius
     sin phi, the ray meets it at s = d.c - sqrt(sin^2 phi - (1 - (d.c)^2)), and n = (s d - c) / sin phi.
 
     Args:

@@ -1,4 +1,4 @@
-"""Panorama (noun): what several photos together show of their surroundings, in a world whose axes do not move.
+"""Surroundings merged from several photos, in a fixed world frame.
 
 One photo shows a window of the light; a camera that turns shows more and more of it. A panorama is [64, 128, 4]: linear
 radiance times cover, and cover in [0, 1]; with a fifth channel where surroundings have one, see estimate.surroundings.
@@ -21,7 +21,7 @@ from anyprobe.light.environment import rotate
 SHARED = 30
 """Pixels that two windows must share before one is compared with the other."""
 COMPARED = 0.02, 0.8
-"""Radiance between which both tell how much brighter one is: neither noise nor clipped."""
+"""Radiance range in which two photos can be compared: neither noise nor clipped."""
 DIFFER = 0.12
 """Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
 
@@ -35,7 +35,7 @@ def cut_out(photo: Photo, *, first: bool) -> Crop:
 def window(surroundings_map: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
     """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
-    gain: that brings the photo to the panorama's exposure; made darker, what is clipped tells nothing any more.
+    gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
     """
     radiance, clipped, cover = radiance_of(surroundings_map)
     layers = [cover, surroundings_map[..., 4:]]
@@ -77,7 +77,7 @@ def seen_from(
     """What is known of a photo's map, see estimate.surroundings, in its crop's frame.
 
     own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
-        where it makes the panorama darker, what may be clipped there tells nothing.
+        where it makes the panorama darker, clipped pixels there carry no information.
     """
     turned = rotate(panorama, world_from_crop.T)
     cover, measured = np.clip(turned[..., 3:4], 0.0, 1.0), np.clip(turned[..., 4:], 0.0, 1.0)

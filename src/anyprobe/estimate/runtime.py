@@ -1,4 +1,4 @@
-"""Models (noun): a model's networks as ONNX graphs, checked against their contract."""
+"""A model's networks as ONNX graphs, checked against their contract."""
 
 from __future__ import annotations
 

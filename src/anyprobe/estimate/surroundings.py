@@ -1,10 +1,10 @@
-"""Surroundings (noun): what is known of the map itself, by the rest of the photo or by an unfinished panorama.
+"""Surroundings: the part of the environment map that is seen, in the photo's background or in a partial panorama.
 
-An object tells what comes from everywhere, but neither its own colour nor how bright all is; what the camera sees of
-the surroundings tells a small part of the map, but that exactly.
+An object shows light from all directions, but its own colour and the level stay ambiguous; what the camera sees of
+the surroundings is a small part of the environment map, but exact.
 
 Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
-channel tells how much of the cover is measured above white too: a display value above 1 is that radiance there.
+channel is the share of the cover that is measured above white too: a display value above 1 is that radiance there.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TINT_FLOOR = 0.05
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
 LINEAR = 5
-"""Channels of surroundings that tell what is above white."""
+"""Channels of surroundings that hold values above white."""
 PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
@@ -86,7 +86,8 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 def surroundings_of(
     radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None
 ) -> np.ndarray:
-    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: of the cover, what tells more than white."""
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its
+    share with values above white."""
     display = response(radiance)
     if measured is None:
         return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)

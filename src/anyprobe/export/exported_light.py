@@ -1,4 +1,4 @@
-"""ExportedLight (noun): what every target is written from, and the sidecar that goes with each.
+"""What every export target is written from, the sidecar of each, and the origin of maps on disk.
 
 Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe,
 for renderers that are given a directional light as well. With both full and a directional light
@@ -73,7 +73,7 @@ def prepare(
 ) -> ExportedLight:
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the dominant light.
 
-    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera tells both.
+    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera covers both.
 
     Raises:
         InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 
 from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
 from anyprobe.errors import InputError
@@ -214,8 +215,6 @@ def read_channels(
         fault: class of the error to raise.
         max_pixels: refused above, before pixels are decoded, see ExrHeader.decoded.
     """
-    import OpenEXR
-
     try:
         data = source if isinstance(source, bytes) else read_regular(source, name, fault)
         header = parse_header(data)
@@ -317,8 +316,6 @@ def to_rec709(
 
 def write_channels(path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> None:
     """Write channels [H, W] of a latitude-longitude map, ZIP, Rec. 709, with attributes; RuntimeError if it fails."""
-    import OpenEXR
-
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,

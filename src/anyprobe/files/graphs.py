@@ -1,4 +1,4 @@
-"""Open (verb): an ONNX graph, to be run beside other work on the same cores."""
+"""ONNX graphs opened to run beside other work on the same cores."""
 
 from __future__ import annotations
 

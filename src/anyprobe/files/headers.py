@@ -8,7 +8,20 @@ import re
 from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import ExifTags, Image
+from PIL import (
+    AvifImagePlugin,
+    BmpImagePlugin,
+    ExifTags,
+    GifImagePlugin,
+    Image,
+    Jpeg2KImagePlugin,
+    JpegImagePlugin,
+    MpoImagePlugin,
+    PngImagePlugin,
+    PpmImagePlugin,
+    TiffImagePlugin,
+    WebPImagePlugin,
+)
 
 from anyprobe.errors import InputError, InvalidPhoto, MissingExtra
 from anyprobe.files.exr import EXR_MAGIC, exr_pixels
@@ -26,6 +39,12 @@ MAX_SCANS = 32
 
 PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
 """Formats that may be opened; Pillow knows others that start programs or are no pictures."""
+
+PLUGINS = (
+    *(AvifImagePlugin, BmpImagePlugin, GifImagePlugin, Jpeg2KImagePlugin, JpegImagePlugin, MpoImagePlugin),
+    *(PngImagePlugin, PpmImagePlugin, TiffImagePlugin, WebPImagePlugin),
+)
+"""Their readers, imported here and not at the first photo: who forks while a thread imports waits for ever."""
 
 ON_ITS_SIDE = (5, 6, 7, 8)
 """Orientations of photos that are turned by a quarter to be shown."""
@@ -52,7 +71,6 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> Image.Image:
     head = stream.read(16)
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
         _register_heic(name)
-    Image.init()
     for kind in PHOTO_FORMATS:
         factory, accepts = Image.OPEN.get(kind, (None, None))
         if factory is None or (accepts is not None and accepts(head) is not True):

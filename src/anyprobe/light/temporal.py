@@ -19,7 +19,7 @@ root mean square over the sphere and the three channels, a(T) = 1 - exp(-dt / T)
     steady += a(memory) (fast - steady), stale likewise
 
 White noise of the frames leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing
-moves. Drift is told from noise even where each frame's step is below the noise, because it adds up
+moves. Drift is separated from noise even where each frame's step is below the noise, because it adds up
 in fast - steady. After a move the memory grows with the time since: steady is then about the plain
 mean of what came after. A growing memory forgets only as 1 / t, so it does not grow while more of
 what was before a clear move is left in steady (the share stale) than is let be.

@@ -1,7 +1,7 @@
 """The photo's camera over a horizontal plane, and where on it the real object stands.
 
 Everything is in the camera's frame (+X right, +Y up, looking along -Z); the unit of length is the
-camera's height over the ground, whose true value a photo does not tell and nothing here needs.
+camera's height over the ground, which a photo does not determine and nothing here needs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LEAST_SLOPE_DEG = 12.0
 """The ground at the real object's base is seen at least this far below the horizon."""
 
 UNKNOWN_LENS_DEG = 38.0
-"""Along the longer side, where neither EXIF nor the caller told. Of a cropped or zoomed photo the 65
+"""Along the longer side, where neither EXIF nor the caller gives it. Of a cropped or zoomed photo the 65
 degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
 
 STRIP_PIXELS = 1 << 18

@@ -127,7 +127,7 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
 RENDERERS = ("auto", "own", "mitsuba")
 
 PHOTO_MATERIAL = "photo"
-"""The real object's own, as far as the photo tells it (relight.appearance)."""
+"""The real object's own, as estimated from the photo (relight.appearance)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

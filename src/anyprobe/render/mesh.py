@@ -1,4 +1,4 @@
-"""Mesh (noun): triangles with a normal at every corner, inside the unit sphere."""
+"""Triangle meshes: triangles with a normal at every corner, inside the unit sphere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Camera and Surface (nouns): which pixels see the object, with what normal, from where."""
+"""Camera and Surface: which pixels see the object, with which normal and view direction."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 import traceback
+import weakref
 from collections.abc import Callable, Iterator
 from typing import Any, BinaryIO
 
@@ -55,6 +56,7 @@ class Lane:
         self._idle: list[_Worker] = []
         self._lock = threading.Lock()
         self._closed = False
+        weakref.finalize(self, _end_all, self._idle)
 
     def call(self, task: str, *arguments: Any) -> Any:
         """What serve.tasks's function of that name returns; blocks until then.
@@ -85,9 +87,12 @@ class Lane:
     def close(self) -> None:
         with self._lock:
             self._closed = True
-            idle, self._idle = self._idle, []
-        for worker in idle:
-            worker.end()
+            _end_all(self._idle)
+
+
+def _end_all(workers: list[_Worker]) -> None:
+    while workers:
+        workers.pop().end()
 
 
 class _Worker:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from anyprobe.files.headers import declared_pixels
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_radiance
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
-from anyprobe.serve.uploads import TooManyPixels, Upload
 
 PAGE_LONG_PX = 2048
 """Longer side of what /v1/photo sends back: more than a page shows."""
@@ -28,10 +28,64 @@ MAP_MAX_ROWS = 512
 MAX_PANORAMA_PIXELS = 8_500_000
 """Of surroundings, which are brought to 128 x 64."""
 
+QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
+QUICK_BYTES = 16 * 2**20
+"""JPEG, PNG and WebP up to this are decoded in a moment."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Upload:
+    """A photo and what was given with it.
+
+    Attributes:
+        photo: the file's bytes, as sent.
+        name: file name without folders, for messages; "photo" where none came.
+        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "sphere";
+        surroundings: of a panorama in the camera's frame, or "photo".
+        box: X0, Y0, X1, Y1 in pixels of the upright photo.
+        clicks: x, y on the object, in pixels of the upright photo.
+        clicks_off: likewise beside it.
+        fov_deg: field of view of the longer side.
+        material: name of the object's; albedo: its linear albedo, one number or three.
+        emitters: how the light sources are asked for, of estimate.runtime.EMITTERS.
+        include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
+        exposure: stops that an export is brightened by.
+        world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
+    """
+
+    photo: bytes
+    name: str = "photo"
+    mask: bytes | None = None
+    normals: bytes | str | None = None
+    surroundings: bytes | str | None = None
+    box: tuple[float, ...] | None = None
+    clicks: tuple[tuple[float, float], ...] = ()
+    clicks_off: tuple[tuple[float, float], ...] = ()
+    fov_deg: float | None = None
+    material: str | None = None
+    albedo: tuple[float, ...] | None = None
+    emitters: str | None = None
+    include: frozenset[str] = frozenset()
+    exposure: float | None = None
+    world_from_camera: tuple[float, ...] | None = None
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether all its pictures are of formats that are decoded in a moment."""
+        pictures = [
+            one for one in (self.photo, self.mask, self.normals, self.surroundings) if isinstance(one, bytes)
+        ]
+        return (
+            all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
+        )
+
+
+class TooManyPixels(InputError):
+    """A picture's header claims more pixels than the server decodes."""
+
 
 def ready() -> None:
     """Nothing; for a process that is to have its imports done."""
-    Image.init()
 
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> tuple[Photo, Crop, bytes | None]:

@@ -1,4 +1,4 @@
-"""Checkpoint (noun): what a run keeps of itself; a damaged file or another run's is one clear line."""
+"""Checkpoints: reading them, and resuming the run they are of and no other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torch import nn
 from anyprobe.errors import InputError, ModelError
 
 RENAMED = (
-    ("light.emitters.power.", "light.emitters.power."),
+    ("light.lamps.flux.", "light.emitters.power."),
     ("light.object.around.", "light.object.surroundings."),
     (".rise.", ".up."),
 )

@@ -130,7 +130,7 @@ def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LE
 
 
 def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
-    """What a checkpoint tells of its weights beside its own steps, each as far as it is known:
+    """Provenance of a checkpoint's weights besides its own steps, as far as known:
 
     start           identity of the file of weights that the run began from, or "nothing"
     assets          the maps and shapes of its data, as supply.name_assets has them
@@ -218,7 +218,7 @@ CHECKED = 24
 
 
 def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
-    """What the lifting model's graph is given for pairs: nothing told, normals, surroundings, both, in turn."""
+    """What the lifting model's graph is given for pairs: no prior, normals, surroundings, both, in turn."""
     for k, pair in enumerate(pairs):
         normals = true_normals(pair) if k % 2 else None
         surroundings_map = surroundings(pair) if k % 4 > 1 else None

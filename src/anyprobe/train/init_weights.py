@@ -1,4 +1,4 @@
-"""Start (noun): a finished run's weights alone, small enough to keep, to be scored or begun from."""
+"""A run's weights alone, in half floats, to begin another run from or to average with."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class MaskRunConfig:
     small: side of the pictures in the first small_steps steps, which cost a third there and teach what an
     object is as well; the rest are at full size and teach its edge. averaged: decay of the running mean of the
     weights, which is what is exported. The encoder stays as it is published: it has seen photos, and renders
-    would teach it to tell renders apart.
+    would teach it to recognise renders.
     """
 
     name: str = "mask"

@@ -20,7 +20,7 @@ from anyprobe.files.paths import visible_files
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
-"""The box that the network is told is the last mask's, grown by this share on every side."""
+"""The box prompt is the last mask's, grown by this share on every side."""
 
 MOST_CHANGE = 1.4
 """An object that is so many times larger or smaller than in the last frame is another."""
@@ -111,7 +111,7 @@ class MaskFollower:
 
 
 def _digest(parts: Iterable[bytes]) -> str:
-    """16 hexadecimal digits that tell these parts in this order from others."""
+    """16 hexadecimal digits that identify these parts in this order."""
     whole = hashlib.sha256()
     for part in parts:
         whole.update(hashlib.sha256(part).digest())

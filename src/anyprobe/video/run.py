@@ -153,7 +153,7 @@ class ClipRun:
     def _one(self, frame: Frame) -> dict:
         """The record of one frame; a frame that gives no light keeps the last one and says why.
 
-        The first is refused where the caller told where its object is.
+        The first is refused where the caller gave its object.
         """
         done = self.progress
         record = {"index": frame.index, "time_s": round(frame.time_s, 5)}

@@ -3,7 +3,7 @@
  */
 
 import { DEFAULT_LONG_FOV_DEG } from "../../src/photo/crop.js";
-import { element, setStatus, tellLight } from "../view/elements.js";
+import { element, setStatus, sendLight } from "../view/elements.js";
 import { closeCamera, openCamera, watchCamera } from "./camera.js";
 import { readFrame, takeFrame } from "../../src/live/videoFrames.js";
 
@@ -115,7 +115,7 @@ export class LiveSession {
     if (!this.placed) return;
     this.#say("Live, in this browser.");
     this.stage.setLight(answer.light);
-    tellLight(answer);
+    sendLight(answer);
     // one part of the rest at a time: pictures of the camera wait for what is drawn here
     if (answer.spheres) {
       const about = { photo: "camera", model: this.config.model, longFovDeg: DEFAULT_LONG_FOV_DEG };

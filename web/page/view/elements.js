@@ -10,7 +10,7 @@ export function setStatus(text, kind = "") {
 }
 
 /** Every light on show, of a photo or of a camera's picture, as the document's event "anyprobe-light". */
-export function tellLight(detail) {
+export function sendLight(detail) {
   document.dispatchEvent(new CustomEvent("anyprobe-light", { detail }));
 }
 

@@ -2,7 +2,7 @@
 
 import { Matrix4, Vector3 } from "three";
 
-/** Objects of more points are told by those that lie outermost in so many directions. */
+/** Objects of more points are given by those that lie outermost in so many directions. */
 const MOST_POINTS = 2000;
 const DIRECTIONS = 500;
 

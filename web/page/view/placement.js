@@ -102,7 +102,7 @@ export function beside({ width, height, box, row, behind }, extentAt) {
 
 /**
  * The spot moved into the bounds, by GAP away from their side where the real object is and on its row; smaller where they
- * are too narrow. What is nearer is larger, so that one tells on the other: later tries only take away.
+ * are too narrow. What is nearer is larger, so that size and place depend on each other: later tries only shrink.
  */
 function fit({ x, y, share: most }, [left, top, right, bottom], gap, extentAt) {
   const row = y;

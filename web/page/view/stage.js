@@ -2,7 +2,7 @@
  * The photo with a virtual object on the ground beside the real one, lit by the estimate.
  *
  * The scene is the photo's camera frame: the camera sits at the origin and looks along -Z. The
- * ground is a plane under the real object, tilted as told; drawn on it are only shadows.
+ * ground is a plane under the real object, tilted by the camera pitch; only shadows are drawn on it.
  */
 
 import {

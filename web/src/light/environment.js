@@ -21,7 +21,11 @@ export function rotate(radiance, height, rotation) {
 export function rotateOne(values, height, rotation) {
   const { pixels, shares } = lookupOfTurn(height, rotation);
   const turned = new Float32Array(values.length);
-  for (let i = 0; i < pixels.length; i++) turned[i >> 2] += shares[i] * values[pixels[i] / 3];
+  for (let to = 0, at = 0; to < turned.length; to++, at += 4) {
+    const [a, b, c, d] = [pixels[at] / 3, pixels[at + 1] / 3, pixels[at + 2] / 3, pixels[at + 3] / 3];
+    turned[to] =
+      shares[at] * values[a] + shares[at + 1] * values[b] + shares[at + 2] * values[c] + shares[at + 3] * values[d];
+  }
   return turned;
 }
 

@@ -46,7 +46,9 @@ export function cameraRadiance({ radiance }, cameraFromCrop) {
  */
 export function cameraConfidence({ confidence }, cameraFromCrop, wellExposed) {
   if (!confidence) return new Float32Array(2 * MAP_HEIGHT * MAP_HEIGHT).fill(wellExposed);
-  return rotateOne(confidence, MAP_HEIGHT, cameraFromCrop).map((value) => Math.min(Math.max(value, 0), 1));
+  const turned = rotateOne(confidence, MAP_HEIGHT, cameraFromCrop);
+  for (let i = 0; i < turned.length; i++) turned[i] = Math.min(Math.max(turned[i], 0), 1);
+  return turned;
 }
 
 /** A map with what renderers ask of it. */

@@ -10,7 +10,7 @@
 const LONG_PX = 480;
 
 /** What a frame that does not say its colours is taken for, as browsers show it. */
-const UNTOLD = { matrix: "smpte170m", fullRange: false };
+const UNSTATED = { matrix: "smpte170m", fullRange: false };
 
 /** Kr and Kb of the luma, by the name of the matrix. */
 const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.299, 0.114] };
@@ -33,8 +33,8 @@ export async function takeFrame(video, spares = []) {
       const spare = spares.pop();
       const bytes = new Uint8Array(spare?.byteLength === size ? spare : size);
       const layout = await source.copyTo(bytes);
-      const matrix = colorSpace.matrix ?? UNTOLD.matrix;
-      const fullRange = colorSpace.fullRange ?? UNTOLD.fullRange;
+      const matrix = colorSpace.matrix ?? UNSTATED.matrix;
+      const fullRange = colorSpace.fullRange ?? UNSTATED.fullRange;
       return { frame: { width, height, format, layout, matrix, fullRange, bytes }, transfer: [bytes.buffer] };
     }
   } finally {
@@ -52,7 +52,7 @@ function isReadable({ format, rotation, flip, visibleRect, displayWidth, display
     !flip &&
     visibleRect.width === displayWidth &&
     visibleRect.height === displayHeight &&
-    (colorSpace.matrix ?? UNTOLD.matrix) in LUMA
+    (colorSpace.matrix ?? UNSTATED.matrix) in LUMA
   );
 }
 

@@ -14,20 +14,24 @@ export function installedWeights() {
   };
 }
 
+/** The runtime's files where this module is served as it lies in node_modules: plainly, or by a development server. */
+const BESIDE = "../../../onnxruntime-web/dist/";
+
 /** @param {"wasm" | "webgpu"} engine @returns {import("./runtime.js").Runtime} */
 export function installedRuntime(engine) {
   try {
     return import.meta.resolve("onnxruntime-web/"); // an import map's folder
   } catch {
-    if (engine === "webgpu") {
-      return {
-        module: new URL("onnxruntime-web/jspi", import.meta.url).href,
-        wasm: new URL("onnxruntime-web/ort-wasm-simd-threaded.jspi.wasm", import.meta.url).href,
-      };
-    }
+    if (import.meta.url.includes("/node_modules/anyprobe/src/")) return new URL(BESIDE, import.meta.url).href;
+  }
+  if (engine === "webgpu") {
     return {
-      module: new URL("onnxruntime-web/wasm", import.meta.url).href,
-      wasm: new URL("onnxruntime-web/ort-wasm-simd-threaded.wasm", import.meta.url).href,
+      module: new URL("onnxruntime-web/jspi", import.meta.url).href,
+      wasm: new URL("onnxruntime-web/ort-wasm-simd-threaded.jspi.wasm", import.meta.url).href,
     };
   }
+  return {
+    module: new URL("onnxruntime-web/wasm", import.meta.url).href,
+    wasm: new URL("onnxruntime-web/ort-wasm-simd-threaded.wasm", import.meta.url).href,
+  };
 }

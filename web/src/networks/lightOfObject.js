@@ -30,7 +30,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, { surroun
   const prediction = await models.light(crop.image, crop.tanHalf, { ...options, emitters, surroundings: seen });
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
-  prediction.confidence = prediction.confidence?.map((value) => worth * value) ?? null;
+  if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
   const stages = seen ? useSurroundings(prediction, seen) : prediction;
   const confidence = cameraConfidence(stages, crop.cameraFromCrop, wellExposed);
   return {
@@ -61,6 +61,11 @@ export function wellExposedFraction(image) {
 /** Mean over the sphere of one number a pixel. */
 function sphereMean(values) {
   const angles = pixelSolidAngles(MAP_HEIGHT);
-  const sum = values.reduce((total, value, i) => total + value * angles[Math.floor(i / (2 * MAP_HEIGHT))], 0);
-  return sum / (4 * Math.PI);
+  let total = 0;
+  for (let row = 0, at = 0; row < MAP_HEIGHT; row++) {
+    let sum = 0;
+    for (const end = at + 2 * MAP_HEIGHT; at < end; at++) sum += values[at];
+    total += angles[row] * sum;
+  }
+  return total / (4 * Math.PI);
 }

@@ -2,12 +2,13 @@
  * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
  *
  * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}. A camera's frames have no id:
- * lights are told as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
+ * lights come as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
  */
 
 import { describe } from "../light/light.js";
 import { drawSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
+import { agreement } from "../photo/agreement.js";
 import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
@@ -38,8 +39,8 @@ const tasks = {
   },
 
   /**
-   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With the IoU that the
-   * network expects, null where it was not asked.
+   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With its confidence: the
+   * IoU that the network expects or that it finds when it is asked in other ways, the less; null where it was not asked.
    */
   mask({ picture, hints }) {
     return findMask(picture, hints);
@@ -60,7 +61,7 @@ const tasks = {
   startLive({ hints, longFovDeg, options, withViews }) {
     const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, options, withViews);
     const frames = new Newest(
-      (given) => tellLight(lights, given),
+      (given) => sendLight(lights, given),
       ({ frame }) => letGo(frame),
     );
     live = { lights, frames };
@@ -80,7 +81,7 @@ const tasks = {
 };
 
 /** The light of a frame to the caller, unless it has begun anew meanwhile. */
-async function tellLight(lights, { frame, time }) {
+async function sendLight(lights, { frame, time }) {
   let answer;
   try {
     answer = await lights.next(frame, time);
@@ -107,8 +108,10 @@ function letGo(frame) {
 async function findMask(picture, hints) {
   if (hints.box) return { mask: cutOutOfBox(picture, hints), confidence: null };
   if (!models.hasMask) return { mask: flood(picture, hints), confidence: null };
-  const cover = await propose((input) => models.mask(input), picture, hints);
-  return { mask: cutOut(picture, cover, hints), confidence: cover.confidence };
+  const run = (input) => models.mask(input);
+  const cover = await propose(run, picture, hints);
+  const mask = cutOut(picture, cover, hints);
+  return { mask, confidence: Math.min(cover.confidence, await agreement(run, picture, mask, hints)) };
 }
 
 /** The same at one look and without refining, for video. */

@@ -108,7 +108,7 @@ export function useSurroundings(stages, surroundings) {
 
 /**
  * What makes a clipped place as bright as the prediction, if that is brighter: one gain, so that no channel alone takes a
- * lamp on; and none that would clip a channel which is not.
+ * light source on; and none that would clip a channel which is not.
  */
 function clippedGain(display, seen, predicted) {
   let room = Infinity;

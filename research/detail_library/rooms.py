@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.dataset.box_textures import (
+from anyprobe.dataset.sky import tint
+from research.detail_library.box_textures import (
     BOOKS,
     FABRIC,
     GRID,
@@ -21,8 +22,16 @@ from anyprobe.dataset.box_textures import (
     texture,
     wall,
 )
-from anyprobe.dataset.boxes import SUPERSAMPLE, Boxes, Builder, cast, lines, panorama, turbulence, visible
-from anyprobe.dataset.sky import tint
+from research.detail_library.boxes import (
+    SUPERSAMPLE,
+    Boxes,
+    Builder,
+    cast,
+    lines,
+    panorama,
+    turbulence,
+    visible,
+)
 
 
 def detailed_room(rng: np.random.Generator, height: int) -> np.ndarray:

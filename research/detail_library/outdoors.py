@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.dataset.box_textures import FACADE, WALLS, land, texture
-from anyprobe.dataset.boxes import SUPERSAMPLE, Boxes, Builder, cast, panorama, turbulence, visible
 from anyprobe.dataset.sky import GROUNDS, clear_sky, direction_at, tint
+from research.detail_library.box_textures import FACADE, WALLS, land, texture
+from research.detail_library.boxes import SUPERSAMPLE, Boxes, Builder, cast, panorama, turbulence, visible
 
 
 def detailed_outdoor(rng: np.random.Generator, height: int) -> np.ndarray:

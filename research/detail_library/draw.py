@@ -1,6 +1,6 @@
 """Make the library that anyprobe.detail comes with, of rooms, streets and studios of our own:
 
-    python -m anyprobe.dataset.detail_library src/anyprobe/detail/own.zip
+    python -m research.detail_library.draw src/anyprobe/detail/own.zip
 
 The same seed gives the same maps on the same machine; a few minutes on two cores.
 """
@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.detailed_outdoors import detailed_outdoor
-from anyprobe.dataset.detailed_rooms import detailed_room, detailed_studio
-from anyprobe.detail.library import write_library
+from anyprobe.detail.library import encode, write_library
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room, detailed_studio
 
-KINDS = {"room": (detailed_room, 24), "outdoor": (detailed_outdoor, 24), "studio": (detailed_studio, 8)}
+KINDS = {"room": (detailed_room, 24), "outdoor": (detailed_outdoor, 14), "studio": (detailed_studio, 6)}
 """What is drawn, and how many of each."""
 SEED = 28
 ROWS = 256
@@ -33,16 +33,16 @@ def main() -> None:
     write_library(options.path, _maps(options.processes))
 
 
-def _maps(processes: int) -> Iterator[tuple[str, np.ndarray]]:
+def _maps(processes: int) -> Iterator[tuple[str, bytes]]:
     names = [(kind, number) for kind, (_, count) in KINDS.items() for number in range(count)]
     with ProcessPoolExecutor(processes) as pool:
-        for (kind, number), radiance in zip(names, pool.map(_draw, names), strict=True):
-            yield f"{kind}-{number}", radiance
+        for (kind, number), picture in zip(names, pool.map(_draw, names), strict=True):
+            yield f"{kind}-{number}", picture
 
 
-def _draw(name: tuple[str, int]) -> np.ndarray:
+def _draw(name: tuple[str, int]) -> bytes:
     kind, number = name
-    return KINDS[kind][0](np.random.default_rng((SEED, list(KINDS).index(kind), number)), ROWS)
+    return encode(KINDS[kind][0](np.random.default_rng((SEED, list(KINDS).index(kind), number)), ROWS))
 
 
 if __name__ == "__main__":

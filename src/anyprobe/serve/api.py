@@ -17,14 +17,15 @@ from starlette.requests import ClientDisconnect
 from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_cut
+from anyprobe.estimate.multiview import estimate_crops
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve import answers, openapi
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, Limits, WorkerPool
-from anyprobe.serve.uploads import TooManyPixels, Upload, read_upload, read_views, take_unread
+from anyprobe.serve.tasks import TooManyPixels, Upload
+from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
@@ -115,7 +116,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     async def estimate(request: Request) -> Response:
         """Estimate the light around the object of a photo.
 
-        The object is told by a mask, a box, clicks, the photo's alpha channel, or found. JSON by
+        The object is given by a mask, a box, clicks, the photo's alpha channel, or found. JSON by
         default; the map itself as OpenEXR, Radiance .hdr or tone-mapped PNG by Accept or `format`.
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
@@ -152,7 +153,9 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 mask = mask or found
 
             def work(job: Job) -> Response:
-                light = estimate_cut(asked_of(common), taken, views.world_from_camera, spent, material)
+                light = estimate_crops(
+                    asked_of(common).from_crop, taken, views.world_from_camera, spent, material
+                )
                 job.step()
                 return answers.light_response(light, media, common.include, mask)
 
@@ -202,7 +205,7 @@ def _leaving(request: Request) -> Callable[[], Any]:
 
 
 def _add_error_lines(app: FastAPI, limits: Limits) -> None:
-    """Every error as {"error": one line}; what was not foreseen is logged here and not told there."""
+    """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
         return JSONResponse({"error": " ".join(str(error).split())}, status, headers)

@@ -1,7 +1,8 @@
-"""python -m research.detail: maps with plausible detail beside the plain estimate and the truth, on test pairs.
+"""Maps with plausible detail beside the plain estimate and the truth, on test pairs.
 
-    python -m research.detail DATA                          # our own library
-    python -m research.detail DATA --library DATA/hdri/train --sheet sheet.jpg
+    python -m research.detail_library.measure DATA                          # our own library
+    python -m research.detail_library.measure DATA --library DATA/hdri/train --mirrors
+    python -m research.detail_library.measure --pairs 6 --sheet docs/detail.jpg  # scenes no library has
 
 DATA holds hdri/test and meshes/test; the pairs are those of `anyprobe evaluate`. Times are of the processor,
 all threads together.
@@ -26,11 +27,11 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.catalog import load_maps, load_shapes
+from anyprobe.dataset.asset_store import AssetStore, own_shape
+from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes, normalize_map
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.plan import balanced_recipes
-from anyprobe.detail.library import Library, open_library, write_library
+from anyprobe.detail.library import Library, encode, open_library, write_library
 from anyprobe.detail.match import find_match
 from anyprobe.detail.plausible import add_detail
 from anyprobe.estimate.estimator import Estimator
@@ -39,11 +40,15 @@ from anyprobe.files.objects import draw_under
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.harmonics import project
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room
 
 PAIRS, SEED = 200, 2020
 ORDERS = (8, 10, 12, 16, 24, 31, 48, 63)
 """Of which powers are printed."""
-TILE = 160
+OWN_ROWS = 128
+TILE = 120
+"""Pixels of a sheet's sphere."""
 
 
 @lru_cache(maxsize=2)
@@ -86,6 +91,29 @@ def edge_ratios(display: np.ndarray) -> tuple[float, float]:
     return float(columns[-1] / columns.mean()), float(
         np.mean(across) / np.abs(np.diff(display, axis=0)).mean()
     )
+
+
+def test_store(data: Path) -> AssetStore:
+    """Test maps and shapes of a folder."""
+    return AssetStore(load_maps(data / "hdri" / "test"), load_shapes(data / "meshes" / "test"))
+
+
+def own_store(count: int = 10) -> AssetStore:
+    """Scenes of our own that are not in our library, rooms and out of doors by turns, and shapes."""
+    maps = []
+    for number in range(count):
+        draw = (detailed_room, detailed_outdoor)[number % 2]
+        radiance = draw(np.random.default_rng((SEED, number)), OWN_ROWS)
+        maps.append(
+            MapAsset(
+                name=f"scene-{number}",
+                id=f"{number:08x}",
+                licence="own",
+                indoor=number % 2 == 0,
+                radiance=normalize_map(radiance),
+            )
+        )
+    return AssetStore(maps, [own_shape(SEED, number) for number in range(count)])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -171,7 +199,7 @@ def placed_mirrors(maps: list, count: int = 20) -> dict[str, Any]:
     chosen = maps[:: max(1, len(maps) // count)][:count]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "maps.zip"
-        write_library(path, ((asset.name, asset.radiance) for asset in maps))
+        write_library(path, ((asset.name, encode(asset.radiance)) for asset in maps))
         library = open_library(path)
         for asset in chosen:
             map_from_camera = world_from_camera(rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0, 40)))
@@ -222,15 +250,14 @@ def _display_bytes(picture: np.ndarray, width: int) -> np.ndarray:
 
 
 def main(
-    data: Annotated[Path, typer.Argument(help="Folder with hdri/test and meshes/test.")],
+    data: Annotated[Path | None, typer.Argument(help="Folder with hdri/test and meshes/test.")] = None,
     library: Annotated[Path | None, typer.Option(help="Folder of maps; else our own.")] = None,
     pairs: Annotated[int, typer.Option(min=1)] = PAIRS,
     sheet_path: Annotated[Path | None, typer.Option("--sheet", help="Picture of ten pairs.")] = None,
     mirrors: Annotated[bool, typer.Option("--mirrors", help="Also look for maps among their like.")] = False,
 ) -> None:
     """Print one JSON object."""
-    maps = load_maps(data / "hdri" / "test")
-    store = AssetStore(maps, load_shapes(data / "meshes" / "test"))
+    store = own_store() if data is None else test_store(data)
     found, shown = [], []
     for number, one in enumerate(compared(store, pairs, open_library(library))):
         found.append(figures_of(one))
@@ -238,10 +265,10 @@ def main(
             shown.append(one)
     result = summary(found)
     if mirrors:
-        result["mirrors"] = placed_mirrors(maps)
+        result["mirrors"] = placed_mirrors(list(store.maps.values()))
     print(json.dumps(result, indent=1, default=float))
     if sheet_path is not None:
-        Image.fromarray(sheet(shown[:10])).save(sheet_path, quality=88)
+        Image.fromarray(sheet(shown[:10])).save(sheet_path, quality=85)
 
 
 if __name__ == "__main__":

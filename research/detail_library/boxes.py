@@ -20,7 +20,7 @@ NEAR = 1e-3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Boxes:
-    """low, high [K, 3] in metres, albedo and emission [K, 3] radiance, texture [K]: a number of dataset.detailed;
+    """low, high [K, 3] in metres, albedo and emission [K, 3] radiance, texture [K]: a number of box_textures;
     shadow [K]: whether it throws one."""
 
     low: np.ndarray

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from anyprobe.dataset.boxes import Boxes, lines, noise, turbulence
 from anyprobe.dataset.sky import GROUNDS, tint
+from research.detail_library.boxes import Boxes, lines, noise, turbulence
 
 PLAIN, WOOD, BOOKS, FABRIC, FACADE, LEAVES, GRID = range(7)
 """Textures of boxes."""
