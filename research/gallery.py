@@ -1,6 +1,6 @@
 """Draw docs/gallery.md and docs/gallery/*.jpg: photos of known light, the light estimated, an object relit by both.
 
-    python examples/draw_gallery.py       # Mitsuba 3 (pip install '.[relight]', libllvm19)
+    python -m research.gallery       # Mitsuba 3 (pip install '.[relight]', libllvm19)
 
 Each photo is path traced: an object on a textured table under a map of 512 x 1024 pixels, both of anyprobe's own
 making, through a phone's lens and curve with its noise. The estimate gets the photo and the object's mask alone.
@@ -16,8 +16,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.response import response
-from anyprobe.dataset.detailed_outdoors import detailed_outdoor
-from anyprobe.dataset.detailed_rooms import detailed_room, detailed_studio
 from anyprobe.dataset.textures import draw_texture
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo
@@ -30,6 +28,8 @@ from anyprobe.relight.insert import Stage
 from anyprobe.relight.path_traced import _environment, _shape, open_mitsuba
 from anyprobe.render.spheres import diffuse
 from anyprobe.scatter.materials import Material
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room, detailed_studio
 
 DOCS = Path(__file__).parent.parent / "docs"
 WIDTH, HEIGHT, FOV_DEG = 480, 360, 30.0
@@ -92,7 +92,7 @@ def main() -> None:
 
 HEAD = """# Gallery
 
-`python examples/draw_gallery.py` makes this page and its pictures: path-traced photos of scenes whose light is known,
+`python -m research.gallery` makes this page and its pictures: path-traced photos of scenes whose light is known,
 with textured tables and surroundings of our own. Each row: the photo, the estimated environment map above the true one,
 a sphere inserted in the estimated light, the same in the true light. Nothing was chosen by how well it came out.
 """
