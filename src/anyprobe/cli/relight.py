@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from threading import Timer
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
+SHOWN_AFTER_S = 1.0
 SHAPES = "sphere, vase, pebble, block, solid"
 
 
@@ -53,7 +57,7 @@ class InsertOptions:
     at: Annotated[
         str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")
     ] = None
-    scale: Annotated[float, typer.Option(help="Its largest extent over the real object's.")] = 0.5
+    scale: Annotated[float, typer.Option(help="Its height over the real object's.")] = 0.5
     pitch: Annotated[
         float | None,
         typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks."),
@@ -107,15 +111,20 @@ def relight(
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
     name, mesh = insert, open_object(insert)
-    taken = load_photo(photo, fov_deg=taken.fov, **hints)
-    radiance, gain = _radiance(taken, light, by, fine, given)
+    silent = quiet or as_json
+    with progress(f"reading {photo}", silent):
+        taken = load_photo(photo, fov_deg=taken.fov, **hints)
+    with progress("estimating the light", silent):
+        radiance, gain = _radiance(taken, light, by, fine, given)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
-    shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
-    pictures = [stage.relit(radiance, one, renderer, shadow) for one in names]
+    with progress(f"drawing the {name}", silent):
+        shadow = stage.shadow(radiance)
+        pictures = [stage.relit(radiance, one, renderer, shadow) for one in names]
     if strip or before:
         pictures.insert(0, taken.rgb)
-    write_png(out, np.concatenate(pictures, axis=1))
+    with progress(f"writing {out}", silent):
+        write_png(out, np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0])
     spot = stage.view.pixels(stage.placement.foot)
     summary = {
         "photo": str(photo),
@@ -127,10 +136,11 @@ def relight(
         "pitch_deg": round(stage.placement.pitch_deg, 2),
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
-        "warnings": list(taken.warnings),
+        "scale": round(size * stage.placement.share, 3),
+        "warnings": [*taken.warnings, *stage.warnings],
     }
     for line in summary["warnings"]:
-        if not (quiet or as_json):
+        if not silent:
             print(f"warning: {line}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
@@ -142,6 +152,18 @@ def relight(
         )
     if strict and summary["warnings"]:
         raise typer.Exit(2)
+
+
+@contextmanager
+def progress(what: str, silent: bool) -> Iterator[None]:
+    """A line on stderr if the work takes longer than SHOWN_AFTER_S."""
+    timer = Timer(SHOWN_AFTER_S, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
+    if not silent:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _radiance(
