@@ -190,7 +190,6 @@ def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
 
 @pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])
 def test_object_of_the_first_frame_is_followed(made, where):
-    pytest.importorskip("cv2")
     follower = MaskFollower({}, where, {})
     truth = sphere_mask() > 127
     for frame in read_frames(open_clip(made / "clip.mp4"), []):

@@ -31,8 +31,12 @@ LEAST_VARIANCE = 2e-4
 SURE = 3.5
 """Largest vote of the rough mask, a log-odds; clicks and what is outside a box vote twice that."""
 
-COLOR_VOTE, COLOR_MOST = 1.5, 4.0
-"""Weight of a colour's log-odds where the two sides' colours are told apart perfectly, and its bound."""
+COLOR_VOTES, COLOR_MOST = (1.5, 0.4), 4.0
+"""Weight of a colour's log-odds where the two sides' colours are told apart perfectly, and its bound. The second
+weight is for photos whose colours would move the mask far: a part of the object looks like what is beside it."""
+
+MOVED = 0.75
+"""IoU with the rough mask below which that is so."""
 
 ROUNDS, GATHER, RADIUS, EPSILON = 3, 1.5, 0.012, 1e-3
 """Rounds of gathering votes, the gathered ones' weight, the filter's window in longer sides, and its epsilon."""
@@ -75,16 +79,13 @@ def cut_out(
     picture = resize(rgb[y0:y1, x0:x1], width, height)
     rough = _part_of(cover, rgb.shape[:2], window, width, height)
     votes, fixed = _votes(rough, window, scale, on, off, box)
-    share = _share(votes)
-    reach = max(1, round(RADIUS * max(width, height)))
-    for _ in range(ROUNDS):
-        colors, told_apart = _color_votes(picture, share)
-        odds = votes + COLOR_VOTE * told_apart * np.clip(colors, -COLOR_MOST, COLOR_MOST)
-        gathered = np.clip(guided(picture, _share(odds), reach, EPSILON), 0.02, 0.98)
-        share = _share(odds + GATHER * np.log(gathered / (1 - gathered)) + fixed)
-    found = share > 0.5
-    object_ = one_object(found, share + 1e3 * (fixed > 0))
-    if not object_.any():
+    for color_vote in COLOR_VOTES:
+        share, told_apart = _gathered(picture, votes, fixed, color_vote)
+        found = share > 0.5
+        object_ = one_object(found, share + 1e3 * (fixed > 0)) & (fixed >= 0)
+        if (object_ & (rough > 0.5)).sum() >= MOVED * (object_ | (rough > 0.5)).sum():
+            break
+    if not object_.any() or told_apart == 0.0:  # the latter in a blank picture alone
         return None
     canvas = np.zeros(rgb.shape[:2], np.float32)
     soft = np.where(object_, np.maximum(share, 0.6), np.minimum(share, 0.4) * _near(object_))
@@ -92,6 +93,20 @@ def cut_out(
     canvas[y0:y1, x0:x1] *= resize(_near(object_).astype(np.float32), x1 - x0, y1 - y0) > 0.25
     loose = 1.0 - float((found & object_).sum() / max(found.sum(), 1))
     return Cut(mask=canvas, loose=loose, told_apart=told_apart)
+
+
+def _gathered(
+    picture: np.ndarray, votes: np.ndarray, fixed: np.ndarray, color_vote: float
+) -> tuple[np.ndarray, float]:
+    """How likely each pixel is the object's after all rounds, [h, w], and how well colours tell the sides apart."""
+    share = _share(votes)
+    reach = max(1, round(RADIUS * max(share.shape)))
+    for _ in range(ROUNDS):
+        colors, told_apart = _color_votes(picture, share)
+        odds = votes + color_vote * told_apart * np.clip(colors, -COLOR_MOST, COLOR_MOST)
+        gathered = np.clip(guided(picture, _share(odds), reach, EPSILON), 0.02, 0.98)
+        share = _share(odds + GATHER * np.log(gathered / (1 - gathered)) + fixed)
+    return share, told_apart
 
 
 def tidy(rgb: np.ndarray, cover: np.ndarray) -> Cut | None:

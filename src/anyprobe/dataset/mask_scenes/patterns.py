@@ -21,7 +21,7 @@ class TexturePool:
     """Reflectances [3, SIDE, SIDE], mirrored at their borders."""
 
     def __init__(self, seed: int, count: int, maps: Sequence[np.ndarray | torch.Tensor] = ()) -> None:
-        """maps: [256, 512, 3] radiance."""
+        """maps: [H, 2H, 3] radiance, as sharp as they are read where H is 256."""
         rng = np.random.default_rng((seed, 3))
         real = round(REAL_SHARE * count) if len(maps) else 0
         own = [torch.from_numpy(draw_texture(rng)).permute(2, 0, 1).contiguous() for _ in range(count - real)]
@@ -38,8 +38,10 @@ class TexturePool:
 
 def _crop(rng: np.random.Generator, radiance: np.ndarray | torch.Tensor) -> torch.Tensor:
     """A piece of a map that is nowhere near its poles, its brightness pressed into what paint reflects."""
-    side = int(rng.integers(SIDE // 2, SIDE + 1))
-    top, left = int(rng.integers(40, 216 - side)), int(rng.integers(0, 512 - side))
+    height, width = radiance.shape[:2]
+    side = int(rng.integers(height // 4, height // 2 + 1))
+    top = int(rng.integers(height * 5 // 32, height * 27 // 32 - side))
+    left = int(rng.integers(0, width - side))
     piece = torch.as_tensor(radiance)[top : top + side, left : left + side].permute(2, 0, 1).float()
     piece = piece / (2.0 * piece.flatten().median().clip(min=1e-4))
     piece = F.interpolate(piece[None], size=(SIDE, SIDE), mode="bilinear")[0]
