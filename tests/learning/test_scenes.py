@@ -15,7 +15,6 @@ pytest.importorskip("onnx", reason="needs the train extra")
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.mask_scenes.augment import retake  # noqa: E402
-from anyprobe.dataset.mask_scenes.backgrounds import TexturePool  # noqa: E402
 from anyprobe.dataset.mask_scenes.composites import GREY, Scene, draw_scene  # noqa: E402
 from anyprobe.dataset.mask_scenes.examples import PROMPTS, SIZE, SceneSource, ask, unasked_target  # noqa: E402
 from anyprobe.dataset.mask_scenes.foregrounds import ViewSource, draw_pattern  # noqa: E402
