@@ -16,9 +16,10 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.core.latlong import direction_to_uv
+from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
-from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
+from anyprobe.dataset import priors
+from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure, phone_shot
 from anyprobe.dataset.laboratory import ALPHAS, CAMERA, material_of
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
@@ -42,6 +43,8 @@ class PairConfig:
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     laboratory: the one camera and the eight materials of dataset.laboratory; wants conditions 0.
+    world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
+        phones expose and balance them.
     every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     told: share of photos that come with their normals, all turned by some degrees (TOLD_ERROR_DEG), as of a
@@ -63,6 +66,7 @@ class PairConfig:
     lanes: int = 2
     conditions: int = 1
     laboratory: bool = False
+    world: float = 0.0
     every: int = 1
     cut_out: float = 0.0
     told: float = 0.0
@@ -124,7 +128,9 @@ class PairSource:
             if key not in self._groups:
                 rng = np.random.default_rng((self.config.seed, 1, *key))
                 alphas = ALPHAS if self.config.laboratory else None
-                self._groups[key] = [self.illuminator.draw(rng, alphas) for _ in range(self.config.group)]
+                self._groups[key] = [
+                    self.illuminator.draw(rng, alphas, self.config.world) for _ in range(self.config.group)
+                ]
         return [lit for key in wanted for lit in self._groups[key]]
 
     @torch.no_grad()
@@ -160,7 +166,7 @@ class PairSource:
         if self.config.laboratory:
             materials = [material_of(lit.alpha) for lit in chosen]
         else:
-            materials = [draw_material(rng, lit.alpha) for lit in chosen]
+            materials = [_material_of(lit, rng) for lit in chosen]
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -175,6 +181,7 @@ class PairSource:
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         if self.config.laboratory:
             shots = [CAMERA] * count
+        shots = [_as_phones(shot, lit, rng) for shot, lit in zip(shots, chosen, strict=True)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
@@ -220,7 +227,10 @@ class PairSource:
         weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
         seen = (radiance * weights).sum(1, keepdim=True)
         on_object = ((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist()
-        scene = torch.exp(torch.log((light * weights).sum(1).clip(min=1e-4)).mean((1, 2))).tolist()
+        bright = (light * weights).sum(1)
+        scene = torch.exp(torch.log(bright.clip(min=1e-4)).mean((1, 2))).tolist()
+        for one in [number for number, shot in enumerate(shots) if shot.meters_frame]:
+            scene[one] = float(priors.frame_level(bright[one].cpu().numpy()))
         gains = [exposure(*each) for each in zip(shots, on_object, scene, strict=True)]
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
@@ -252,6 +262,19 @@ def shade(
     # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
     radiance = torch.lerp(grazing * gain_grazing[:, None] + albedo * diffuse, one * gain_one[:, None], f0)
     return radiance, first_factor
+
+
+def _material_of(lit: LitMaterial, rng: np.random.Generator) -> Material:
+    return draw_material(rng, lit.alpha) if lit.kind is None else priors.draw_one(rng, lit.kind, lit.alpha)
+
+
+def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:
+    """The shot, metered and balanced as phones do it where the material is of the world's priors."""
+    if lit.kind is None:
+        return shot
+    rows = pixel_solid_angles(lit.radiance.shape[0])
+    ambient = (lit.radiance.cpu().numpy() * rows[..., None]).sum(axis=(0, 1))
+    return phone_shot(shot, ambient, rng)
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
