@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.dataset.pair import Pair, render_pair
+from anyprobe.dataset.pair import Pair, Trace, render_pair
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.stock import Stock
 from anyprobe.files.atomic import atomic_path
@@ -23,17 +23,18 @@ def kept_pairs(
     stock: Stock,
     kept: Path | None = None,
     laboratory: bool = False,
+    trace: Trace | None = None,
 ) -> Iterator[Pair]:
     """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there.
 
-    laboratory: as in render_pair; such pairs want a folder of their own.
+    laboratory, trace: as in render_pair; such pairs want a folder of their own.
     """
     for recipe in recipes:
         path = None if kept is None else kept / f"{recipe.to_hex()}.npz"
         if path is not None and path.is_file():
             yield read_pair(path)
             continue
-        pair = render_pair(recipe, stock, laboratory=laboratory)
+        pair = render_pair(recipe, stock, trace, laboratory=laboratory)
         if path is not None:
             write_pair(path, pair)
         yield pair

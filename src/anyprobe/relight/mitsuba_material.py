@@ -21,10 +21,11 @@ def register(mi) -> None:
 
         def __init__(self, props):
             super().__init__(props)
-            self.albedo = mi.ScalarColor3f(props["albedo"])
+            self.albedo = props["albedo"]  # a colour, or a texture
+            self.textured = isinstance(self.albedo, mi.Texture)
             self.f0 = mi.ScalarColor3f(props["f0"])
             self.alpha = props["alpha"]
-            self.cosine_share = 0.5 if max(self.albedo) > 0 else 0.0
+            self.cosine_share = 0.5 if self.textured or max(self.albedo) > 0 else 0.0
             kind = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [kind]
             self.m_flags = kind
@@ -61,7 +62,8 @@ def register(mi) -> None:
             g = dr.rcp(dr.rcp(g1_wi) + dr.rcp(g1_wo) - 1)
             fresnel = self.f0 + (1 - mi.Color3f(self.f0)) * (1 - wi_dot_h) ** 5
             coat = fresnel * normals.eval(h) * g / (4 * n_dot_wi)
-            base = (1 - fresnel) * mi.Color3f(self.albedo) * dr.inv_pi * n_dot_wo
+            albedo = self.albedo.eval(si, active) if self.textured else mi.Color3f(self.albedo)
+            base = (1 - fresnel) * albedo * dr.inv_pi * n_dot_wo
             pdf = self.cosine_share * mi.warp.square_to_cosine_hemisphere_pdf(wo)
             pdf += (1 - self.cosine_share) * normals.pdf(si.wi, h) / (4 * wi_dot_h)
             return dr.select(active, coat + base, 0), dr.select(active, pdf, 0)

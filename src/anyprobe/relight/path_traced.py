@@ -32,6 +32,8 @@ NUM_PATHS = 256
 PATHS_AT_ONCE = 1 << 20
 MAX_DEPTH = 6
 GROUND_RADII = 30.0
+ALBEDO = "vertex_albedo"
+"""Mitsuba's name for albedos at the corners of the faces."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,6 +94,7 @@ def trace_mesh(
     """render.picture.draw_mesh by paths: the same arguments and the same [S, S, 4].
 
     Args:
+        material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
         ground: what it stands on; it lights the mesh and is mirrored in it, but is not in the picture.
         num_paths: a pixel, rounded up to a power of two.
     """
@@ -140,7 +143,11 @@ def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
 
 
 def _bsdf(material: Material) -> dict:
-    albedo, f0 = ([float(c) for c in np.broadcast_to(part, 3)] for part in (material.albedo, material.f0))
+    f0 = [float(c) for c in np.broadcast_to(material.f0, 3)]
+    if np.ndim(material.albedo) == 3:
+        albedo = {"type": "mesh_attribute", "name": ALBEDO}
+    else:
+        albedo = [float(c) for c in np.broadcast_to(material.albedo, 3)]
     return {"type": mitsuba_material.NAME, "albedo": albedo, "f0": f0, "alpha": float(material.alpha)}
 
 
@@ -150,6 +157,8 @@ def _shape(mi, mesh: Mesh, material: Material):
     properties["bsdf"] = mi.load_dict(_bsdf(material))
     count = len(mesh.faces)
     made = mi.Mesh("mesh", 3 * count, count, has_vertex_normals=True, props=properties)
+    if np.ndim(material.albedo) == 3:
+        made.add_attribute(ALBEDO, 3, np.ascontiguousarray(material.albedo, np.float32).ravel())
     parameters = mi.traverse(made)
     parameters["vertex_positions"] = mesh.positions[mesh.faces].astype(np.float32).ravel()
     parameters["vertex_normals"] = mesh.normals.astype(np.float32).ravel()
