@@ -14,6 +14,7 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.evaluate_masks import evaluate_masks
 from anyprobe.cli.export import export
+from anyprobe.cli.limits import limits
 from anyprobe.cli.mask import mask
 from anyprobe.cli.relight import relight
 from anyprobe.cli.report import report, timing
@@ -41,6 +42,7 @@ for command in (
     evaluate,
     evaluate_masks,
     compare,
+    limits,
     timing,
     report,
     doctor,

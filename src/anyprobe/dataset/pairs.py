@@ -24,6 +24,7 @@ from anyprobe.dataset.laboratory import ALPHAS, CAMERA, material_of
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
+from anyprobe.dataset.occlusion import mirrored, shade_hidden
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.reshaped import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
@@ -143,10 +144,13 @@ class PairSource:
         ]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         normals = np.asarray(self.surfaces.normals[index])
+        hidden = None if self.surfaces.hidden is None else np.array(self.surfaces.hidden[index])
         for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
             normals[one] = normals[one, :, :, ::-1]
             normals[one, 0] *= -1
-        normals = torch.from_numpy(normals).to(self.device).float()
+            if hidden is not None:
+                hidden[one] = mirrored(hidden[one])
+        before = normals = torch.from_numpy(normals).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
         angles = torch.from_numpy(tan_half).to(self.device)
         if self.config.joined > 0:
@@ -156,12 +160,24 @@ class PairSource:
             normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
         if self.config.reshaped > 0:
             normals = reshape_some(normals, angles, rng, self.config.reshaped)
-        return self.compose(chosen, normals, tan_half, rng)
+        if hidden is not None:
+            hidden = torch.from_numpy(hidden).to(self.device)
+            changed = (normals != before).any(dim=1, keepdim=True).float()  # what hid what is not known there
+            hidden = hidden * (F.adaptive_max_pool2d(changed, hidden.shape[-1]) == 0)
+        return self.compose(chosen, normals, tan_half, rng, hidden)
 
     def compose(
-        self, chosen: list[LitMaterial], normals: torch.Tensor, tan_half: np.ndarray, rng: np.random.Generator
+        self,
+        chosen: list[LitMaterial],
+        normals: torch.Tensor,
+        tan_half: np.ndarray,
+        rng: np.random.Generator,
+        hidden: torch.Tensor | None = None,
     ) -> Batch:
-        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos."""
+        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos.
+
+        hidden: what the surfaces hide from themselves, [B, AZIMUTHS, SIDE, SIDE] of dataset.occlusion.
+        """
         count, size = len(chosen), normals.shape[-1]
         if self.config.laboratory:
             materials = [material_of(lit.alpha) for lit in chosen]
@@ -176,7 +192,7 @@ class PairSource:
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
         wo = pixel_wo(column(tan_half), size)
-        radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
+        radiance, first_factor = shade(chosen, materials, normals, wo, self._places, hidden)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         if self.config.laboratory:
@@ -241,11 +257,13 @@ def shade(
     normals: torch.Tensor,
     wo: torch.Tensor,
     places: Callable = stand_ins,
+    hidden: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
 
     materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
     places: stand_ins, or the same compiled.
+    hidden: what the surfaces hide from themselves, see dataset.occlusion; the first factor has none of it.
 
     Returns:
         radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
@@ -260,7 +278,14 @@ def shade(
     first_factor, specular, diffuse = (F.grid_sample(*part, align_corners=False) for part in parts)
     one, grazing = specular.split(3, dim=1)
     # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
-    radiance = torch.lerp(grazing * gain_grazing[:, None] + albedo * diffuse, one * gain_one[:, None], f0)
+    one, grazing, diffuse = one * gain_one[:, None], grazing * gain_grazing[:, None], albedo * diffuse
+    radiance = torch.lerp(grazing + diffuse, one, f0)
+    if hidden is not None:
+        mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
+        glow = (radiance * mask).sum((2, 3)) / mask.sum((2, 3)).clip(min=1.0)
+        maps = torch.stack([lit.radiance for lit in chosen])
+        of_diffuse, of_specular = shade_hidden(hidden, normals, wo, alpha[:, 0, 0, 0], maps, glow)
+        radiance = torch.lerp(grazing * of_specular + diffuse * of_diffuse, one * of_specular, f0)
     return radiance, first_factor
 
 
