@@ -1,6 +1,7 @@
 """How far training's lookups are from paths, without and with what objects hide from themselves (dataset.occlusion).
 
 python benchmarks/self_shadowing.py --data DATA [--scenes 40]
+python benchmarks/self_shadowing.py --data DATA --kept runs/world    # what shadows cost the shipped model instead
 
 Objects of the left-out part of the world test set, painted ones left out, by Mitsuba (64 paths a pixel, whose noise
 counts as error) and by anyprobe.dataset.pairs.shade: the same mesh, camera, map and material. Radiance through the mean
@@ -21,11 +22,16 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.occlusion import hidden_cells
-from anyprobe.dataset.pair import _draw, _look, is_painted
+from anyprobe.dataset.pair import _draw, _look, is_painted, render_pair
 from anyprobe.dataset.pairs import pixel_wo, shade
 from anyprobe.dataset.priors import KINDS
-from anyprobe.evaluate.world import recipes_of, stock_of
+from anyprobe.evaluate.limits import figures
+from anyprobe.evaluate.methods import run_told
+from anyprobe.evaluate.metrics import direction_error_deg
+from anyprobe.evaluate.world import recipes_of, stock_of, world_pairs
+from anyprobe.infer.runtime import DEFAULT_MODEL, Models
 from anyprobe.light.environment import rotate
+from anyprobe.light.main_light import find_main_light
 from anyprobe.relight.path_traced import trace_mesh
 
 TIMES: dict[str, list[float]] = {"hidden cells, once a surface": [], "lookups": [], "with shadows": []}
@@ -59,12 +65,40 @@ def compare(recipe, stock, illuminators) -> dict[str, np.ndarray]:
     return {name: value * gain for name, value in result.items()}
 
 
+def cost(data: Path, kept: Path) -> None:
+    """Print the shipped model's figures on the test part by paths, and on the same scenes without shadows."""
+    stock, models = stock_of(data, "test"), Models(DEFAULT_MODEL)
+    rows = {"normals estimated": set(), "normals given": {"normals"}}
+    errors: dict[tuple[str, str], list] = {}
+    for traced in world_pairs(data, "test", kept):
+        if is_painted(traced.recipe):
+            continue
+        for way, pair in {"paths": traced, "no shadows": render_pair(traced.recipe, stock)}.items():
+            for row, given in rows.items():
+                estimate = run_told(models, pair, given).radiance
+                one = figures(estimate, pair.radiance)
+                main = [find_main_light(radiance).direction for radiance in (estimate, pair.radiance)]
+                errors.setdefault((row, way), []).append(
+                    (one["rmse"], one["ssim"], one["gain_rmse"], one["power"], direction_error_deg(*main))
+                )
+    for (row, way), found in errors.items():
+        a = np.array(found)
+        print(
+            f"{row:18} {way:11} {len(a)} pairs: RMSE {a[:, 0].mean():.4f}, SSIM {a[:, 1].mean():.4f}, after gain "
+            f"{a[:, 2].mean():.4f}, power {np.median(a[:, 3]):+.2f} stops, dominant light {np.median(a[:, 4]):.1f} deg"
+        )
+
+
 def main() -> None:
     """Print RMSE of display values and the mean luminance against paths, in stops, for each kind of material."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--scenes", type=int, default=40)
+    parser.add_argument("--kept", type=Path)
     given = parser.parse_args()
+    if given.kept is not None:
+        cost(given.data, given.kept)
+        return
     stock, illuminators, rows = stock_of(given.data, "left-out"), {}, []
     recipes = [recipe for recipe in recipes_of("left-out") if not is_painted(recipe)][: given.scenes]
     for recipe in recipes:

@@ -15,6 +15,7 @@ from anyprobe.dataset.occlusion import (  # noqa: E402
     cell_directions,
     hidden_cells,
     mirrored,
+    moved,
     shade_hidden,
 )
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
@@ -72,6 +73,19 @@ def test_a_wall_hides_the_side_on_which_it_stands():
     assert in_mirror[right & up].mean() > 0.95
 
 
+def test_cells_turn_with_a_picture_that_is_rolled():
+    """A quarter turn to the left: what was hidden on the right is hidden above."""
+    _, normals, hidden = looked_at(corner(), elevation=np.pi / 2 - 1e-3)
+    new_from_old = torch.tensor([[[0.0, -1.0], [1.0, 0.0]]])
+    turned = moved(torch.from_numpy(hidden)[None], new_from_old.mT, torch.zeros(1, 2))[0].numpy()
+    d, right = cell_directions(), np.indices((SIDE, SIDE))[1]
+    floor = np.rot90((normals[..., 2] > 0.9) & (right > 30) & (right < 40))
+    seen = shown(turned)[floor].mean(axis=0)
+    low = (d[:, 2] > 0) & (d[:, 2] < 0.6)
+    assert seen[low & (d[:, 1] > 0.8)].mean() < 0.5
+    assert seen[low & (d[:, 1] < -0.8)].mean() > 0.95
+
+
 def test_light_passes_behind_what_stands_free():
     """A bar before a floor far behind it hides few cells: not all that lies behind its outline."""
     grid = np.array(np.meshgrid((-1, 1), (-0.05, 0), (-1, 1), indexing="ij")).reshape(3, -1).T
@@ -120,7 +134,7 @@ def test_pairs_with_shadows_are_darker_where_shapes_fold_and_others_stay(tmp_pat
     for shadows in (False, True):
         surfaces = build_surfaces([], SurfaceConfig(**(_fields(config) | {"shadows": shadows})), tmp_path)
         assert (surfaces.hidden is not None) == shadows
-        pairs = PairConfig(batch=4, group=2, pool=2, reuse=4, conditions=0)
+        pairs = PairConfig(batch=4, group=2, pool=2, reuse=4, conditions=0, joined=0.5, reshaped=0.5)
         made[shadows] = PairSource(Illuminator(maps, compiled=False), surfaces, pairs).batch(0)
     torch.testing.assert_close(made[False].irradiance, made[True].irradiance, atol=0.3, rtol=0)
     assert not torch.equal(made[False].photo, made[True].photo)

@@ -90,10 +90,10 @@ class _Spheres:
 
     def __init__(self, data: Path) -> None:
         from anyprobe.dataset.stock import load_stock
-        from anyprobe.evaluate.sphere_limit import draw_views
+        from anyprobe.evaluate.sphere_limit import Views
 
         stock = load_stock(data, "train", commercial_only=False, with_shapes=False)
-        self._views = draw_views([one.radiance for one in stock.maps.values() if not one.lifted])
+        self._views = Views([one.radiance for one in stock.maps.values() if not one.lifted])
         self._learned: dict = {}
 
     def __call__(self, pair) -> dict:

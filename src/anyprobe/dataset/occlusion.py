@@ -85,6 +85,27 @@ def mirrored(hidden: np.ndarray) -> np.ndarray:
     return hidden[(AZIMUTHS // 2 - np.arange(AZIMUTHS)) % AZIMUTHS, :, ::-1]
 
 
+def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor) -> torch.Tensor:
+    """The cells [B, AZIMUTHS, S, S] of pictures whose points are moved, as in dataset.reshaped.Reshaping.
+
+    Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
+
+    Args:
+        old_from_new: [B, 2, 2], offset: [B, 2], in halves of the picture, x right, y up.
+    """
+    size = hidden.shape[-1]
+    across = (torch.arange(size, dtype=torch.float32) + 0.5) / size * 2 - 1
+    up, right = torch.meshgrid(-across, across, indexing="ij")
+    old = torch.einsum("bij,hwj->bhwi", old_from_new, torch.stack([right, up], dim=-1))
+    grid = (old + offset[:, None, None]) * old.new_tensor([1.0, -1.0])
+    there = F.grid_sample(hidden.float(), grid.to(hidden.device), mode="nearest", align_corners=False)
+    turn = torch.atan2(
+        old_from_new[:, 0, 1] - old_from_new[:, 1, 0], old_from_new[:, 0, 0] + old_from_new[:, 1, 1]
+    )
+    steps = torch.round(turn * AZIMUTHS / (2 * torch.pi)).long().tolist()
+    return torch.stack([one.roll(k, dims=0) for one, k in zip(there, steps, strict=True)]).to(hidden.dtype)
+
+
 @lru_cache(maxsize=1)
 def cell_directions() -> np.ndarray:
     """The middles of the cells, [AZIMUTHS * RINGS, 3] float32."""

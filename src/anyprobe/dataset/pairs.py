@@ -144,26 +144,30 @@ class PairSource:
         ]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         normals = np.asarray(self.surfaces.normals[index])
-        hidden = None if self.surfaces.hidden is None else np.array(self.surfaces.hidden[index])
+        known = self.surfaces.hidden is not None
+        hidden = np.array(self.surfaces.hidden[index]) if known else None
         for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
             normals[one] = normals[one, :, :, ::-1]
             normals[one, 0] *= -1
-            if hidden is not None:
+            if known:
                 hidden[one] = mirrored(hidden[one])
-        before = normals = torch.from_numpy(normals).to(self.device).float()
+        hidden = torch.from_numpy(hidden).to(self.device) if known else None
+        normals = torch.from_numpy(normals).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
         angles = torch.from_numpy(tan_half).to(self.device)
         if self.config.joined > 0:
             index = rng.integers(len(self.surfaces.normals), size=len(index))
             others = torch.from_numpy(np.asarray(self.surfaces.normals[index])).to(self.device).float()
             other_angles = torch.from_numpy(self.surfaces.tan_half[index]).to(self.device)
-            normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
+            alone, normals = (
+                normals,
+                join_some(normals, angles, others, other_angles, rng, self.config.joined),
+            )
+            if known:  # what the other hides from itself is left out
+                changed = (normals != alone).any(dim=1, keepdim=True).float()
+                hidden *= F.adaptive_max_pool2d(changed, hidden.shape[-1]) == 0
         if self.config.reshaped > 0:
-            normals = reshape_some(normals, angles, rng, self.config.reshaped)
-        if hidden is not None:
-            hidden = torch.from_numpy(hidden).to(self.device)
-            changed = (normals != before).any(dim=1, keepdim=True).float()  # what hid what is not known there
-            hidden = hidden * (F.adaptive_max_pool2d(changed, hidden.shape[-1]) == 0)
+            normals = reshape_some(normals, angles, rng, self.config.reshaped, hidden)
         return self.compose(chosen, normals, tan_half, rng, hidden)
 
     def compose(

@@ -9,7 +9,6 @@ dielectrics. No proof: a better prior of maps than a Gaussian may go lower.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -36,28 +35,26 @@ RIDGES = (3e-4, 3e-3, 3e-2)
 """Share of the mean feature variance that is added to the diagonal; chosen by maps that are left out."""
 LEFT_OUT = 6
 """One map of so many chooses the ridge."""
+SPARSE = 16
+"""Of so many numbers of a map, one judges a ridge."""
 COARSE = 2
 """Pixels of a map along either side of one that is estimated."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class View:
-    """A training map seen by a camera: radiance [64, 128, 3] of mean luminance 1, and the number of its map."""
+class Views:
+    """Training maps seen by cameras: radiance [N, 64, 128, 3] of mean luminance 1, number [N] of the map of each."""
 
-    radiance: np.ndarray
-    number: int
-
-
-def draw_views(maps: Sequence[np.ndarray], seed: int = 0) -> list[View]:
-    """VIEWS of each map [H, 2H, 3] from random sides of the upper hemisphere, every other mirrored."""
-    rng, views = np.random.default_rng(seed), []
-    for number, radiance in enumerate(maps):
-        small = shrink(radiance, MAP_HEIGHT)
-        for k in range(VIEWS):
+    def __init__(self, maps: Sequence[np.ndarray], seed: int = 0) -> None:
+        """VIEWS of each map [H, 2H, 3] from random sides of the upper hemisphere, every other mirrored."""
+        rng = np.random.default_rng(seed)
+        self.number = np.arange(len(maps)).repeat(VIEWS)
+        self.radiance = np.empty((len(self.number), MAP_HEIGHT, 2 * MAP_HEIGHT, 3), np.float32)
+        small = [shrink(radiance, MAP_HEIGHT) for radiance in maps]
+        for k, number in enumerate(self.number):
             turn = world_from_camera(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(0, 0.95)))
-            seen = rotate(small, turn.T)
-            views.append(View(radiance=seen[:, ::-1] if k % 2 else seen, number=number))
-    return views
+            seen = rotate(small[number], turn.T)
+            self.radiance[k] = seen[:, ::-1] if k % 2 else seen
+        self.terms = lru_cache(maxsize=8)(lambda alpha: sphere_terms(self.radiance, alpha))
 
 
 @lru_cache(maxsize=1)
@@ -85,10 +82,16 @@ def transport(alpha: float) -> np.ndarray:
     return np.stack([coat * n_wi, coat * n_wi * s, (1 - s) * n_wi / np.pi]).astype(np.float32) * solid
 
 
-def show(radiance: np.ndarray, material: Material, alpha: float) -> np.ndarray:
-    """What the sphere's points show of maps [N, 64, 128, 3]: [N, 316, 3]; the material's colours, [N, 3] or [3]."""
-    flat = radiance.reshape(len(radiance), -1, 3)
-    one, grazing, diffuse = (np.einsum("pd,ndc->npc", t, flat, optimize=True) for t in transport(alpha))
+def sphere_terms(radiance: np.ndarray, alpha: float) -> np.ndarray:
+    """S1, Ss and Dd at the sphere's points under maps [N, 64, 128, 3]: [3, N, 316, 3]."""
+    columns = np.moveaxis(radiance, -1, 1).reshape(3 * len(radiance), -1).T
+    found = [(part @ columns).T.reshape(len(radiance), 3, -1) for part in transport(alpha)]
+    return np.moveaxis(np.stack(found), 2, -1)
+
+
+def reflected(terms: np.ndarray, material: Material) -> np.ndarray:
+    """What the points show, [N, 316, 3]; the material's colours are [N, 3] or [3]."""
+    one, grazing, diffuse = terms
     f0, albedo = (np.asarray(part, np.float32).reshape(-1, 1, 3) for part in (material.f0, material.albedo))
     return f0 * one + (1 - f0) * (grazing + albedo * diffuse)
 
@@ -117,7 +120,7 @@ class SphereLimit:
 
     def __init__(
         self,
-        views: Sequence[View],
+        views: Views,
         alpha: float,
         draw: Draw,
         world: bool,
@@ -132,19 +135,18 @@ class SphereLimit:
         """
         self.alpha, self.given = alpha, given
         rng = np.random.default_rng(seed)
-        light = np.stack([view.radiance for view in views])
-        materials = [draw(rng, alpha) for _ in views]
+        light = views.radiance
+        materials = [draw(rng, alpha) for _ in light]
         colors = Material(
             albedo=np.stack([one.albedo for one in materials]),
             f0=np.stack([one.f0 for one in materials]),
             alpha=alpha,
         )
-        seen = show(light, colors, alpha)
+        seen = reflected(views.terms(alpha), colors)
         gains = np.stack([_gain(rng, world, *each) for each in zip(seen, light, strict=True)])
         x = self._features(seen * gains[:, None], colors)
         light = light * gains[:, None, None]
-        y = _coarse(response(light)).reshape(len(views), -1)
-        self._fit(x, y, np.array([view.number for view in views]))
+        self._fit(x, _coarse(response(light)).reshape(len(light), -1), views.number)
 
     def _features(self, seen: np.ndarray, colors: Material) -> np.ndarray:
         """[N, 316, 3] in exposure units to [N, F]: logarithms and display values, as clipped as the photo is."""
@@ -164,8 +166,8 @@ class SphereLimit:
 
         def error(ridge: float) -> float:
             system = gram[np.ix_(~held, ~held)] + ridge * scale * np.eye((~held).sum(), dtype=np.float32)
-            guess = gram[np.ix_(held, ~held)] @ np.linalg.solve(system, y[~held])
-            return float(((guess - y[held]) ** 2).mean())
+            guess = gram[np.ix_(held, ~held)] @ np.linalg.solve(system, y[~held, ::SPARSE])
+            return float(((guess - y[held, ::SPARSE]) ** 2).mean())
 
         self.ridge = min(RIDGES, key=error)
         system = gram + self.ridge * scale * np.eye(len(x), dtype=np.float32)
@@ -173,7 +175,7 @@ class SphereLimit:
 
     def __call__(self, pair: Pair) -> np.ndarray:
         """The LDR map [64, 128, 3] from a sphere in the pair's place, of its colours."""
-        seen = show(pair.radiance[None], pair.material, self.alpha)
+        seen = reflected(sphere_terms(pair.radiance[None], self.alpha), pair.material)
         x = self._features(seen, pair.material) - self._mean_x
         guess = (x @ self._weights + self._mean_y).reshape(MAP_HEIGHT // COARSE, -1, 3)
         return np.clip(guess, 0.0, 1.0).repeat(COARSE, axis=0).repeat(COARSE, axis=1)
