@@ -15,11 +15,10 @@ from anyprobe.dataset.occlusion import (  # noqa: E402
     cell_directions,
     hidden_cells,
     mirrored,
-    moved,
-    shade_hidden,
 )
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.procedural_light import draw_map  # noqa: E402
+from anyprobe.dataset.shadows import moved, shade_hidden  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.render.mesh import make_mesh  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402

@@ -24,9 +24,10 @@ from anyprobe.dataset.laboratory import ALPHAS, CAMERA, material_of
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
-from anyprobe.dataset.occlusion import mirrored, shade_hidden
+from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.reshaped import join_some, reshape_some
+from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
 from anyprobe.dataset.surroundings import draw_frame, gather, photo_around, unsteady
 from anyprobe.dataset.textured import paint_some

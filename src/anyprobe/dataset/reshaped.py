@@ -14,7 +14,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from anyprobe.dataset.occlusion import moved
+from anyprobe.dataset.shadows import moved
 
 UPRIGHT_DEG = 15.0
 """Standard deviation of the angle by which half of the pictures are rolled; the others are rolled by any."""

@@ -19,7 +19,7 @@ from anyprobe.evaluate.orders import ln_error
 
 SMOOTH_BELOW = 0.25
 """Alpha below which a dielectric counts as smooth."""
-STOPS = np.arange(-5.0, 5.01, 0.25)
+STOPS = np.arange(-5.0, 5.01, 0.5)
 MEAN_MAP = "mean map"
 
 Maps = Mapping[str, Callable[[Pair], np.ndarray]]
@@ -62,7 +62,7 @@ def gain_rmse(estimate: np.ndarray, truth: np.ndarray) -> float:
         return rmse(response(estimate * 2.0**stops), target)
 
     best = min(STOPS, key=error)
-    return min(error(best + step) for step in np.linspace(-0.2, 0.2, 9))
+    return min(error(best + step) for step in np.linspace(-0.45, 0.45, 13))
 
 
 def figures(estimate: np.ndarray, truth: np.ndarray) -> dict:

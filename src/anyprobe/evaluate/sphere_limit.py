@@ -28,7 +28,7 @@ from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_
 
 POINTS = 20
 """Of a square of so many points along either side, those on the sphere are seen: 316."""
-VIEWS = 24
+VIEWS = 16
 FLOOR = 1e-3
 """Radiance below counts as this in features."""
 RIDGES = (3e-4, 3e-3, 3e-2)
