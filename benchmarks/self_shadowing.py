@@ -1,7 +1,7 @@
 """How far training's lookups are from paths, without and with what objects hide from themselves (dataset.occlusion).
 
 python benchmarks/self_shadowing.py --data DATA [--scenes 40]
-python benchmarks/self_shadowing.py --data DATA --kept runs/world    # what shadows cost the shipped model instead
+python benchmarks/self_shadowing.py --data DATA --kept runs/world    # instead, what shadows cost the shipped model
 
 Objects of the left-out part of the world test set, painted ones left out, by Mitsuba (64 paths a pixel, whose noise
 counts as error) and by anyprobe.dataset.pairs.shade: the same mesh, camera, map and material. Radiance through the mean
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -65,14 +66,13 @@ def compare(recipe, stock, illuminators) -> dict[str, np.ndarray]:
     return {name: value * gain for name, value in result.items()}
 
 
-def cost(data: Path, kept: Path) -> None:
+def cost(data: Path, kept: Path, scenes: int) -> None:
     """Print the shipped model's figures on the test part by paths, and on the same scenes without shadows."""
     stock, models = stock_of(data, "test"), Models(DEFAULT_MODEL)
     rows = {"normals estimated": set(), "normals given": {"normals"}}
     errors: dict[tuple[str, str], list] = {}
-    for traced in world_pairs(data, "test", kept):
-        if is_painted(traced.recipe):
-            continue
+    plain = (pair for pair in world_pairs(data, "test", kept) if not is_painted(pair.recipe))
+    for traced in islice(plain, scenes):
         for way, pair in {"paths": traced, "no shadows": render_pair(traced.recipe, stock)}.items():
             for row, given in rows.items():
                 estimate = run_told(models, pair, given).radiance
@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("--kept", type=Path)
     given = parser.parse_args()
     if given.kept is not None:
-        cost(given.data, given.kept)
+        cost(given.data, given.kept, given.scenes)
         return
     stock, illuminators, rows = stock_of(given.data, "left-out"), {}, []
     recipes = [recipe for recipe in recipes_of("left-out") if not is_painted(recipe)][: given.scenes]

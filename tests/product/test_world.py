@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anyprobe.cli.limits import limits
 from anyprobe.core.color import luminance
 from anyprobe.dataset import priors
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
@@ -92,6 +93,8 @@ def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
     assert len(levels) == 1
 
 
-def test_a_part_that_is_not_there_is_refused():
+def test_a_part_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match="expected one of test, left-out"):
         world.recipes_of("train")
+    with pytest.raises(InputError, match="expected frozen, test, left-out"):
+        limits(tmp_path, part="train")

@@ -43,6 +43,7 @@ def limits(
     from anyprobe.files.atomic import atomic_path
     from anyprobe.infer.runtime import Models, model_id
 
+    chosen = _pairs(data, part, pairs, kept)
     models, title = Models(model), Path(model).name
     maps = {MEAN_MAP: lambda pair: mean_map(), title: lambda pair: run_told(models, pair, set()).radiance}
     for name in GIVEN:
@@ -51,13 +52,11 @@ def limits(
         )
     spheres = _Spheres(data) if sphere else None
     scores = Limits()
-    for pair in _pairs(data, part, pairs, kept):
+    for pair in chosen:
         scores.add(pair, maps)
         if spheres is not None:
             for name, ldr in spheres(pair).items():
                 scores.add_ldr(name, pair, ldr)
-    if not scores.groups:
-        raise InputError(f"--part {part}: expected pairs, got none")
     table = scores.table()
     content = {
         "command": f"anyprobe limits --data DATA --part {part} --pairs {len(scores.groups)}"
@@ -77,8 +76,12 @@ def _pairs(data: Path, part: str, count: int, kept: Path | None):
     from anyprobe.evaluate.kept_pairs import kept_pairs
     from anyprobe.evaluate.test_set import FROZEN as LIST
     from anyprobe.evaluate.test_set import read_recipes
-    from anyprobe.evaluate.world import world_pairs
+    from anyprobe.evaluate.world import PARTS, world_pairs
 
+    if part not in (FROZEN, *PARTS):
+        raise InputError(
+            f"--part {part}: expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them"
+        )
     if part != FROZEN:
         return islice(world_pairs(data, part, kept), count)
     stock = load_stock(data, "test", commercial_only=False)
