@@ -60,6 +60,7 @@ def limits(
     table = scores.table()
     content = {
         "command": f"anyprobe limits --data DATA --part {part} --pairs {len(scores.groups)}"
+        + ("" if sphere else " --no-sphere")
         + ("" if model == DEFAULT_MODEL else f" --model {title}"),
         "model": model_id(model),
         "groups": table,
