@@ -108,7 +108,8 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     seen = np.nonzero(nearest >= 0)[0]
     from_behind = _seen_from_behind(screen[mesh.faces])
     backs = order[from_behind[triangle[order]]]
-    exit_key = depth_key[nearest]
+    exit_key = np.zeros(size * size, depth_key.dtype)
+    exit_key[seen] = depth_key[nearest[seen]]
     exit_key[pixel[backs]] = depth_key[backs]
     hit = nearest[seen]
     barycentric = weights[hit] / depth_key[hit][:, None]

@@ -1,9 +1,9 @@
-"""anyprobe limits: a model's figures beside the mean map, more given inputs and what a perfect sphere allows."""
+"""python -m research.limits: a model beside the mean map, more given inputs and what a perfect sphere allows."""
 
 from __future__ import annotations
 
-import json
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
@@ -11,8 +11,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.evaluate.methods import PRIORS, mean_map, run_with_priors
+from anyprobe.evaluate.scoring import ALPHA_EDGES
+from anyprobe.evaluate.test_sets import FROZEN as LIST
+from anyprobe.evaluate.test_sets import kept_pairs, read_recipes
+from research.limits.figures import MEAN_MAP, Limits, alpha_bin
+from research.limits.sphere import SphereLimit, Views, is_world, paper_draw, world_draw
+from research.results import commit, write_result
+from research.world.pairs import PARTS, world_pairs
 
 FROZEN = "frozen"
 SPHERES = {"sphere": False, "sphere, material": True}
@@ -32,16 +41,9 @@ def limits(
     ] = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     sphere: Annotated[bool, typer.Option(help="Also the linear limit of a perfect sphere.")] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for limits-PART.json.")] = Path(
-        "evaluation"
-    ),
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for limits-PART.json.")] = Path("runs"),
 ) -> None:
     """Score a model by kind of material and alpha, with nothing, normals, material and both given."""
-    from anyprobe.estimate.runtime import Models, model_id
-    from anyprobe.evaluate.limits import MEAN_MAP, Limits
-    from anyprobe.evaluate.methods import PRIORS, mean_map, run_with_priors
-    from anyprobe.files.atomic import atomic_path
-
     chosen = _pairs(data, part, pairs, kept)
     models, title = Models(model), Path(model).name
     maps = {
@@ -61,25 +63,18 @@ def limits(
                 scores.add_ldr(name, pair, ldr)
     table = scores.table()
     content = {
-        "command": f"anyprobe limits --data DATA --part {part} --pairs {len(scores.groups)}"
+        "commit": commit(),
+        "command": f"python -m research.limits --data DATA --part {part} --pairs {len(scores.groups)}"
         + ("" if sphere else " --no-sphere")
         + ("" if model == DEFAULT_MODEL else f" --model {title}"),
         "model": model_id(model),
         "groups": table,
     }
-    with atomic_path(out / f"limits-{part}.json") as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_result(out / f"limits-{part}.json", content)
     show(table)
 
 
 def _pairs(data: Path, part: str, count: int, kept: Path | None):
-    from itertools import islice
-
-    from anyprobe.dataset.asset_store import load_asset_store
-    from anyprobe.evaluate.test_sets import FROZEN as LIST
-    from anyprobe.evaluate.test_sets import kept_pairs, read_recipes
-    from anyprobe.evaluate.world import PARTS, world_pairs
-
     if part not in (FROZEN, *PARTS):
         raise InputError(
             f"--part {part}: expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them"
@@ -94,19 +89,12 @@ class _Spheres:
     """The linear limit of any pair; one regression for each kind and bin, learned when it is first asked for."""
 
     def __init__(self, data: Path) -> None:
-        from anyprobe.dataset.asset_store import load_asset_store
-        from anyprobe.evaluate.sphere_limit import Views
-
         store = load_asset_store(data, "train", commercial_only=False, with_shapes=False)
         self._views = Views([one.radiance for one in store.maps.values() if not one.lifted])
         self._learned: dict = {}
 
     def __call__(self, pair) -> dict:
         """LDR maps by the names of SPHERES."""
-        from anyprobe.evaluate.limits import alpha_bin
-        from anyprobe.evaluate.scoring import ALPHA_EDGES
-        from anyprobe.evaluate.sphere_limit import SphereLimit, is_world, paper_draw, world_draw
-
         number, metal, world = alpha_bin(pair), not pair.material.albedo.any(), is_world(pair)
         alpha = (ALPHA_EDGES[number] + min(ALPHA_EDGES[number + 1], 1.0)) / 2
         draw = (world_draw if world else paper_draw)(metal)
@@ -142,3 +130,7 @@ def show(table: dict[str, dict[str, dict]]) -> None:
         one = table["all"][row]
         sheet.add_row(row, *(f"{value:.2f}" for value in one["explained"]), f"{one['ssim']:.3f}")
     console.print(sheet)
+
+
+if __name__ == "__main__":
+    typer.run(limits)

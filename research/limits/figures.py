@@ -14,8 +14,8 @@ from anyprobe.core.response import response
 from anyprobe.dataset import priors
 from anyprobe.dataset.pair import Pair, is_painted
 from anyprobe.evaluate.metrics import power_ratio_stops, rmse, ssim
-from anyprobe.evaluate.orders import ln_error
 from anyprobe.evaluate.scoring import ALPHA_EDGES
+from research.limits.orders import ln_error
 
 SMOOTH_BELOW = 0.25
 """Alpha below which a dielectric counts as smooth."""

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anyprobe.cli.limits import limits
 from anyprobe.core.color import luminance
 from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
@@ -17,15 +16,16 @@ from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.plan import world_recipes
 from anyprobe.dataset.recipe import WORLD, Recipe
 from anyprobe.errors import InputError
-from anyprobe.evaluate import world
 from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 from anyprobe.render.shapes import sphere
+from research.limits.__main__ import limits
+from research.world import pairs as world
 
 RECIPE = Recipe(kind="object", map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
 
 
 RADIANCE = np.exp(np.random.default_rng(3).normal(0, 1, (64, 128, 3))).astype(np.float32)
-STOCK = AssetStore(
+STORE = AssetStore(
     [MapAsset(id="0" * 8, name="map", licence="own", indoor=True, radiance=RADIANCE)],
     [ShapeAsset(id="1" * 8, name="sphere", licence="own", mesh=sphere(16))],
 )
@@ -39,7 +39,7 @@ def drawn(**changes):
         given.append(material)
         return np.full((128, 128, 4), 0.5, np.float32)
 
-    return render_pair(replace(RECIPE, **changes), STOCK, trace), given[0]
+    return render_pair(replace(RECIPE, **changes), STORE, trace), given[0]
 
 
 def test_a_recipe_of_the_world_comes_back_and_no_other_kind_has_such_conditions():
@@ -55,7 +55,7 @@ def test_the_lists_are_balanced_and_share_no_asset_with_each_other():
     for recipes in (test, left_out):
         assert Counter(recipe.material for recipe in recipes) == dict.fromkeys(range(8), 25)
         assert {recipe.conditions for recipe in recipes} == {WORLD}
-    assert Counter(one.material for one in world_recipes(STOCK, 16, 1)) == dict.fromkeys(range(8), 2)
+    assert Counter(one.material for one in world_recipes(STORE, 16, 1)) == dict.fromkeys(range(8), 2)
     assets = [{i for one in recipes for i in (one.map_id, one.shape_id)} for recipes in (test, left_out)]
     assert not assets[0] & assets[1]
     assert {recipe.map_id for recipe in read_recipes(FROZEN)} >= {recipe.map_id for recipe in test}
@@ -77,7 +77,7 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
 
 def test_only_painted_objects_are_textured_about_the_colour_that_is_given():
     pair, given = drawn(material=3)
-    assert given.albedo.shape == (len(STOCK.shape("1" * 8).mesh.faces), 3, 3)
+    assert given.albedo.shape == (len(STORE.shape("1" * 8).mesh.faces), 3, 3)
     np.testing.assert_allclose(given.albedo.mean(axis=(0, 1)), pair.material.albedo, rtol=0.05)
     assert given.albedo.std(axis=(0, 1)).max() > 0.01
     assert drawn(material=2)[1].albedo.shape == (3,)

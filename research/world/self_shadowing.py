@@ -1,7 +1,7 @@
 """How far training's lookups are from paths, without and with what objects hide from themselves (dataset.occlusion).
 
-python benchmarks/self_shadowing.py --data DATA [--scenes 40]
-python benchmarks/self_shadowing.py --data DATA --kept runs/world    # instead, what shadows cost the shipped model
+python -m research.world.self_shadowing --data DATA [--scenes 40]
+python -m research.world.self_shadowing --data DATA --kept runs/world    # instead, what shadows cost the shipped model
 
 Objects of the left-out part of the world test set, painted ones left out, by Mitsuba (64 paths a pixel, whose noise
 counts as error) and by anyprobe.dataset.pairs.shade: the same mesh, camera, map and material. Radiance through the mean
@@ -27,13 +27,13 @@ from anyprobe.dataset.pair import _draw, _look, is_painted, render_pair
 from anyprobe.dataset.pairs import pixel_wo, shade
 from anyprobe.dataset.priors import KINDS
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.evaluate.limits import figures
 from anyprobe.evaluate.methods import run_with_priors
 from anyprobe.evaluate.metrics import direction_error_deg
-from anyprobe.evaluate.world import recipes_of, stock_of, world_pairs
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.relight.path_traced import trace_mesh
+from research.limits.figures import figures
+from research.world.pairs import recipes_of, store_of, world_pairs
 
 TIMES: dict[str, list[float]] = {"hidden cells, once a surface": [], "lookups": [], "with shadows": []}
 
@@ -68,7 +68,7 @@ def compare(recipe, store, illuminators) -> dict[str, np.ndarray]:
 
 def cost(data: Path, kept: Path, scenes: int) -> None:
     """Print the shipped model's figures on the test part by paths, and on the same scenes without shadows."""
-    store, models = stock_of(data, "test"), Models(DEFAULT_MODEL)
+    store, models = store_of(data, "test"), Models(DEFAULT_MODEL)
     rows = {"normals estimated": set(), "normals given": {"normals"}}
     errors: dict[tuple[str, str], list] = {}
     plain = (pair for pair in world_pairs(data, "test", kept) if not is_painted(pair.recipe))
@@ -99,7 +99,7 @@ def main() -> None:
     if given.kept is not None:
         cost(given.data, given.kept, given.scenes)
         return
-    store, illuminators, rows = stock_of(given.data, "left-out"), {}, []
+    store, illuminators, rows = store_of(given.data, "left-out"), {}, []
     recipes = [recipe for recipe in recipes_of("left-out") if not is_painted(recipe)][: given.scenes]
     for recipe in recipes:
         seen = compare(recipe, store, illuminators)

@@ -12,12 +12,12 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.recipe import WORLD
-from anyprobe.evaluate import sphere_limit
-from anyprobe.evaluate.limits import MEAN_MAP, Limits, alpha_bin, gain_rmse, groups, kind_of
 from anyprobe.evaluate.metrics import rmse
-from anyprobe.evaluate.orders import basis, ln_error, order_powers
-from anyprobe.evaluate.sphere_limit import SphereLimit, Views, reflected, sphere_terms, world_draw
 from anyprobe.scatter.materials import Material
+from research.limits import sphere as sphere_limit
+from research.limits.figures import MEAN_MAP, Limits, alpha_bin, gain_rmse, groups, kind_of
+from research.limits.orders import basis, ln_error, order_powers
+from research.limits.sphere import SphereLimit, Views, reflected, sphere_terms, world_draw
 
 
 def test_harmonics_are_orthonormal_and_their_orders_do_not_mix():
