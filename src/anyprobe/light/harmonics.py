@@ -95,3 +95,19 @@ def evaluate(coefficients: np.ndarray, d: np.ndarray) -> np.ndarray:
 def irradiance(coefficients: np.ndarray, n: np.ndarray) -> np.ndarray:
     """E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
     return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])
+
+
+def real_basis(d: np.ndarray, order: int) -> np.ndarray:
+    """Orthonormal real harmonics of order 0 to `order` about +Y at unit directions [N, 3], [N, (order + 1)^2]."""
+    from scipy.special import sph_harm_y_all
+
+    polar, azimuth = np.arccos(np.clip(d[:, 1], -1.0, 1.0)), np.arctan2(d[:, 0], d[:, 2])
+    values = sph_harm_y_all(
+        order, order, polar, azimuth
+    )  # [order + 1, 2 order + 1, N], negative m from the end
+    parts = []
+    for n in range(order + 1):
+        parts += [np.sqrt(2) * values[n, m].imag for m in range(n, 0, -1)]
+        parts += [values[n, 0].real]
+        parts += [np.sqrt(2) * values[n, m].real for m in range(1, n + 1)]
+    return np.stack(parts, axis=1)
