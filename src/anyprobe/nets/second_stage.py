@@ -121,7 +121,7 @@ class SecondStage(nn.Module):
         ln = torch.log(inverse_response(photo) + DARK) - reflected[:, :, None, None]
         anchor = (ln * weight).sum(dim=(2, 3)) / whole  # [N, 3]
         clipped = ((photo.amax(dim=1, keepdim=True) - 0.9) * 12).clip(0.0, 1.0)
-        rest = (ln - anchor[:, :, None, None]) * weight.clip(max=1.0)
+        rest = ln - anchor[:, :, None, None]
         slope = self.slope * tan_half[:, :, None, None]
         wo = torch.cat([slope, torch.ones_like(slope[:, :1])], dim=1)
         wo = wo * torch.rsqrt(slope[:, :1] ** 2 + slope[:, 1:] ** 2 + 1)

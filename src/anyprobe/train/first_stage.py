@@ -134,7 +134,7 @@ def main() -> None:
     torch.set_num_threads(1)
     stock = load_assets(LightConfig(), options.data)
     maps = [asset.radiance for asset in stock.maps.values()]
-    surfaces = build_surfaces(list(stock.shapes.values()), SURFACES, options.runs / "cache")
+    surfaces = build_surfaces(list(stock.shapes.values()), SURFACES, options.runs / "second_stage" / "cache")
     nets = Lift.networks(LiftConfig())
     load_start(nets, options.first)
     plain = {
