@@ -7,8 +7,8 @@ Prints a Markdown table for each of: the photo alone, normals given, material gi
 all pairs and of each kind of material and width; RMSE after the best gain; total power, median bias and mean absolute
 error in stops; explained variance of ln radiance by order of spherical harmonics against the mean of the true maps;
 share of pairs whose total power lies within the stated 68 % interval. What ships is not asked again once a material is
-given, so that its rows do not change by it; the repair afterwards is not part of them. Choose by the pairs that are left out of
-training; the frozen set reports.
+given, so that its rows do not change by it; the repair afterwards is not part of them. Choose by the pairs that are
+left out of training; the frozen set reports.
 """
 
 from __future__ import annotations
