@@ -14,6 +14,8 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
+from anyprobe.dataset.shadows import moved
+
 UPRIGHT_DEG = 15.0
 """Standard deviation of the angle by which half of the pictures are rolled; the others are rolled by any."""
 STRETCH = 0.15
@@ -49,15 +51,24 @@ class Reshaping:
 
 
 def reshape_some(
-    normals: torch.Tensor, tan_half: torch.Tensor, rng: np.random.Generator, share: float
+    normals: torch.Tensor,
+    tan_half: torch.Tensor,
+    rng: np.random.Generator,
+    share: float,
+    hidden: torch.Tensor | None = None,
 ) -> torch.Tensor:
-    """Another shape for about a share of the surfaces; arguments and result as for `reshape`."""
+    """Another shape for about a share of the surfaces; arguments and result as for `reshape`.
+
+    hidden: their cells of dataset.occlusion, which are moved along in place.
+    """
     some = np.nonzero(rng.random(len(normals)) < share)[0]
     if len(some) == 0:
         return normals
     result = normals.clone()
     reshaping = draw_reshaping((normals[some].abs().sum(dim=1) > 0).cpu().numpy(), rng)
     result[some] = reshape(normals[some], tan_half[some], reshaping)
+    if hidden is not None:
+        hidden[some] = moved(hidden[some], reshaping.old_from_new, reshaping.offset)
     return result
 
 

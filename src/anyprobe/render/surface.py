@@ -39,13 +39,16 @@ class Camera:
 class Surface:
     """The visible points of an object, in the camera's frame.
 
-    mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row.
+    mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row; depth, exit: [P], along the
+    camera's axis, of what is seen and of the next face behind it that is seen from its back, or of the first again.
     """
 
     mask: np.ndarray
     normals: np.ndarray
     wo: np.ndarray
     tan_half: float
+    depth: np.ndarray
+    exit: np.ndarray
 
 
 def pixel_rays(
@@ -113,10 +116,15 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     nearest = np.full(size * size, -1, dtype=np.int64)
     nearest[pixel[order]] = order
     seen = np.nonzero(nearest >= 0)[0]
+    from_behind = _seen_from_behind(screen[mesh.faces])
+    backs = order[from_behind[triangle[order]]]
+    exit_key = np.zeros(size * size, depth_key.dtype)
+    exit_key[seen] = depth_key[nearest[seen]]
+    exit_key[pixel[backs]] = depth_key[backs]
     hit = nearest[seen]
     barycentric = weights[hit] / depth_key[hit][:, None]
     normals = (mesh.normals[triangle[hit]] * barycentric[:, :, None]).sum(axis=1) @ camera.world_from_camera
-    behind = _seen_from_behind(screen[mesh.faces[triangle[hit]]])
+    behind = from_behind[triangle[hit]]
     if behind.sum() > CRACKS * len(hit):
         normals[behind] *= -1.0
     wo = pixel_rays(camera.tan_half, size, camera.center).reshape(-1, 3)[seen]
@@ -131,6 +139,8 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
         normals=normals.astype(np.float32),
         wo=wo,
         tan_half=camera.tan_half,
+        depth=(1.0 / depth_key[hit]).astype(np.float32),
+        exit=(1.0 / exit_key[seen]).astype(np.float32),
     )
 
 
