@@ -325,7 +325,7 @@ def test_machined_parts_follow_the_other_shapes_and_stay_flat():
     parts = surfaces.normals[len(without.normals) :]
     assert len(parts) == 2 * NUM_ELEVATIONS
     again = see_views(*drawn_part(1, config), config.size)
-    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, _, _ in again]))
+    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, *_ in again]))
 
     def flat(normals: np.ndarray) -> float:
         one, other = (normals[..., part].astype(np.float32) for part in (slice(1, None), slice(None, -1)))

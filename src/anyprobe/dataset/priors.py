@@ -76,7 +76,7 @@ OBJECT_RANGE = (0.01, 0.9)
 FRAME_DEG = 33.0
 """Half the angle that a phone's frame takes in: 26 mm equivalent, 65 x 51 degrees."""
 FRAME_POWER = 0.45
-"""Meters average display values: lamps in the frame count as their display value does, not as their radiance."""
+"""Meters average display values: light sources in the frame count as display values, not as radiance."""
 
 ADAPTED = (0.3, 0.9)
 """Share of the light's colour that the camera's white balance takes out of a map, whose photographer took out a part
