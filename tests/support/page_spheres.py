@@ -7,8 +7,9 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.response import response
 from anyprobe.files.objects import open_object
-from anyprobe.relight.ground import Placement, View
+from anyprobe.relight.ground import View
 from anyprobe.relight.insert import window_surroundings
+from anyprobe.relight.placement import Placement
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.scatter.materials import MATERIALS
