@@ -1,4 +1,4 @@
-"""Place (noun): one object in one light, photographed from several sides with exposure and white balance locked."""
+"""One object in one light, photographed from several sides with exposure and white balance locked."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """A hundred clients at a server of its own for a minute: what is answered, how fast, in what memory.
 
-    python benchmarks/serve_load.py [--clients 100] [--seconds 60] [--workers 2] [--json]
+    python benchmarks/serve_load.py [--clients 100] [--seconds 60 | --requests 10000] [--workers 2] [--json]
 
 Every client posts the same photo, waits for the answer, and posts again; told 429, it waits as long
 as Retry-After says and posts the same request once more. A request is lost if it ends by anything
-but 200 after that, or not at all.
+but 200 after that, or not at all. Memory is the server's and its decoding processes' together.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ async def post(port: int, body: bytes) -> tuple[int, dict[str, str]]:
     return int(first.split()[1]), headers
 
 
-async def client(port: int, body: bytes, until: float, tally: Tally) -> None:
-    """Requests one after the other until the time is up; the last one is waited for."""
-    while time.monotonic() < until:
+async def client(port: int, body: bytes, until: float, requests: int, tally: Tally) -> None:
+    """Requests one after the other until the time is up or all are answered; the last one is waited for."""
+    while time.monotonic() < until and sum(tally.statuses.values()) < requests:
         start = time.monotonic()
         try:
             status, headers = await post(port, body)
@@ -86,25 +86,29 @@ async def client(port: int, body: bytes, until: float, tally: Tally) -> None:
 
 
 def held_mb(pid: int) -> float:
-    """Memory that a process holds [MB]; needs Linux's /proc."""
+    """Memory that a process and those below it hold, what they share counted once [MB]; needs Linux's /proc."""
     rollup = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
-    return int(re.search(r"^Rss: +([0-9]+) kB", rollup, re.MULTILINE).group(1)) * 1024 / 1e6
+    own = int(re.search(r"^Pss: +([0-9]+) kB", rollup, re.MULTILINE).group(1)) * 1024 / 1e6
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    children = [int(one) for task in threads for one in (task / "children").read_text().split()]
+    return own + sum(map(held_mb, children))
 
 
 async def watch(pid: int, held: list[tuple[float, float]]) -> None:
     start = time.monotonic()
     while True:
-        held.append((time.monotonic() - start, held_mb(pid)))
+        with contextlib.suppress(OSError):  # a process that ends while it is looked at
+            held.append((time.monotonic() - start, held_mb(pid)))
         await asyncio.sleep(MEMORY_EVERY_S)
 
 
 async def load(
-    port: int, pid: int, clients: int, seconds: float
+    port: int, pid: int, clients: int, seconds: float, requests: int
 ) -> tuple[Tally, list[tuple[float, float]], float]:
     tally, held, body = Tally(), [], PHOTO.read_bytes()
     watching = asyncio.create_task(watch(pid, held))
     start = time.monotonic()
-    await asyncio.gather(*(client(port, body, start + seconds, tally) for _ in range(clients)))
+    await asyncio.gather(*(client(port, body, start + seconds, requests, tally) for _ in range(clients)))
     watching.cancel()
     return tally, held, time.monotonic() - start
 
@@ -133,11 +137,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--clients", type=int, default=100)
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--requests", type=int, default=None, help="so many in all, however long they take")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", action="store_true", help="one object instead of lines")
     asked = parser.parse_args()
     with server(asked.workers) as (port, pid):
-        tally, held, took = asyncio.run(load(port, pid, asked.clients, asked.seconds))
+        seconds, requests = (asked.seconds, 10**9) if asked.requests is None else (1e9, asked.requests)
+        tally, held, took = asyncio.run(load(port, pid, asked.clients, seconds, requests))
     warm = np.array([mb for second, mb in held if second > WARM_SHARE * took])
     result = {
         "cpu": cpu_model(),

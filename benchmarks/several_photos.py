@@ -6,7 +6,7 @@ Each place has a map, a shape and a material; the camera goes round the object, 
 exposure and white balance locked. DATA: held-out maps and shapes of DATA/hdri/test and DATA/meshes/test, or with
 --left-out the training assets that no shipped weights learn from; without --data all are our own. With --room the
 photos show the light behind the object too, as walls so much farther than the camera, and three lights are compared:
-told nothing of it, each photo told its own, and all told what any shows. docs/known.md has the figures.
+told nothing of it, each photo told its own, and all told what any shows. docs/inputs.md has the figures.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from places import draw_place
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_together, fuse_lights
+from anyprobe.estimate.multiview import estimate_multiview, fuse_lights
 from anyprobe.estimate.photo import Photo, crop_object
 from anyprobe.evaluate.scoring import score
 
@@ -62,7 +62,7 @@ def measure(
             poses = place.map_from_camera[chosen]
             fused = {name: fuse_lights([few[k] for k in chosen], poses) for name, few in lights.items()}
             if given:
-                fused[GATHERED] = estimate_together(estimator, [given[k] for k in chosen], poses)
+                fused[GATHERED] = estimate_multiview(estimator, [given[k] for k in chosen], poses)
             for name, light in fused.items():
                 line = {"place": number, "photos": count, "surroundings": name}
                 yield line | score(light.radiance, place.radiance)

@@ -4,8 +4,8 @@
     python examples/table.py clip         # examples/table.mp4
     python examples/table.py relit        # docs/relit.webp made of it
 
-The light, the table and the vase are anyprobe's own. The clip goes through `anyprobe video`, which is told
-nothing of the light; docs/relit.webp shows it beside what comes back.
+The light, the table and the vase are anyprobe's own. The clip goes through `anyprobe video`, which gets
+no hint of the light; docs/relit.webp shows the clip beside the result.
 """
 
 from __future__ import annotations
@@ -174,8 +174,8 @@ def relit(path: Path) -> None:
         masks.mkdir()
         for index in range(FPS * SECONDS):  # neither the vase nor the camera moves
             still.getchannel("A").resize(CLIP_SIZE).save(masks / f"{index:04d}.png")
-        command = f"video {HERE / 'table.mp4'} -o {folder} --masks {masks} --fov {LONG_FOV_DEG:g} --every 3"
-        command += f" --object sphere --material gold --at 228,183 --size 0.6 --pitch {PITCH_DEG:g}"
+        command = f"video {HERE / 'table.mp4'} -o {folder} --mask {masks} --fov {LONG_FOV_DEG:g} --every 3"
+        command += f" --insert sphere --insert-material gold --at 228,183 --scale 0.6 --pitch {PITCH_DEG:g}"
         subprocess.run([*ANYPROBE, *command.split()], check=True)
         clips = (read_frames(open_clip(one), []) for one in (HERE / "table.mp4", Path(folder) / "relit.mp4"))
         frames = [

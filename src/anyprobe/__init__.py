@@ -21,16 +21,17 @@ from anyprobe.errors import (
     ServerBusy,
 )
 from anyprobe.estimate.estimator import Estimator, estimate
-from anyprobe.estimate.multiview import estimate_together, fuse_lights
-from anyprobe.estimate.photo import load_photo
+from anyprobe.estimate.multiview import fuse_lights
+from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.light.dominant_light import DominantLight
 from anyprobe.scatter.materials import Material
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "AnyprobeError",
+    "DominantLight",
     "DownloadError",
     "Estimator",
     "InputError",
@@ -39,14 +40,13 @@ __all__ = [
     "InvalidMesh",
     "InvalidPhoto",
     "Light",
-    "DominantLight",
     "Material",
     "MissingExtra",
     "ModelError",
     "OutputError",
+    "Photo",
     "ServerBusy",
     "estimate",
-    "estimate_together",
     "fuse_lights",
     "load_photo",
 ]

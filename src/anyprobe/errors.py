@@ -49,7 +49,7 @@ class DownloadError(AnyprobeError):
 
 
 class ServerBusy(DownloadError):
-    """The server asks to be left alone for long: whoever gets this stops asking."""
+    """The server asks for a long pause: no further requests are made."""
 
 
 class ModelError(AnyprobeError):

@@ -12,7 +12,7 @@ export default async ({ page, context, url, arguments: given }) => {
   await page.evaluate(() => {
     globalThis.seen = { lights: [], rates: [], changes: [], pictures: [], camera: [] };
     document.addEventListener("anyprobe-light", ({ detail: { light, ms } }) => {
-      const { direction, irradiance } = light.mainLight;
+      const { direction, irradiance } = light.dominant;
       seen.lights.push({ time: performance.now() / 1000, ms, direction, irradiance, sh9: [...light.sh9] });
     });
     const rates = document.getElementById("rates");

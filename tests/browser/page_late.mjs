@@ -1,4 +1,4 @@
-// What the networks tell late, after another picture was put on show. arguments: { photo, other, plain }: opaque photos of
+// What the networks answer late, after another picture was put on show. arguments: { photo, other, plain }: opaque photos of
 // different sizes, nothing in the last. Masks are held back on their way to the networks until they are let go.
 
 import { estimated, openPage, status, waitForStatus } from "./page_steps.mjs";
@@ -9,8 +9,8 @@ export default async ({ page, url, arguments: given }) => {
     const post = Worker.prototype.postMessage;
     Worker.prototype.postMessage = function (message, transfer) {
       if (networks.sent.length === 0) this.addEventListener("message", ({ data }) => (networks.answers += data.id !== undefined));
-      const { task, picture, asked } = message;
-      networks.sent.push({ task, width: picture?.width, spread: asked?.spread });
+      const { task, picture, options } = message;
+      networks.sent.push({ task, width: picture?.width, emitters: options?.emitters });
       if (task === "mask" && networks.held) networks.held.push(() => post.call(this, message, transfer));
       else post.call(this, message, transfer);
     };
@@ -64,18 +64,18 @@ export default async ({ page, url, arguments: given }) => {
   await held();
   const usable = () => page.evaluate(() => document.querySelectorAll("#downloads button:enabled, #export:enabled").length);
   seen.waiting = { direction: await direction(), usable: await usable() };
-  await page.check("#spread");
+  await page.check("#soften");
   await settled();
   seen.waiting.estimates = (await estimates()).length - count;
   await letGo();
   await estimated(page);
-  seen.told = { usable: await usable(), estimates: (await estimates()).slice(count) };
+  seen.then = { usable: await usable(), estimates: (await estimates()).slice(count) };
 
-  await page.uncheck("#spread");
+  await page.uncheck("#soften");
   await openAnother(given.plain);
   await waitForStatus(page, /^Click/);
   count = (await estimates()).length;
-  await page.check("#spread");
+  await page.check("#soften");
   await settled();
   seen.nothing = { status: await status(page), usable: await usable(), estimates: (await estimates()).length - count };
   return seen;

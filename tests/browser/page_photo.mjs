@@ -1,4 +1,4 @@
-// A photo of one's own: chosen, marked by clicks, relit, taken away.
+// A photo of one's own: chosen, marked by clicks, relit, downloaded.
 // arguments: { photo, opaque, glb, click, folder }
 
 import { join } from "node:path";
@@ -25,11 +25,11 @@ export default async ({ page, url, arguments: given }) => {
     files[target] = await save(() => page.click("#export"));
   }
 
-  // what a photo's alpha channel hides no canvas tells: there is nothing around it
+  // what a photo's alpha channel hides is in no canvas: it has no background
   const ask = async (change) => {
     await page.evaluate(() => (document.getElementById("status").textContent = ""));
     await change();
-    return waitForStatus(page, /^Estimated|^Click|^Around/);
+    return waitForStatus(page, /^Estimated|^Click|^The background/);
   };
   seen.hidden = await ask(() => page.check("#surroundings"));
   await page.uncheck("#surroundings");
@@ -42,12 +42,12 @@ export default async ({ page, url, arguments: given }) => {
   seen.clicked = await ask(() => page.locator("#mask").click({ position }));
 
   await ask(() => page.check("#surroundings"));
-  seen.told = {};
-  for (const kind of ["exr", "json"]) seen.told[kind] = await save(kindOf(kind), join(given.folder, "told"));
+  seen.background = {};
+  for (const kind of ["exr", "json"]) seen.background[kind] = await save(kindOf(kind), join(given.folder, "background"));
   await ask(() => page.uncheck("#surroundings"));
-  await ask(() => page.check("#spread"));
-  seen.spread = {};
-  for (const kind of ["exr", "json"]) seen.spread[kind] = await save(kindOf(kind), join(given.folder, "spread"));
+  await ask(() => page.check("#soften"));
+  seen.soft = {};
+  for (const kind of ["exr", "json"]) seen.soft[kind] = await save(kindOf(kind), join(given.folder, "soft"));
 
   await page.setInputFiles("#model-file", given.glb);
   await page.waitForFunction(() => document.getElementById("shape").value === "own", null, { polling: 200 });

@@ -36,13 +36,15 @@ export default async ({ page, url, arguments: given }) => {
     await page.setInputFiles("#file", photo);
     await estimated(page);
     seen[name] = {};
-    for (const shape of ["ball", "teapot", "column", "own"]) {
-      seen[name][shape] = await covered(page, shape);
+    for (const shape of ["sphere", "vase", "block", "own"]) {
+      const box = await covered(page, shape);
+      seen[name][shape] = { box, note: await page.textContent("#place-note") };
       if (given.screenshots) await page.locator("#frame").screenshot({ path: `${given.screenshots}/${name}_${shape}.png` });
     }
   }
   await page.focus("#overlay");
   for (let i = 0; i < 20; i++) await page.keyboard.press("ArrowRight");
-  seen.moved = [await covered(page, "own"), await covered(page, "ball")];
+  seen.moved = [await covered(page, "own"), await covered(page, "sphere")];
+  seen.note = await page.textContent("#place-note");
   return seen;
 };

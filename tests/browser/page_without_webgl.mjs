@@ -6,7 +6,7 @@ export default async ({ page, url, arguments: given }) => {
   await openPage(page, url);
   const seen = { first: await status(page), usable: await page.isEnabled("#shape"), shown: await page.isVisible("#overlay") };
   await page.setInputFiles("#file", given.photo);
-  seen.told = await estimated(page);
+  seen.then = await estimated(page);
   seen.direction = await page.textContent("#direction");
   return seen;
 };

@@ -126,7 +126,7 @@ def test_parts_that_were_renamed_are_found(tmp_path):
     path = write_run(tmp_path)
     stored = torch.load(path, weights_only=True)
     older = {
-        name.replace("light.emitters.power", "light.emitters.power").replace(".up.", ".rise."): value
+        name.replace("light.emitters.power", "light.lamps.flux").replace(".up.", ".rise."): value
         for name, value in stored["nets"].items()
     }
     assert older.keys() != stored["nets"].keys()

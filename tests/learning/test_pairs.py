@@ -325,7 +325,7 @@ def test_machined_parts_follow_the_other_shapes_and_stay_flat():
     parts = surfaces.normals[len(without.normals) :]
     assert len(parts) == 2 * NUM_ELEVATIONS
     again = see_views(*drawn_part(1, config), config.size)
-    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, _, _ in again]))
+    assert np.array_equal(parts[NUM_ELEVATIONS:], np.stack([seen for seen, *_ in again]))
 
     def flat(normals: np.ndarray) -> float:
         one, other = (normals[..., part].astype(np.float32) for part in (slice(1, None), slice(None, -1)))
@@ -356,7 +356,7 @@ def test_shapes_are_the_same_whoever_draws_them(tmp_path):
 def test_told_normals_err_by_a_small_turn(maps, surfaces):
     """They come with the share of the photos that was asked for, and change nothing else of the pairs."""
     plain = make_source(maps, surfaces).batch(0)
-    assert not plain.well_exposed_fraction.any()
+    assert not plain.given_normals_rotation.any()
     source = PairSource(
         Illuminator(maps, compiled=False),
         surfaces,
@@ -378,7 +378,7 @@ def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     """They change nothing else, are what the photo's camera makes of its map, and come with no cut-out."""
     config = PairConfig(batch=4, seed=0, group=2, pool=2, reuse=4)
     plain = make_source(maps, surfaces).batch(0)
-    assert not plain.surroundings_map.any()
+    assert not plain.surroundings.any()
     illuminator = Illuminator(maps, compiled=False)
     source = PairSource(illuminator, surfaces, replace(config, surroundings=0.5))
     batches = [source.batch(step) for step in range(8)]
@@ -392,4 +392,4 @@ def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     wrong = ((surroundings_map[:, :3] - ldr.clip(0, 1)) * sure).abs().sum() / (3 * sure.sum())
     assert wrong < 0.12  # another curve than the mean one, a little turned
     cut = PairSource(illuminator, surfaces, replace(config, surroundings=1.0, cut_out=1.0)).batch(0)
-    assert not cut.surroundings_map.any()
+    assert not cut.surroundings.any()

@@ -101,11 +101,11 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
     path = go(tmp_path / "b", stop_after=1, start=weights)
     assert torch.load(go(tmp_path / "b", stop_after=2, start=weights), weights_only=True)["step"] == 2
     assert torch.load(go(tmp_path / "b", stop_after=3), weights_only=True)["step"] == 3
-    with pytest.raises(InputError, match="expected --start with [0-9a-f]{16}, as the run began, got"):
+    with pytest.raises(InputError, match="expected --init-weights with [0-9a-f]{16}, as the run began, got"):
         go(tmp_path / "b", start=others)
     with pytest.raises(ModelError, match="none.pt: expected weights of this run.*got no file"):
         go(tmp_path / "b", start=tmp_path / "none.pt")
-    with pytest.raises(InputError, match="expected --start with nothing, as the run began, got"):
+    with pytest.raises(InputError, match="expected --init-weights with nothing, as the run began, got"):
         go(tmp_path / "a", start=weights)
     assert torch.load(path, weights_only=True)["step"] == 3
     with pytest.raises(ModelError, match="got no file"):
@@ -116,12 +116,12 @@ def test_start_is_for_the_run_that_began_from_it(tmp_path):
 def test_other_assets_do_not_go_on(tmp_path, monkeypatch):
     """They are known before shapes are drawn; where pairs are at hand, nobody asks."""
     monkeypatch.setattr(loop, "open_batches", lambda *args: iter([some_batch()] * 4))
-    monkeypatch.setattr(loop, "load_assets", lambda light, data, with_shapes: some_store("0a", "0b"))
+    monkeypatch.setattr(loop, "load_assets", lambda light, data: some_store("0a", "0b"))
     path = go(tmp_path, pairs=None, stop_after=1)
     assert torch.load(path, weights_only=True)["origin"]["assets"] == name_assets(some_store("0a", "0b"))
     go(tmp_path, stop_after=2)
     go(tmp_path, pairs=None, stop_after=3)
-    monkeypatch.setattr(loop, "load_assets", lambda light, data, with_shapes: some_store("0a", "0c"))
+    monkeypatch.setattr(loop, "load_assets", lambda light, data: some_store("0a", "0c"))
     with pytest.raises(
         InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run began, got 2"
     ):

@@ -31,7 +31,7 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b))))
 
 
-def test_own_photo_is_estimated_clicked_relit_and_taken_away(
+def test_own_photo_is_estimated_clicked_relit_and_downloaded(
     page_url, aside_photo, vase_photo, estimator, tmp_path
 ):
     tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
@@ -65,30 +65,31 @@ def test_own_photo_is_estimated_clicked_relit_and_taken_away(
     shown, wanted = response(map_of_page), response(expected.radiance)
     assert np.abs(shown - wanted).mean() < 0.01
     assert np.abs(shown[:, ::-1] - wanted).mean() > 0.05
-    told = json.loads(files["json"].read_text())
-    assert told["photo"] == "vase"
-    assert told["known"] == {"surroundings": 0}
-    assert seen["hidden"].startswith("Around the object this photo shows no place")
+    sidecar = json.loads(files["json"].read_text())
+    assert sidecar["photo"] == "vase"
+    assert sidecar["priors"] == {"surroundings": 0}
+    of_package = expected.sidecar()
+    assert sidecar["confidence"] == pytest.approx(of_package["confidence"], abs=0.01)
+    assert sidecar["well_exposed_fraction"] == pytest.approx(expected.well_exposed_fraction, abs=0.01)
+    assert seen["hidden"].startswith("The background of this photo is one colour")
     with Image.open(vase_photo) as picture:
         click = (MIDDLE[0] * picture.width, MIDDLE[1] * picture.height)
     opaque = estimator(vase_photo, click=[click], surroundings="photo")
-    known = json.loads(Path(seen["told"]["json"]).read_text())["known"]["surroundings"]
-    assert known == pytest.approx(opaque.sidecar()["known"]["surroundings"], abs=3e-3)
-    found = read_radiance(Path(seen["told"]["exr"]))
+    coverage = json.loads(Path(seen["background"]["json"]).read_text())["priors"]["surroundings"]
+    assert coverage == pytest.approx(opaque.sidecar()["priors"]["surroundings"], abs=3e-3)
+    found = read_radiance(Path(seen["background"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
-    spread = estimator.with_lamps("spread")(vase_photo, click=[click])
-    found = read_radiance(Path(seen["spread"]["exr"]))
+    soft = estimator.with_emitters("expected")(vase_photo, click=[click])
+    found = read_radiance(Path(seen["soft"]["exr"]))
     # by masks that both cut out anew, around the same click: they differ by some pixels of the edge
-    assert np.abs(response(found) - response(spread.radiance)).mean() < 0.02
-    assert np.abs(response(found[:, ::-1]) - response(spread.radiance)).mean() > 0.05
-    assert found.max() == pytest.approx(spread.radiance.max(), rel=0.1)
-    assert [told["lamps"], json.loads(Path(seen["spread"]["json"]).read_text())["lamps"]] == [
-        "drawn",
-        "spread",
-    ]
-    np.testing.assert_allclose(told["sh9"], project(map_of_page), atol=0.01)
-    assert np.linalg.norm(told["sh9"] - expected.sh9()) < 0.05 * np.linalg.norm(expected.sh9())
+    assert np.abs(response(found) - response(soft.radiance)).mean() < 0.02
+    assert np.abs(response(found[:, ::-1]) - response(soft.radiance)).mean() > 0.05
+    assert found.max() == pytest.approx(soft.radiance.max(), rel=0.1)
+    assert sidecar["emitters"] == "mode"
+    assert json.loads(Path(seen["soft"]["json"]).read_text())["emitters"] == "expected"
+    np.testing.assert_allclose(sidecar["sh9"], project(map_of_page), atol=0.01)
+    assert np.linalg.norm(sidecar["sh9"] - expected.sh9()) < 0.05 * np.linalg.norm(expected.sh9())
     with Image.open(files["png"]) as picture:
         assert picture.size == (128, 64)
     for target in TARGETS:
@@ -105,13 +106,22 @@ def test_border_cuts_off_only_what_was_moved_there(page_url, aside_photo, tmp_pa
         image.crop((x0 - 4, y0 - 4, x1 + 4, y1 + 4)).save(photos["tight"])
     given = {"photos": {name: str(path) for name, path in photos.items()}, "glb": str(tmp_path / "bar.glb")}
     seen = run_steps("page_placement.mjs", page_url, given, viewport=(1280, 900), timeout_s=600)
-    moved = seen.pop("moved")
-    for name, shapes in seen.items():
-        for shape, (left, top, right, bottom) in shapes.items():
-            assert 0 < left < right < 1, (name, shape)
-            assert 0 < top < bottom < 1, (name, shape)
-            assert max(right - left, bottom - top) > 0.1, (name, shape)
+    moved, note = seen.pop("moved"), seen.pop("note")
+    for shape, found in seen["aside"].items():
+        left, top, right, bottom = found["box"]
+        assert 0 < left < right < 1, shape
+        assert 0 < top < bottom < 1, shape
+        assert max(right - left, bottom - top) > 0.1, shape
+        assert left > 235 / 392, shape  # not over the vase
+        assert found["note"] == "", shape
+    assert {found["note"].split(":")[0] for found in seen["tight"].values()} == {
+        "There is no room beside the object"
+    }
+    left, top, right, bottom = seen["aside"]["sphere"]["box"]
+    assert (bottom - top) * 420 == pytest.approx((right - left) * 392, rel=0.06)  # round, of 392 x 420 pixels
+    assert (bottom - top) == pytest.approx(0.5 * 302 / 420, rel=0.25)  # half of the vase's height
     assert [right for _, _, right, _ in moved] == [1, 1]  # by keys, and there it stays in another shape
+    assert note == "Part of the virtual object is outside the photo."
 
 
 def test_box_is_drawn_by_mouse_key_and_finger(page_url):
@@ -120,8 +130,8 @@ def test_box_is_drawn_by_mouse_key_and_finger(page_url):
     outlines = seen["outlines"]
     assert outlines["before"][1] < 0.25
     np.testing.assert_allclose(outlines["wobble"], outlines["click"], atol=0.01)  # a box of two pixels
-    for told in ("mouse", "keys", "finger"):
-        np.testing.assert_allclose(outlines[told], [0.31, 0.45, 0.69, 0.79], atol=0.03, err_msg=told)
+    for way in ("mouse", "keys", "finger"):
+        np.testing.assert_allclose(outlines[way], [0.31, 0.45, 0.69, 0.79], atol=0.03, err_msg=way)
     assert seen["band"]
     assert seen["pressed"] == ["false", "true", "false"]
 

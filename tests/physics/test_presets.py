@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InputError
-from anyprobe.scatter.materials import DULL, MATERIALS, given_material
+from anyprobe.scatter.materials import MATERIALS, MATTE, given_material
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])
 def test_one_number_or_three_are_an_albedo(albedo):
     found = given_material(albedo=albedo)
     np.testing.assert_allclose(found.albedo, [0.18] * 3, rtol=1e-6)
-    assert found.alpha == MATERIALS[DULL].alpha
+    assert found.alpha == MATERIALS[MATTE].alpha
     assert given_material() is None
 
 

@@ -377,7 +377,7 @@ def test_interrupt_leaves_no_temporary_files(work, moment):
     save_sphere("b.png")
     code = f"""
 import os, signal
-from anyprobe.infer import outputs
+from anyprobe.estimate import outputs
 whole = {moment}
 def interrupted(*args):
     if interrupted.count == 0:

@@ -13,9 +13,9 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.options import read_where, where_for
+from anyprobe.cli.options import MaskOptions, hints_for
 from anyprobe.core.response import response
-from anyprobe.files.names import natural_order
+from anyprobe.files.paths import natural_order
 from anyprobe.files.radiance import read_radiance
 
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -166,7 +166,7 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--not", "20,10", "--mask", "photos/sphere.png"), "--not: expected --click, --box or neither"),
         (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
         (("--far", "3"), "--far: expected --depth"),
-        (("--emitters", "bright"), "emitters 'bright': expected one of drawn, spread"),
+        (("--emitters", "bright"), "emitters 'bright': expected one of mode, expected"),
         (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
     ],
 )
@@ -291,8 +291,8 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
 def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
     (work / "panoramas").mkdir()
     (work / "panoramas" / "room.hdr").touch()
-    given = read_where(None, None, None, None, None, None, None) | {"surroundings": Path("panoramas")}
-    assert where_for(Path("room.jpg"), given)["surroundings"] == Path("panoramas/room.hdr")
+    given = MaskOptions().hints() | {"surroundings": Path("panoramas")}
+    assert hints_for(Path("room.jpg"), given)["surroundings"] == Path("panoramas/room.hdr")
 
 
 def test_names_are_ordered_whatever_digits_they_have():

@@ -21,12 +21,10 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
         (("train", "mask", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
-        (("train", "lift", "--start", "none.pt"), "none.pt: expected weights of this run"),
+        (("train", "lift", "--init-weights", "none.pt"), "none.pt: expected weights of this run"),
         (("weights", "o", "lift", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
         (("weights", "o", "mask", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "checkpoint, found none; train first"),
-        (("evaluate", "--real", "r", "--pairs", "5"), "--pairs: expected test pairs to render, got --real"),
-        (("evaluate", "--real", "r", "--seed", "5"), "--seed: expected test pairs to render, got --real"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
         (
             ("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"),
@@ -38,14 +36,6 @@ def test_what_is_refused_is_one_line(work, command, arguments, words):
     before = snapshot(work)
     assert words in command(*arguments).complaint
     assert snapshot(work) == before
-
-
-@pytest.mark.parametrize("name", ["compare", "scaling"])
-def test_there_are_no_more_frozen_pairs(work, command, name):
-    refused = command(name, *TEST_ASSETS, "--pairs", "1001")
-    assert refused.status == 2
-    assert "'--pairs': Input should be less than or equal to 1000" in refused.err
-    assert "Traceback" not in refused.err
 
 
 def test_a_gpu_that_is_not_there_is_one_line(work, command, monkeypatch):
@@ -74,7 +64,7 @@ def test_weights_of_a_run_that_is_only_a_folder_have_no_mean_map(work, command):
 
 def test_a_run_is_not_kept_in_its_own_place(work, command):
     """It would lose what its next step needs."""
-    for name, arguments in (("normals", ("o", "normals", "--start", "runs/normals/checkpoint.pt")),):
+    for name, arguments in (("normals", ("o", "normals", "--keep", "runs/normals/checkpoint.pt")),):
         write_run(work, name)
         before = snapshot(work)
         assert "got the run's own checkpoint" in command("weights", *arguments).complaint
@@ -88,7 +78,7 @@ def test_a_damaged_checkpoint_is_one_line(work, command):
     for asked in (
         ("train", "normals"),
         ("weights", "o", "normals"),
-        ("weights", "o", "normals", "--start", "s.pt"),
+        ("weights", "o", "normals", "--keep", "s.pt"),
     ):
         assert "expected a run's checkpoint, got a damaged file" in command(*asked).complaint
     assert snapshot(work) == before

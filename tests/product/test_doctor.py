@@ -12,18 +12,20 @@ import pytest
 import anyprobe
 from anyprobe.cli import doctor
 from anyprobe.errors import ModelError
+from anyprobe.estimate import estimator as estimator_module
 from anyprobe.estimate.runtime import DEFAULT_MODEL, file_hashes
 
 
 def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.123, 4.0))
+    monkeypatch.setattr(doctor, "check_versions", lambda wanted: None)
     outcome = command("doctor")
     assert (outcome.status, outcome.err) == (0, "")
     lines = outcome.out.splitlines()
     assert lines[0].startswith("python 3.")
     assert f"anyprobe {anyprobe.__version__}" in lines
     for package in ("numpy", "onnxruntime", "Pillow", "OpenEXR"):
-        assert f"{package} {importlib.metadata.version(package)}" in lines
+        assert f"{package} {importlib.metadata.version(package)}".lower() in outcome.out.lower().splitlines()
     (providers,) = (line for line in lines if line.startswith("providers "))
     for provider in onnxruntime.get_available_providers():
         assert provider in providers
@@ -41,8 +43,27 @@ def test_doctor_says_which_extras_are_absent(command, monkeypatch):
         return version(package)
 
     monkeypatch.setattr(importlib.metadata, "version", without_torch)
+    monkeypatch.setattr(doctor, "check_versions", lambda wanted: None)
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))
     assert "torch not installed (optional)" in command("doctor").out.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("version", "fits"),
+    [("3.3.9", False), ("3.5", True), ("3.10.0rc1", True), ("3.5.0+a", True), ("3.4.99", False)],
+)
+def test_a_package_that_is_too_old_is_named(command, monkeypatch, version, fits):
+    real = importlib.metadata.version
+    monkeypatch.setattr(
+        importlib.metadata, "requires", lambda _: ["OpenEXR>=3.5", 'fastapi>=0.1; extra == "serve"']
+    )
+    monkeypatch.setattr(importlib.metadata, "version", lambda one: version if one == "OpenEXR" else real(one))
+    monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))
+    outcome = command("doctor")
+    assert f"OpenEXR {version}" in outcome.out
+    assert outcome.status == (0 if fits else 2)
+    said = f"anyprobe: packages: expected OpenEXR 3.5 or newer, got {version}; update with pip install -U\n"
+    assert outcome.err == ("" if fits else said)
 
 
 def test_failed_self_test_is_one_line_and_status_2(command, monkeypatch):
@@ -69,7 +90,7 @@ def test_self_test_measures_the_angle(monkeypatch, estimator, found, expected):
     """A model that always sees one emitter is as wrong as that emitter is far from the drawn one."""
     inside = doctor._emitter(np.asarray(found) / np.linalg.norm(found))
     light = anyprobe.Light(radiance=inside)
-    monkeypatch.setattr("anyprobe.estimate.estimator.Estimator", lambda model: lambda photo: light)
+    monkeypatch.setattr(estimator_module, "Estimator", lambda model: lambda photo: light)
     assert doctor.self_test("paper")[1] == pytest.approx(expected, abs=2)
 
 

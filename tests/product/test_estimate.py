@@ -19,7 +19,7 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Outputs, bundled_models
-from anyprobe.files.radiance import exr_attributes, read_radiance
+from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
 from anyprobe.light.reconstruct import reconstruct
@@ -304,7 +304,7 @@ def test_a_turned_light_says_how(tmp_path):
     assert "looks along -Z" in light.sidecar()["frame"] == turned.rotate(turn.T).sidecar()["frame"]
     assert "map_from_camera" not in turned.rotate(turn.T).sidecar()
     assert "looks along" not in turned.sidecar()["frame"]
-    header = exr_attributes(turned.save(tmp_path / "turned.exr"))
+    header = map_attributes(turned.save(tmp_path / "turned.exr"))
     assert header["frame"] == turned.sidecar()["frame"]
     np.testing.assert_allclose(json.loads(header["map_from_camera"]), turn, atol=1e-6)
 

@@ -22,10 +22,10 @@ def through(entry: str, estimator, rgba: np.ndarray, **given):
         return estimator(rgba, **given)
     photo = load_photo(rgba)
     if entry == "from_photo":
-        return estimator.from_photo(photo, **given)
+        return estimator.from_photo(photo, material=as_material(**given))
     if entry == "from_crop":
-        return estimator.from_crop(photo, crop_object(photo), **given)
-    return anyprobe.estimate_together(estimator, [photo], [np.eye(3)], **given)
+        return estimator.from_crop(photo, crop_object(photo), material=as_material(**given))
+    return estimator.multiview([photo], [np.eye(3)], **given)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,8 @@ def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expecte
         ({"albedo": "grey"}, ("albedo: expected one number or three", "'grey'")),
         ({"albedo": [0.5, 0.5]}, ("albedo: expected one number or three",)),
         ({"albedo": [0.5, [0.5]]}, ("albedo: expected one number or three",)),
-        ({"material": MATERIALS["matte"], "albedo": 0.2}, ("albedo: ", "got a Material")),
+        ({"material": MATERIALS["matte"], "albedo": 0.2}, ("albedo, roughness: ", "got a Material")),
+        ({"roughness": 0.01}, ("roughness: expected a number from 0.1 to 1",)),
     ],
 )
 def test_what_is_no_material_is_refused_in_one_line(estimator, photo_rgba, entry, given, words):
@@ -96,16 +97,9 @@ def test_a_material_is_refused_before_any_photo_is_loaded(estimator):
         yield
 
     with pytest.raises(anyprobe.InputError, match="'wood'"):
-        anyprobe.estimate_together(estimator, never(), [], material="wood")
+        estimator.multiview(never(), [], material="wood")
 
 
 def test_who_takes_a_material_takes_an_albedo():
-    entries = (
-        anyprobe.estimate,
-        anyprobe.estimate_together,
-        anyprobe.Estimator.__call__,
-        anyprobe.Estimator.from_photo,
-        anyprobe.Estimator.from_crop,
-    )
-    for entry in entries:
-        assert {"material", "albedo"} <= set(inspect.signature(entry).parameters), entry
+    for entry in (anyprobe.estimate, anyprobe.Estimator.__call__, anyprobe.Estimator.multiview):
+        assert {"material", "albedo", "roughness"} <= set(inspect.signature(entry).parameters), entry

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from anyprobe.estimate import photo as photo_module
-from anyprobe.estimate.multiview import estimate_together
 
 SLOW_S = 0.3
 pytestmark = pytest.mark.usefixtures("networks_opened_once", "slow_masks")
@@ -43,7 +42,7 @@ def test_the_command_counts_from_the_photo_s_opening(work, command, photo_path, 
 def test_no_time_counts_twice(estimator, photo_path):
     start = time.perf_counter()
     photos = (photo_module.load_photo(photo_path) for _ in range(3))
-    light = estimate_together(estimator, photos, [np.eye(3)] * 3)
+    light = estimator.multiview(photos, [np.eye(3)] * 3)
     seconds = light.info["seconds"]
     assert seconds["load"] >= 3 * SLOW_S
     assert sum(seconds.values()) < time.perf_counter() - start + 0.01  # rounded
@@ -55,7 +54,7 @@ def test_the_server_counts_from_the_photo_s_opening(estimator, photo_path, count
     pytest.importorskip("python_multipart", reason="needs the serve extra")
     from fastapi.testclient import TestClient
 
-    from anyprobe.serve.app import create_app
+    from anyprobe.serve.api import create_app
 
     files = [("photo", (f"{k}.png", photo_path.read_bytes())) for k in range(count)]
     given = {"poses": json.dumps([np.eye(3).tolist()] * count)} if count > 1 else {}

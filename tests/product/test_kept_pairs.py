@@ -17,7 +17,7 @@ def rendered(monkeypatch) -> list[int]:
     """Seeds of what was rendered."""
     calls = []
 
-    def render_pair(recipe, store):
+    def render_pair(recipe, store, trace):
         calls.append(recipe.seed)
         return sphere_pair(recipe.seed)
 

@@ -74,7 +74,9 @@ def scene(rng):
     photo.mask[400:450, 100:200] = 0.7
     view = View(width=width, height=height, focal=600.0, up=np.array([0.0, np.cos(0.3), np.sin(0.3)]))
     shadow = SimpleNamespace(
-        at=lambda points: np.where(np.abs(points[:, :1]) < 0.5, np.abs(points), 1.0).clip(0, 1)
+        foot=view.on_ground(350.0, 400.0),
+        reach=9.0,
+        at=lambda points: np.where(np.abs(points[:, :1]) < 0.5, np.abs(points), 1.0).clip(0, 1),
     )
     return photo, view, shadow
 

@@ -23,6 +23,8 @@ def tries(monkeypatch):
     cached = path_traced.open_mitsuba, path_traced.mitsuba_runs
     for one in cached:
         one.cache_clear()
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    monkeypatch.setattr(path_traced, "glob", lambda _: [])
     monkeypatch.setattr(path_traced.subprocess, "run", run)
     yield started
     for one in cached:
@@ -35,3 +37,10 @@ def test_mitsuba_that_is_absent_is_tried_once(tries):
         with pytest.raises(MissingExtra, match="mitsuba"):
             uses_mitsuba("mitsuba")
     assert len(tries) == 1
+
+
+def test_an_llvm_that_is_too_old_is_not_tried(tries, monkeypatch):
+    """A trial of one line passes with it; the first scene ends the process."""
+    monkeypatch.setattr(path_traced, "glob", lambda _: ["/usr/lib/x86_64-linux-gnu/libLLVM-15.so"])
+    assert not uses_mitsuba("auto")
+    assert tries == []

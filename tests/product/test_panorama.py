@@ -12,7 +12,6 @@ import pytest
 from PIL import Image
 from support.room_photos import FOV_DEG, room_photo, smooth_map
 
-import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.multiview import fuse_lights
@@ -142,7 +141,7 @@ def shown_by(poses, first: np.ndarray) -> np.ndarray:
 
 
 def test_what_one_photo_shows_all_know(estimator):
-    light = anyprobe.estimate_together(estimator, [take(pose) for pose in POSES], POSES)
+    light = estimator.multiview([take(pose) for pose in POSES], POSES)
     truth = rotate(smooth_map(), POSES[0].T)
     seen = shown_by(POSES, POSES[0])
     assert seen.mean() > 3 * shown_by(POSES[:1], POSES[0]).mean() > 0.05
@@ -158,7 +157,7 @@ def test_what_one_photo_shows_all_know(estimator):
 
 def test_photos_without_surroundings_are_fused_as_ever(estimator):
     photos = [take(pose, surroundings=None) for pose in POSES[:2]]
-    together = anyprobe.estimate_together(estimator, photos, POSES[:2])
+    together = estimator.multiview(photos, POSES[:2])
     apart = fuse_lights([estimator.from_photo(photo) for photo in photos], POSES[:2])
     np.testing.assert_array_equal(together.radiance, apart.radiance)
     assert "surroundings" not in together.info["priors"]
@@ -176,7 +175,7 @@ def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
             alive.append(weakref.ref(photo.rgb))
             yield photo
 
-    anyprobe.estimate_together(estimator, opened(), POSES)
+    estimator.multiview(opened(), POSES)
     assert len(alive) == len(POSES)
 
 
@@ -185,7 +184,7 @@ def test_exposures_that_photos_tell_are_made_one_there_too(estimator):
     photos = [
         replace(take(pose, light), exposure=light) for pose, light in zip(POSES, exposures, strict=False)
     ]
-    light = anyprobe.estimate_together(estimator, photos, POSES[:2])
+    light = estimator.multiview(photos, POSES[:2])
     truth, seen = rotate(smooth_map(), POSES[0].T), shown_by(POSES[1:2], POSES[0])
     np.testing.assert_allclose(np.median(light.radiance[seen] / truth[seen]), 1.0, atol=0.02)
 
@@ -194,7 +193,7 @@ def test_a_panorama_from_a_file_is_of_the_first_camera(estimator):
     first = rotate(smooth_map(), POSES[0].T)
     panorama = np.concatenate([response(first), np.ones((64, 128, 1), np.float32)], axis=-1)
     photos = [replace(take(pose), surroundings_map=panorama) for pose in POSES[:3]]
-    light = anyprobe.estimate_together(estimator, photos, POSES[:3])
+    light = estimator.multiview(photos, POSES[:3])
     assert np.abs(response(light.radiance) - response(first)).mean() < 0.01
 
 
@@ -242,7 +241,7 @@ def test_a_clip_gathers_what_its_frames_have_shown(given, tmp_path, estimator):
     surroundings_map = "photo" if given == "photo" else panorama
 
     def run(folder, stop_at=None):
-        follower = MaskFollower(tmp_path / "masks", {}, FOV_DEG, surroundings_map)
+        follower = MaskFollower({"mask": tmp_path / "masks"}, {}, {"fov_deg": FOV_DEG}, surroundings_map)
         clip = ClipRun(
             open_clip(tmp_path / "clip.mp4"), folder, estimator, follower, {}, exr=True, poses=poses
         )

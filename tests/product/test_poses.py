@@ -12,7 +12,7 @@ import pytest
 
 from anyprobe.core.frames import rotation_y
 from anyprobe.errors import InputError
-from anyprobe.files.exif import upright_size
+from anyprobe.files.headers import upright_size
 from anyprobe.files.poses import MOST_POSES, Lens, Poses, parse_poses, read_poses
 
 

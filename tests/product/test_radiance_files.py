@@ -12,10 +12,9 @@ import pytest
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
+from anyprobe.files.exr import read_exr
 from anyprobe.files.radiance import (
-    exr_attributes,
     map_attributes,
-    read_exr,
     read_radiance,
     write_exr,
     write_hdr,
@@ -245,9 +244,9 @@ def test_exr_with_unusable_values(tmp_path, pixels, word):
 
 def test_exr_attributes_come_back(tmp_path):
     write_exr(tmp_path / "map.exr", draw_map(4), attributes={"frame": "front"})
-    assert exr_attributes(tmp_path / "map.exr") == {"frame": "front"}
+    assert map_attributes(tmp_path / "map.exr") == {"frame": "front"}
     (tmp_path / "text.exr").write_text("no header")
-    assert exr_attributes(tmp_path / "text.exr") == exr_attributes(tmp_path / "absent.exr") == {}
+    assert map_attributes(tmp_path / "text.exr") == map_attributes(tmp_path / "absent.exr") == {}
 
 
 def test_attributes_are_the_same_in_both_formats(tmp_path):

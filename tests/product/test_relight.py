@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +12,15 @@ from PIL import Image
 from support.scenes import made_map, sphere_photo
 
 import anyprobe
+from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
-from anyprobe.errors import InputError
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.insert import Arrangement, Stage
+from anyprobe.relight.ground import View, contact_of
+from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.shapes import sphere
@@ -81,7 +83,8 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
     pixels = stage.view.pixels(stage.placement.mesh.positions)
     assert pixels[:, 1].max() == pytest.approx(90 + DIAMETER / 2, abs=1.0)
     assert (pixels[:, 0].mean() - center_x) * side > DIAMETER / 2
-    assert np.ptp(pixels[:, 0]) == pytest.approx(0.8 * DIAMETER, rel=0.1)
+    assert np.ptp(pixels[:, 1]) == pytest.approx(0.8 * DIAMETER, rel=0.1)
+    assert stage.warnings == ()
     left, right = pixels[:, 0].min(), pixels[:, 0].max()
     assert left >= 0
     assert right <= WIDTH
@@ -109,13 +112,13 @@ def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size)
     assert (pixels >= -0.5).all()
     assert (pixels <= np.array([WIDTH, HEIGHT]) + 0.5).all()
     assert np.ptp(pixels, axis=0).max() > 0.1 * diameter * min(stretch)
-    corner = Arrangement(size=size, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15)
-    if diameter * size * max(stretch[1:]) > 500 and stretch[2] == 1 and stretch[1] == 1:
-        with pytest.raises(InputError, match="reaches behind it"):
-            Stage(photo, mesh, corner)
+    assert not any("outside" in line for line in stage.warnings)
+    if size > 1 and diameter > 40:  # reaches behind the camera there
         return
-    put = Stage(photo, mesh, corner)
-    assert put.view.pixels(put.placement.mesh.positions)[:, 0].max() > WIDTH
+    put = Stage(photo, mesh, Arrangement(size=size / 4, at=(WIDTH - 1, HEIGHT - 1), pitch_deg=15))
+    over = put.view.pixels(put.placement.mesh.positions)[:, 0].max() - WIDTH
+    assert over > 0
+    assert any("outside" in line for line in put.warnings) == (over > 0.5)
     # what is drawn is the part that the photo shows, and all of it, however large the object
     drawn = put.window
     shown = np.clip(put.view.pixels(put.placement.mesh.positions), 0, (WIDTH, HEIGHT))
@@ -167,6 +170,58 @@ def test_real_object_in_front_hides_the_virtual_one(photo):
     assert (picture != photo.rgb).any()
 
 
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (0.3, 1, 0.3), (1, 0.5, 1)])
+def test_default_is_half_as_high_as_the_real_object(photo, stretch):
+    unit = sphere(24)
+    mesh = Mesh(positions=unit.positions * np.array(stretch), faces=unit.faces, normals=unit.normals)
+    pixels = Stage(photo, mesh).view.pixels(Stage(photo, mesh).placement.mesh.positions)
+    assert np.ptp(pixels[:, 1]) == pytest.approx(DIAMETER / 2, rel=0.15)
+
+
+def test_thin_spout_below_is_not_where_the_object_stands():
+    """The contact line is the mask's lower border without what is narrower than a thirtieth of the object."""
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[40:100, 30:130], mask[100:130, 50:52] = 1, 1
+    assert contact_of(mask) == (80.0, 100)
+
+
+@pytest.mark.parametrize(("left", "right"), [(20, 150), (90, 220)])
+def test_never_over_the_real_object(left, right):
+    """Whatever the shape and the side, the pixels of the real object stay as they are, but behind it with a warning."""
+    picture = sphere_photo((120, 80), DIAMETER, HEIGHT, WIDTH)
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[20:140, left:right] = 1
+    photo = replace(load_photo(picture), mask=mask)
+    for name in OBJECTS:
+        stage = Stage(photo, open_object(name))
+        pixels = stage.view.pixels(stage.placement.mesh.positions)
+        beside = pixels[:, 0].min() >= right - 0.5 or pixels[:, 0].max() <= left + 0.5
+        assert beside != stage.placement.is_behind
+        assert any("behind" in line for line in stage.warnings) == stage.placement.is_behind
+
+
+def test_without_room_it_stands_behind_and_says_so():
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[20:140, 8:232] = 1
+    photo = replace(load_photo(sphere_photo((120, 80), DIAMETER, HEIGHT, WIDTH)), mask=mask)
+    stage = Stage(photo, sphere(24))
+    assert stage.placement.is_behind
+    assert "no room beside" in stage.warnings[0]
+    picture = stage.relit(made_map(), "gold", "own")
+    np.testing.assert_array_equal(picture[mask == 1], photo.rgb[mask == 1])
+
+
+def test_object_in_a_large_photo_is_enlarged(photo, stage, monkeypatch):
+    """Drawn coarser, then brought to its window: the same picture but for its edge."""
+    whole = stage.draw(made_map(), "matte", "own")
+    monkeypatch.setattr("anyprobe.relight.insert.MOST_DRAWN", whole.shape[0] // 2)
+    coarse = stage.draw(made_map(), "matte", "own")
+    assert coarse.shape == whole.shape
+    inside = whole[..., 3] == 1
+    assert np.abs(coarse - whole)[inside].mean() < 0.03 * whole[inside].mean()
+    assert abs(coarse[..., 3].sum() / whole[..., 3].sum() - 1) < 0.05
+
+
 # What changes
 
 
@@ -191,6 +246,15 @@ def test_white_object_shows_the_light_through_the_camera(photo, stage):
     picture = stage.relit(np.full((16, 32, 3), 0.5, np.float32), metal, "own")
     middle = stage.view.pixels(stage.placement.mesh.positions.mean(axis=0)).astype(int)
     np.testing.assert_allclose(picture[middle[1], middle[0]], response(np.full(3, 0.5)), atol=0.01)
+
+
+def test_shadow_is_drawn_wherever_it_lies(photo, monkeypatch):
+    stage = Stage(photo, sphere(24), Arrangement(size=0.3, at=(160, 130), pitch_deg=20))
+    shadow = stage.shadow(made_map())
+    found = cast_shadow(photo, stage.view, shadow)
+    monkeypatch.setattr(View, "part_around", lambda *_: (slice(0, HEIGHT), slice(0, WIDTH)))
+    np.testing.assert_array_equal(found, cast_shadow(photo, stage.view, shadow))
+    assert (found != photo.rgb).any()
 
 
 def test_shadow_lies_away_from_the_emitter(photo):
@@ -231,7 +295,7 @@ def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_the_picture_and_says_where(command, work, photo_path):
     done = command(
-        "relight", photo_path, "--object", "vase", "--material", "gold", "--renderer", "own", "--json"
+        "relight", photo_path, "--insert", "vase", "--insert-material", "gold", "--renderer", "own", "--json"
     )
     assert done.status == 0, done.err
     given = json.loads(done.out)
@@ -253,17 +317,28 @@ def test_strip_shows_the_photo_then_every_material(command, work, photo_path):
         assert np.abs(one - other).max() > 0.02
 
 
+@pytest.mark.parametrize("silent", [False, True])
+def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
+    monkeypatch.setattr("anyprobe.cli.relight.SHOWN_AFTER_S", 0.0)
+    with progress("drawing", silent):
+        for _ in range(200):
+            time.sleep(0.0 if silent else 0.01)
+            if "drawing ..." in (shown := capsys.readouterr().err):
+                break
+    assert ("drawing ..." in shown) != silent
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--object", "bunni"), ("sphere, vase", "'bunni'")),
-        (("--object", "absent.glb"), ("mesh file", "found none")),
-        (("--material", "glass"), ("chrome, gold", "'glass'")),
+        (("--insert", "bunni"), ("sphere, vase", "'bunni'")),
+        (("--insert", "absent.glb"), ("mesh file", "no such file")),
+        (("--insert-material", "glass"), ("chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
         (("--at", "60,2"), ("above the horizon",)),
         (("--at", "100000,140"), ("a place where the photo shows the object", "choose another")),
-        (("--size", "0"), ("0.02 to 20",)),
+        (("--scale", "0"), ("0.02 to 20",)),
         (("--turn", "nan"), ("--turn", "degrees")),
         (("--pitch", "-50"), ("below the horizon",)),
         (("-o", "out.jpg"), (".png", ".jpg")),

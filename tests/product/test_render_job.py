@@ -503,7 +503,7 @@ def test_bad_wishes_are_refused_and_leave_nothing(drawn_command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "damage", ["{", "[]", "{}", '{"format": 2}', '{"format": 1, "pairs": 0, "shard_size": 5}']
+    "damage", ["{", "[]", "{}", '{"format": 9}', '{"format": 2, "pairs": 0, "shard_size": 5}']
 )
 def test_damaged_plan_is_refused(whole, drawn_command, damage):
     (whole / "dataset.json").write_text(damage)

@@ -158,10 +158,10 @@ def test_other_emitters_are_asked_of_the_same_sessions():
 
 
 def test_emitters_that_are_not_known_are_refused():
-    with pytest.raises(InputError, match="emitters 'bright': expected one of drawn, spread"):
+    with pytest.raises(InputError, match="emitters 'bright': expected one of mode, expected"):
         Models(emitters="bright")
     with pytest.raises(
-        InputError, match="emitters spread: expected a model that says .* got paper; use lift"
+        InputError, match="emitters expected: expected a model that estimates .* got paper; use lift"
     ):
         Models("paper", emitters=EXPECTED)
 

@@ -162,7 +162,7 @@ def test_a_turned_light_relights_as_it_did(command, work, kind, turn):
             f"{name}.{kind}",
             "--renderer",
             "own",
-            "--material",
+            "--insert-material",
             "matte",
         )
         done = command(*call, "-o", f"{name}.png", "-q")

@@ -22,7 +22,7 @@ from fastapi.testclient import TestClient
 
 from anyprobe.serve import openapi
 from anyprobe.serve.answers import png as as_png
-from anyprobe.serve.app import create_app
+from anyprobe.serve.api import create_app
 from anyprobe.serve.page import Page
 
 
@@ -208,7 +208,7 @@ def test_a_foreign_name_is_told_how_to_be_let_in(estimator, host, known):
             assert answer.status_code == 200
             return
         assert refusal(answer, 400) == (
-            "host: expected 127.0.0.1 or localhost or [::1], got 'rebound.example'; a server on the loopback answers "
-            "to no other name, start it with --host to open it to others"
+            "host: expected 127.0.0.1 or localhost or [::1], got 'rebound.example'; a server answers to no other name, "
+            "start it with --allow-host NAME to add one"
         )
         assert answer.headers["X-Content-Type-Options"] == "nosniff"

@@ -20,7 +20,15 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.pair import render_map_pair, render_pair
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.render_job import SETTINGS
-from anyprobe.dataset.samples import ARRAYS, Sample, StoreRenderer, decode
+from anyprobe.dataset.samples import (
+    ARRAYS,
+    NORMALS,
+    Sample,
+    StoreRenderer,
+    decode,
+    decode_normals,
+    encode_normals,
+)
 from anyprobe.errors import InputError, OutputError
 
 KINDS = ("object", "map")
@@ -75,7 +83,7 @@ def test_the_package_webdataset_reads_it(tmp_path, kind):
 
 def test_rendered_pairs_come_back_as_they_were():
     """Photo and targets of the true renderer, bit for bit; the rest as told in json."""
-    for kind, parts in (("object", ("photo", "irradiance")), ("map", ("ldr", "ln_radiance"))):
+    for kind, parts in (("object", ("photo", "irradiance", "normals")), ("map", ("ldr", "ln_radiance"))):
         settings = {**SETTINGS, "kind": kind, "procedural_maps": 1, "procedural_shapes": 1}
         renderer = StoreRenderer(settings, None)
         recipe = renderer.recipe(1)
@@ -87,6 +95,8 @@ def test_rendered_pairs_come_back_as_they_were():
             array, truth = decode(name, sample.parts[name]), getattr(pair, name.split(".")[0])
             assert name.split(".")[0] in parts
             assert (array.shape, str(array.dtype)) == (shape, dtype)
+            if name == NORMALS:
+                array, truth = decode_normals(array), decode_normals(encode_normals(truth))
             assert np.array_equal(array, truth)
         given = json.loads(sample.parts["json"])
         assert Recipe.from_hex(given["recipe"]) == recipe
@@ -236,7 +246,7 @@ def test_absent_files_are_found(folder):
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('"format": 1', '"format": 9'),
+        ('"format": 2', '"format": 9'),
         ('"shard": 0', '"shard": 1'),
         ('{"format"', '["format"'),
         ('"pairs": {', '"pairs": 3, "x": {'),
@@ -274,7 +284,7 @@ FULL = np.zeros((64, 128, 3), np.float16)
         ("object", "photo.png", png(np.zeros((128, 128, 3), np.uint8)), "got [128, 128, 3]"),
         ("object", "irradiance.png", png(np.zeros((64, 128, 3), np.uint8)), "got [64, 128, 3]"),
         ("object", "photo.png", b"\x89PNG\r\n\x1a\n cut", "expected a readable file"),
-        ("object", "depth.png", b"", "expected photo.png, irradiance.png, json, got"),
+        ("object", "depth.png", b"", "expected photo.png, irradiance.png, normals.png, json, got"),
         ("object", "json", b'{"recipe": 3}', "hexadecimal digits"),
         ("object", "json", drawn("object", 2)[1].parts["json"], "expected this pair's recipe"),
         ("object", "json", b"[]", "expected this pair's recipe"),
@@ -306,3 +316,13 @@ def test_parts_apart_are_refused(tmp_path):
             tar.addfile(tarfile.TarInfo(f"{key}.{name}"))
     with pytest.raises(InputError, match="together"):
         list(shards.read_samples(path))
+
+
+def test_normals_are_kept_within_half_a_degree(rng):
+    normals = rng.normal(size=(8, 8, 3)).astype(np.float32)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals[0] = 0
+    back = decode_normals(encode_normals(normals))
+    assert not back[0].any()
+    cosine = (back * normals).sum(-1)[1:] / np.linalg.norm(back[1:], axis=-1)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.5

@@ -56,7 +56,7 @@ def begin(made, estimator, monkeypatch):
         virtual = None
         if relit:
             virtual = VirtualObject(mesh=sphere(8), material="photo", arrangement=Arrangement(pitch_deg=15))
-        follower = MaskFollower(made / "masks", {}, None)
+        follower = MaskFollower({"mask": made / "masks"}, {}, {})
         clip = open_clip(made / "clip.mp4")
         return ClipRun(clip, folder, estimator, follower, settings, every=every, virtual=virtual)
 
@@ -72,9 +72,7 @@ def files_of(folder) -> dict[str, bytes]:
 
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_writes_a_track_and_maps(command, work, made):
-    done = command(
-        "video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "--json", "-q"
-    )
+    done = command("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "--json", "-q")
     assert done.status == 0, done.err
     assert json.loads(done.out)["bad"] == []
     track = json.loads((work / "out" / "track.json").read_text())
@@ -98,7 +96,7 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     for name, given in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
         options = ("--surroundings", *given) if given else ()
         done = command(
-            "video", made / "clip.mp4", "-o", name, "--masks", made / "masks", "--exr", "-q", *options
+            "video", made / "clip.mp4", "-o", name, "--mask", made / "masks", "--exr", "-q", *options
         )
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
@@ -133,7 +131,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
         made / "clip.mp4",
         "-o",
         "out",
-        "--masks",
+        "--mask",
         made / "masks",
         "-q",
         "--poses",
@@ -147,7 +145,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert json.loads((work / "out" / "track.json").read_text())["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
     assert "another poses" in command(*order).complaint
-    assert "expected one of them" in command(*order, "--object", "sphere").complaint
+    assert "expected one of them" in command(*order, "--insert", "sphere").complaint
 
 
 def test_every_nth_frame_has_a_light_of_its_own(begin, tmp_path):
@@ -161,7 +159,7 @@ def test_frame_without_object_keeps_the_light_and_is_named(begin, tmp_path, reli
     masks = write_masks(tmp_path / "masks", COUNT)
     Image.fromarray(0 * sphere_mask()).save(masks / "0004.png")
     run = begin(tmp_path / "out", relit=relit, every=2)
-    run.follower = MaskFollower(masks, {}, None)
+    run.follower = MaskFollower({"mask": masks}, {}, {})
     outcome = run(lambda done: None)
     assert [index for index, _ in outcome.bad] == [4]
     assert "empty mask" in outcome.bad[0][1]
@@ -176,7 +174,7 @@ def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
         Image.fromarray(sphere_mask() if number < COUNT else 0 * sphere_mask()).save(
             folder / f"m{number}.png"
         )
-    follower = MaskFollower(folder, {}, None)
+    follower = MaskFollower({"mask": folder}, {}, {})
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         assert follower.photo(frame).mask.any()  # m10, which is empty, comes last
 
@@ -192,7 +190,7 @@ def test_what_another_version_left_is_one_line(begin, tmp_path, cut):
 
 @pytest.mark.parametrize("where", [{"box": (12, 32, 70, 90)}, {"click": (40, 60)}])
 def test_object_of_the_first_frame_is_followed(made, where):
-    follower = MaskFollower(None, where, None)
+    follower = MaskFollower({}, where, {})
     truth = sphere_mask() > 127
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         mask = follower.photo(frame).mask > 0.5
@@ -200,7 +198,7 @@ def test_object_of_the_first_frame_is_followed(made, where):
 
 
 def test_another_object_is_not_taken_for_it(made):
-    follower = MaskFollower(None, {}, None)
+    follower = MaskFollower({}, {}, {})
     follower.last = [40.0, 60.0, 100.0, 20, 40, 60, 80]  # the sphere has some 1250 pixels
     with pytest.raises(InvalidMask, match="about 100 pixels"):
         follower.photo(next(read_frames(open_clip(made / "clip.mp4"), [])))
@@ -249,9 +247,9 @@ def test_killed_command_goes_on_to_the_same_files(tmp_path):
         PROGRAM,
         "video",
         clip,
-        "--masks",
+        "--mask",
         masks,
-        "--object",
+        "--insert",
         "sphere",
         "--every",
         "3",
@@ -302,12 +300,12 @@ def test_other_settings_are_refused(begin, tmp_path):
     [
         (("--box", "12,32,700,90"), "box: expected X0,Y0,X1,Y1"),
         (("--box", "12,32"), "--box: expected X0,Y0,X1,Y1"),
-        (("--box", "12,32,70,90", "--masks", "."), "expected one of them"),
-        (("--surroundings", "absent.png", "--masks", "."), "surroundings: absent.png"),
-        (("--masks", "."), "no frame gave a light"),
-        (("--masks", "absent"), "a folder with one mask"),
-        (("--object", "bunni"), "sphere, vase"),
-        (("--material", "glass", "--object", "sphere"), "chrome, gold"),
+        (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
+        (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
+        (("--mask", "."), "no frame gave a light"),
+        (("--mask", "absent"), "a mask file or folder, found none"),
+        (("--insert", "bunni"), "sphere, vase"),
+        (("--insert-material", "glass", "--insert", "sphere"), "chrome, gold"),
     ],
 )
 @pytest.mark.usefixtures("networks_opened_once")
@@ -324,7 +322,7 @@ def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "out" / "lights").mkdir(parents=True)
     mine = work / "out" / "lights" / "vase_blender.exr"
     mine.write_bytes(b"mine")
-    order = ("video", made / "clip.mp4", "-o", "out", "--masks", made / "masks", "--exr", "-q")
+    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--exr", "-q")
     assert command(*order, "--restart").status == 0
     assert command(*order, "--every", 5).status != 0  # other settings
     assert command(*order, "--every", 5, "--restart").status == 0
@@ -333,7 +331,7 @@ def test_restart_deletes_what_a_run_left_and_nothing_else(command, work, made):
     (work / "photos" / "lights").mkdir(parents=True)  # nothing of ours was ever here
     (work / "photos" / "lights" / "000001.exr").write_bytes(b"mine")
     (work / "empty").mkdir()
-    order = ("video", made / "clip.mp4", "-o", "photos", "--masks", work / "empty", "--restart", "-q")
+    order = ("video", made / "clip.mp4", "-o", "photos", "--mask", work / "empty", "--restart", "-q")
     assert command(*order).status != 0
     assert (work / "photos" / "lights" / "000001.exr").read_bytes() == b"mine"
 

@@ -42,7 +42,7 @@ def test_a_panorama_is_of_the_first_frames_camera(tmp_path, estimator, first_is_
         Image.fromarray(0 * sphere_mask()).save(masks / "0000.png")
     panorama = np.full((64, 128, 3), 60, np.uint8)
     panorama[28:36, 60:68] = 200
-    follower = MaskFollower(masks, {}, None, panorama)
+    follower = MaskFollower({"mask": masks}, {}, {}, panorama)
     poses = np.array([np.eye(3), rotation_y(np.pi / 2)])
     run = ClipRun(open_clip(clip), tmp_path / "out", estimator, follower, {}, exr=True, poses=poses)
     assert len(run(lambda done: None).bad) == (0 if first_is_lit else 1)
@@ -62,7 +62,7 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
     frame = first_frame(write_clip(tmp_path / "clip.mp4", [sphere_frame(made_map())]))
     masks = write_masks(tmp_path / "masks", 1)
     expected = load_photo(frame.rgb, mask=masks / "0000.png", surroundings=path).surroundings_map
-    follower = MaskFollower(masks, {}, None, path)
+    follower = MaskFollower({"mask": masks}, {}, {}, path)
     path.unlink()
     for _ in range(2):
         np.testing.assert_array_equal(follower.photo(frame).surroundings_map, expected)
@@ -82,7 +82,7 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
         Image.fromarray(np.ascontiguousarray(mask)).save(work / "masks" / name)
     frames = [{"transform_matrix": np.eye(4).tolist()}] * 2
     (work / "poses.json").write_text(json.dumps({"frames": frames, "camera_angle_x": 2 * np.arctan(0.3)}))
-    order = ("video", "clip.mp4", "--masks", "masks", "--poses", "poses.json", "-q")
+    order = ("video", "clip.mp4", "--mask", "masks", "--poses", "poses.json", "-q")
     for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
         done = command(*order, "-o", folder, *given)
         assert done.status == 0, done.err
@@ -109,7 +109,7 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
     virtual = VirtualObject(mesh=sphere(8), material="chrome", arrangement=Arrangement(pitch_deg=15))
 
     def run(folder, stop_at=None):
-        follower = MaskFollower(None, {}, None, "photo")
+        follower = MaskFollower({}, {}, {}, "photo")
         one = ClipRun(open_clip(clip), tmp_path / folder, estimator, follower, {}, virtual=virtual)
 
         def watch(done):
@@ -133,14 +133,14 @@ def test_other_masks_or_another_panorama_under_the_same_name_are_refused(command
     panorama = np.full((64, 128, 3), 90, np.uint8)
     Image.fromarray(panorama).save(work / "around.png")
     order = ("video", "clip.mp4", "-o", "out", "-q")
-    given = ("--masks", "masks", "--surroundings", "around.png")
+    given = ("--mask", "masks", "--surroundings", "around.png")
     assert command(*order, *given).status == 0
     assert command(*order, *given).status == 0
     Image.fromarray(panorama + np.uint8(20)).save(work / "around.png")
     assert "got another surroundings;" in command(*order, *given).complaint
     Image.fromarray(panorama).save(work / "around.png")
     Image.fromarray(np.roll(sphere_mask(), 1, axis=0)).save(masks / "0001.png")
-    assert "got another masks;" in command(*order, *given).complaint
+    assert "got another files;" in command(*order, *given).complaint
     Image.fromarray(sphere_mask()).save(masks / "0001.png")
     masks.rename(work / "moved")
-    assert command(*order, "--masks", "moved", *given[2:]).status == 0
+    assert command(*order, "--mask", "moved", *given[2:]).status == 0

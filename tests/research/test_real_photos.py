@@ -187,7 +187,7 @@ def test_a_mixed_folder_gives_both_groups(folder):
 
 def test_a_table_of_light_directions_alone_is_read(folder):
     (folder / "lights.csv").write_text(
-        "file,mask,object,material,x,y,z\nball.png,sphere_mask.png,sphere,matte,0,0.6,0.8\n"
+        "file,mask,object,material,x,y,z\nsphere.png,sphere_mask.png,sphere,matte,0,0.6,0.8\n"
     )
     (row,) = read_real(folder)
     assert (row["photo"], row["mask"], row["lamp"]) == ("sphere.png", "sphere_mask.png", "0 0.6 0.8")
@@ -195,7 +195,7 @@ def test_a_table_of_light_directions_alone_is_read(folder):
 
 def test_lamps_alone_need_no_other_columns(folder):
     (folder / "manifest.csv").write_text(
-        "photo,mask,lamp,kind\nball.png,sphere_mask.png,0 0 1,diffuse\n", encoding="utf-8"
+        "photo,mask,lamp,kind\nsphere.png,sphere_mask.png,0 0 1,diffuse\n", encoding="utf-8"
     )
     rows = read_real(folder)
     assert list(load_real(folder, rows)) == []

@@ -14,8 +14,8 @@ import anyprobe
 SOURCE = Path(anyprobe.__file__).parent
 
 ORDER = (
-    "errors core light scatter render files export masks nets dataset estimate relight video "
-    "evaluate train serve cli __init__"
+    "errors core light scatter render files export detail nets masks dataset estimate relight video "
+    "evaluate train serve cli __init__ __main__"
 ).split()
 """A part may import itself and the parts before it."""
 
@@ -34,7 +34,7 @@ ONLY = {
     "drjit": {"relight"},
     "fastapi": {"serve"},
     "starlette": {"serve"},
-    "uvicorn": {"cli"},
+    "uvicorn": {"cli", "serve"},
     "cryptography": {"serve"},
 }
 """Packages that not every part may import."""

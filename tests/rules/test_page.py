@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
 PAGE = ROOT / "src" / "anyprobe" / "serve" / "page"
 
-PARTS = ("api", "build", "index.html", "package-lock.json", "package.json", "src", "vite.config.js")
+PARTS = ("api", "build", "index.html", "package-lock.json", "package.json", "page", "src", "vite.config.js")
 MAX_BYTES = 10 * 2**20
 
 
@@ -51,6 +53,12 @@ def test_page_stays_small():
 def test_page_asks_no_other_machine_for_anything():
     html = (PAGE / "index.html").read_text(encoding="utf-8")
     assert not re.search(r"""(src|href)=["'](https?:)?//""", html)
+
+
+def test_npm_package_is_of_the_same_release():
+    package = json.loads((WEB / "package.json").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert [package["version"], package["license"]] == [project["version"], project["license"]]
 
 
 def test_digest_sees_every_change_and_nothing_else(web):

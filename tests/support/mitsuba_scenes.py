@@ -41,7 +41,9 @@ def open_mitsuba():
     """
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         versions = {int(m[1]): p for p in glob(LLVM) if (m := re.search(r"libLLVM-(\d+)\.so$", p))}
-        if versions and max(versions) >= OLDEST_LLVM:
+        if versions and max(versions) < OLDEST_LLVM:
+            raise NoMitsuba(f"LLVM {OLDEST_LLVM} or newer is needed (apt-get install libllvm19)")
+        if versions:
             os.environ["DRJIT_LIBLLVM_PATH"] = versions[max(versions)]
     trial = (
         "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr; "

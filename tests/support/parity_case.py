@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
@@ -21,6 +22,19 @@ HINTS = {
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
 }
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03, 0.05, 0.04, 0.03, 0.05]
+
+
+STEPS = np.arange(256) / 200
+"""Radiance or display values, the last ones above white."""
+
+
+def _normals(mask: np.ndarray) -> np.ndarray:
+    """[H, W, 3] float32: something like a ball's around the mask's middle, zero beside it."""
+    y, x = np.mgrid[0 : mask.shape[0], 0 : mask.shape[1]].astype(np.float64)
+    x, y = (x - x[mask > 0.5].mean()) / mask.shape[1], (y[mask > 0.5].mean() - y) / mask.shape[0]
+    n = np.stack([x, y, np.full_like(x, 0.5)], axis=-1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    return np.where(mask[..., None] > 0.5, n, 0.0).astype(np.float32)
 
 
 def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,14 +70,23 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "dominant_light": np.concatenate(
             [main.direction, main.irradiance, main.color, [main.solid_angle, main.confidence]]
         ),
+        "confidence": light.confidence,
+        "exposure": [light.sidecar()["confidence"], light.well_exposed_fraction],
+        "curve": response(STEPS),
+        "curve_inverse": inverse_response(STEPS),
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
     if estimator.models.stages == LIFT_STAGES:
-        given = replace(loaded, surroundings=True)
-        answers["around"] = crop_object(given).surroundings_map.transpose(2, 0, 1)
-        answers["radiance_told"] = estimator.from_photo(given).radiance
-        answers["radiance_spread"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
+        with_background = replace(loaded, surroundings_map=True)
+        answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
+        lit = estimator.from_photo(with_background)
+        answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
+        answers["radiance_expected"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
+        answers["normals"] = _normals(loaded.mask)
+        with_normals = replace(loaded, normals=answers["normals"])
+        answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
+        answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, hints in HINTS.items():
         answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover

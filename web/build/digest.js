@@ -4,7 +4,7 @@ import { createHash } from "node:crypto";
 import { readFileSync, readdirSync, statSync } from "node:fs";
 import { join, sep } from "node:path";
 
-const PARTS = ["api", "build", "index.html", "package-lock.json", "package.json", "src", "vite.config.js"];
+const PARTS = ["api", "build", "index.html", "package-lock.json", "package.json", "page", "src", "vite.config.js"];
 
 /** SHA-256 over "path, length, content" of every source file, paths with / and in order. */
 export function sourceDigest(web) {

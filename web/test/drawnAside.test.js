@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { DrawnAside, upright } from "../src/view/drawnAside.js";
+import { DrawnAside, upright } from "../page/view/drawnAside.js";
 
 const [LOW, HIGH] = [[10, 20, 30, 255], [200, 100, 50, 255]];
 

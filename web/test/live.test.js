@@ -116,51 +116,60 @@ test("a camera that is turned is looked at anew: nothing of its last pictures is
   assert.deepEqual(told[2].on, [[HEIGHT / 2, WIDTH / 2]]);
 });
 
-test("what is seen around the object is told while it is asked for, and part of the light", async () => {
-  const told = [];
-  const light = async (image, tanHalf, { around }) => {
-    told.push(around !== null);
+test("the background is given to the network while that is wanted, and becomes part of the light", async () => {
+  const given = [];
+  const light = async (image, tanHalf, { surroundings }) => {
+    given.push(surroundings !== null);
     return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
   };
   const inside = Float32Array.from({ length: WIDTH * HEIGHT }, (_, i) => (i % WIDTH >= 50 && i % WIDTH < 110 ? 1 : 0));
-  const lights = new FrameLight({ light }, async () => inside, { on: [], off: [] }, 65);
+  const lights = new FrameLight({ light, lifts: true }, async () => inside, { on: [], off: [] }, 65);
   const answers = [];
-  for (const asked of [false, true, false]) {
-    lights.asked = { surroundings: asked, spread: false };
+  for (const surroundings of [false, true, false]) {
+    lights.options = { surroundings };
     answers.push(await lights.next(frameOf(10, 0, numbers(1)), answers.length * 10));
   }
-  assert.deepEqual(told, [false, true, false]);
-  assert.deepEqual(answers.map(({ known }) => known.surroundings > 0.01), [false, true, false]);
+  assert.deepEqual(given, [false, true, false]);
+  assert.deepEqual(answers.map(({ light: { priors } }) => priors.surroundings > 0.01), [false, true, false]);
   const beside = 3 * (32 * 128 + 75); // 32 degrees to the right of the middle: the dark ground
   const [before, during] = answers.map(({ light: { radiance } }) => radiance[beside]);
   assert.ok(during < 0.5 * before, `${during} after ${before}`);
 });
 
-test("lamps are spread while that is asked for", async () => {
-  const told = [];
-  const light = async (image, tanHalf, { spread }) => {
-    told.push(spread);
+test("light sources are softened while that is wanted", async () => {
+  const given = [];
+  const light = async (image, tanHalf, { emitters }) => {
+    given.push(emitters);
     return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
   };
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
-  const lights = new FrameLight({ light }, async () => inside, { on: [], off: [] }, 65);
+  const lights = new FrameLight({ light, lifts: true }, async () => inside, { on: [], off: [] }, 65);
   const answers = [await lights.next(frameOf(10, 0, numbers(1)), 0)];
-  lights.asked = { surroundings: false, spread: true };
+  lights.options = { emitters: "expected" };
   answers.push(await lights.next(frameOf(10, 0, numbers(1)), 1));
-  assert.deepEqual(told, [false, true]);
-  assert.deepEqual(answers.map(({ spread }) => spread), told);
+  assert.deepEqual(given, ["mode", "expected"]);
+  assert.deepEqual(answers.map(({ light }) => light.emitters), given);
 });
 
-test("balls, stages and mask come now and then", async () => {
+test("spheres and stages are made for those who show them alone", async () => {
+  const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
+  const lights = new FrameLight(models, async () => new Float32Array(WIDTH * HEIGHT).fill(1), { on: [], off: [] }, 65, {}, false);
+  for (let i = 0; i < 9; i++) {
+    const { spheres, stages } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
+    assert.ok(!spheres && !stages);
+  }
+});
+
+test("spheres, stages and mask come now and then", async () => {
   const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
   const lights = new FrameLight(models, async () => inside, { on: [], off: [] }, 65);
   const kinds = [];
   for (let i = 0; i < 9; i++) {
-    const { balls, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
-    kinds.push(`${balls ? "balls " : ""}${stages ? "stages " : ""}${mask ? "mask" : ""}`.trim());
+    const { spheres, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
+    kinds.push(`${spheres ? "spheres " : ""}${stages ? "stages " : ""}${mask ? "mask" : ""}`.trim());
   }
-  assert.deepEqual(kinds, ["balls mask", "", "", "", "stages", "", "", "", "balls"]);
+  assert.deepEqual(kinds, ["spheres mask", "", "", "", "stages", "", "", "", "spheres"]);
 });
 
 test("frames that are overtaken are dropped, the newest is worked on", async () => {

@@ -4,8 +4,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Group, Mesh, MeshStandardMaterial, SphereGeometry, Texture } from "three";
 
-import { outlineOf } from "../src/view/outline.js";
-import { dispose, dress, openModel } from "../src/view/virtualObjects.js";
+import { outlineOf } from "../page/view/outline.js";
+import { dispose, dress, openModel } from "../page/view/virtualObjects.js";
 
 /** A file of the format's two chunks. */
 function glb(document, body = new Uint8Array(0)) {

@@ -3,7 +3,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Networks } from "../src/networks/client.js";
+import { ProbeOpener } from "../page/probe.js";
+import { WEIGHTS, integrityOf } from "../build/weights.js";
+import { INTEGRITY } from "../src/networks/integrity.js";
 import { Models } from "../src/networks/models.js";
 
 const workers = [];
@@ -25,20 +27,23 @@ globalThis.Worker = class {
 const config = { weights: { light: "weights/light.onnx" } };
 
 test("what failed once is tried again, in another thread; what is open stays", async () => {
-  const networks = new Networks(() => {}, 0);
-  const failing = [networks.open(config), networks.open(config)];
+  const opener = new ProbeOpener(config, () => {}, 0);
+  const failing = [opener.open(), opener.open()];
   workers[0].onmessage({ data: { id: workers[0].asked[0].id, error: "not there" } });
   for (const one of failing) await assert.rejects(one, /not there/);
   assert.ok(workers[0].isEnded && workers[0].asked.length === 1);
+  const { task, weights, runtime, engine, threads } = workers[0].asked[0];
+  assert.deepEqual([task, weights.light, runtime], ["open", "http://localhost/weights/light.onnx", "http://localhost/ort/"]);
+  assert.deepEqual([engine, threads], ["wasm", 2]);
 
-  const opening = networks.open(config);
+  const opening = opener.open();
   workers[1].onerror({}); // its script could not be fetched
   await assert.rejects(opening, /could not be started/);
 
-  const again = networks.open(config);
+  const again = opener.open();
   workers[2].onmessage({ data: { id: workers[2].asked[0].id, result: { hasMask: true } } });
-  assert.deepEqual(await again, { hasMask: true });
-  assert.equal(networks.open(config), again);
+  assert.equal((await again).hasMask, true);
+  assert.equal(opener.open(), again);
   assert.equal(workers.length, 3);
 });
 
@@ -49,11 +54,40 @@ test("a graph that cannot be fetched is named", async () => {
   try {
     globalThis.fetch = async () => new Response("gone", { status: 404 });
     await assert.rejects(Models.open(ort, weights), /^Error: light\.onnx could not be fetched \(answer 404\)$/);
+    globalThis.fetch = async (_, { integrity }) => new Response(integrity);
+    const hashed = { light: { url: weights.light, integrity: "sha384-" } };
+    assert.deepEqual((await Models.open(ort, hashed)).sessions.light.bytes, new TextEncoder().encode("sha384-"));
     globalThis.fetch = async () => Promise.reject(new TypeError("Failed to fetch"));
     await assert.rejects(Models.open(ort, weights), /^Error: light\.onnx could not be fetched \(Failed to fetch\)$/);
     globalThis.fetch = async () => new Response(Uint8Array.of(1, 2));
     assert.deepEqual((await Models.open(ort, weights)).sessions.light.bytes, Uint8Array.of(1, 2));
   } finally {
     globalThis.fetch = fetch;
+  }
+});
+
+test("the hashes are those of the networks that the Python package carries", () => {
+  for (const [name, path] of Object.entries(WEIGHTS)) {
+    assert.equal(INTEGRITY[name], integrityOf(path), `${name}: npm run weights writes the hashes anew`);
+  }
+});
+
+test("a graph of either contract is fed and read by name", async () => {
+  const names = [
+    [["photo", "tan_half", "known_normals", "around"], ["irradiance", "ln_radiance", "confidence", "normals", "ln_expected"]],
+    [["surroundings", "photo", "given_normals", "tan_half"], ["ln_radiance_expected", "ln_radiance", "irradiance", "confidence", "normals"]],
+  ];
+  const ort = { Tensor: class { constructor(_, data) { this.data = data; } } };
+  for (const [inputNames, outputNames] of names) {
+    const run = async (feeds) => {
+      assert.deepEqual(Object.keys(feeds).sort(), [...inputNames].sort());
+      const data = { irradiance: 0.5, ln_radiance: 0, confidence: 0.25, normals: 9, ln_expected: 1, ln_radiance_expected: 1 };
+      return Object.fromEntries(outputNames.map((name) => [name, { data: new Float32Array(3).fill(data[name]) }]));
+    };
+    const models = new Models(ort, { light: { inputNames, outputNames, run } }, "wasm");
+    const light = (options) => models.light(new Float32Array(1), 1, options);
+    assert.equal((await light({})).radiance[0], 1);
+    assert.ok(Math.abs((await light({ emitters: "expected" })).radiance[0] - Math.E) < 1e-6);
+    assert.equal((await light({})).confidence[0], 0.25);
   }
 });

@@ -4,14 +4,14 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { BoxGeometry, Group, Matrix4, Mesh, PerspectiveCamera, SphereGeometry } from "three";
 
-import { extentOf, outlineOf } from "../src/view/outline.js";
-import { beside } from "../src/view/placement.js";
+import { extentOf, outlineOf } from "../page/view/outline.js";
+import { beside, contactOf, likelyPitchDeg } from "../page/view/placement.js";
 
 const [WIDTH, HEIGHT] = [600, 400];
 
 /** A flat thing so wide and high that stands on its foot; further up in the photo it is smaller. */
 const card = (wide, high) => ({ x, y, share }) => {
-  const scale = share * (0.5 + (0.5 * y) / HEIGHT);
+  const scale = share * Math.max(0.5 + (0.5 * y) / HEIGHT, 0.1);
   return [x - (wide * scale) / 2, y - high * scale, x + (wide * scale) / 2, y + 0.1 * high * scale];
 };
 
@@ -21,29 +21,30 @@ test("nothing is cut off by the border, and what can stands beside", () => {
   for (const box of [[10, 20, 150, 180], [200, 100, 400, 300], [480, 300, 599, 399], [5, 5, 595, 395], [0, 200, 330, 400]]) {
     for (const [wide, high] of [[100, 100], [700, 120], [60, 700], [20, 30]]) {
       const extentAt = card(wide, high);
-      const spot = beside({ width: WIDTH, height: HEIGHT, box }, extentAt);
+      const spot = beside({ width: WIDTH, height: HEIGHT, box, row: box[3], behind: box[3] - 60 }, extentAt);
       const covered = extentAt(spot);
       assert.ok(isInside(covered), `${box} ${wide} ${high}: ${covered}`);
       const isBeside = covered[0] >= box[2] || covered[2] <= box[0];
-      assert.ok(isBeside || spot.share <= 0.4, `${box} ${wide} ${high}: ${covered}`);
+      assert.ok(isBeside || spot.isBehind, `${box} ${wide} ${high}: ${covered}`);
+      if (isBeside && !spot.isBehind) assert.ok(Math.abs(covered[3] - Math.min(box[3], HEIGHT - 12)) < 2, `${box} ${wide} ${high}: ${covered}`);
       assert.ok(spot.share > 0.1);
     }
   }
 });
 
 test("it is as large as asked where there is room, on the roomier side, and on the other where only that holds it", () => {
-  const right = beside({ width: WIDTH, height: HEIGHT, box: [100, 100, 250, 300] }, card(120, 120));
+  const right = beside({ width: WIDTH, height: HEIGHT, box: [100, 100, 250, 300], row: 300, behind: 250 }, card(120, 120));
   assert.equal(right.share, 1);
   assert.ok(right.x > 250);
-  const left = beside({ width: WIDTH, height: HEIGHT, box: [350, 100, 500, 300] }, card(120, 120));
+  const left = beside({ width: WIDTH, height: HEIGHT, box: [350, 100, 500, 300], row: 300, behind: 250 }, card(120, 120));
   assert.ok(left.share === 1 && left.x < 350);
   // things beyond its left are drawn so large that only the right holds them
   const uneven = (spot) => card(spot.x < 300 ? 900 : 60, 60)(spot);
-  const other = beside({ width: WIDTH, height: HEIGHT, box: [310, 100, 480, 300] }, uneven);
+  const other = beside({ width: WIDTH, height: HEIGHT, box: [310, 100, 480, 300], row: 300, behind: 250 }, uneven);
   assert.ok(other.x > 480 && other.share > 0.9);
 });
 
-test("a ball's outline covers what its silhouette does, of few points or many", () => {
+test("a sphere's outline covers what its silhouette does, of few points or many", () => {
   const camera = new PerspectiveCamera(40, WIDTH / HEIGHT);
   const away = 5;
   const clip = new Matrix4().multiplyMatrices(camera.projectionMatrix, new Matrix4().makeTranslation(0, 0, -away));
@@ -51,8 +52,8 @@ test("a ball's outline covers what its silhouette does, of few points or many", 
   const tangent = radius / Math.sqrt(away ** 2 - radius ** 2);
   const px = (tangent / Math.tan((20 * Math.PI) / 180)) * (HEIGHT / 2);
   for (const [across, down] of [[40, 20], [256, 128]]) {
-    const ball = new Group().add(new Mesh(new SphereGeometry(radius, across, down)));
-    const [x0, y0, x1, y1] = extentOf(outlineOf(ball), clip, WIDTH, HEIGHT);
+    const sphere = new Group().add(new Mesh(new SphereGeometry(radius, across, down)));
+    const [x0, y0, x1, y1] = extentOf(outlineOf(sphere), clip, WIDTH, HEIGHT);
     for (const [found, expected] of [[x0, 300 - px], [x1, 300 + px], [y0, 200 - px], [y1, 200 + px]]) {
       assert.ok(Math.abs(found - expected) < 0.02 * px, `${found} ${expected}`);
     }
@@ -70,4 +71,23 @@ test("parts are taken where they stand in their group, and what reaches behind t
   assert.deepEqual([Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)], [1.5, 2.5, -0.5, 0.5]);
   const camera = new PerspectiveCamera(40, 1);
   assert.ok(!isInside(extentOf(outline, camera.projectionMatrix, WIDTH, HEIGHT)));
+});
+
+test("an object touches the ground at its lower border, not below its box's middle, and specks are none of it", () => {
+  const mask = new Float32Array(WIDTH * HEIGHT);
+  const fill = (x0, y0, x1, y1) => {
+    for (let y = y0; y < y1; y++) mask.fill(1, y * WIDTH + x0, y * WIDTH + x1);
+  };
+  fill(100, 50, 300, 200); // a head that leans over
+  fill(100, 200, 160, 300); // its foot
+  fill(220, 330, 222, 332);
+  const [x, y] = contactOf(mask, WIDTH, [100, 50, 300, 332]);
+  assert.deepEqual([x, y], [130, 300]);
+});
+
+test("an unknown camera is level where the ground is seen from above, and looks down where it would be seen edge-on", () => {
+  const focal = 600;
+  assert.equal(likelyPitchDeg(HEIGHT, HEIGHT, focal), 0);
+  const pitch = likelyPitchDeg(HEIGHT / 2, HEIGHT, focal);
+  assert.ok(Math.abs(pitch - 12) < 1e-9);
 });

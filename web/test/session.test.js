@@ -3,7 +3,8 @@
 import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
 
-import { LiveSession } from "../src/live/session.js";
+import { AnyProbe } from "../src/anyprobe.js";
+import { LiveSession } from "../page/live/session.js";
 
 const LIVE = "Live, in this browser.";
 const LOST = /^No object is seen/;
@@ -62,13 +63,24 @@ function makeStream() {
 const settle = () => new Promise((resolve) => setTimeout(resolve, 5));
 
 /** A session beside networks that are open at once and a page that notes what is asked of it. */
-function begin({ opening = Promise.resolve({ hasMask: true, provider: "wasm", threads: 1 }), play = async () => {} } = {}) {
-  const video = { size: [64, 48], srcObject: null, play, requestVideoFrameCallback: () => {} };
+function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
+  const video = {
+    size: [64, 48],
+    srcObject: null,
+    play,
+    requestVideoFrameCallback: () => {},
+    get videoWidth() {
+      return this.size[0];
+    },
+    get videoHeight() {
+      return this.size[1];
+    },
+  };
   const asked = [];
   const page = { shown: 0, faults: [], placed: [], opened: [], asked };
   const networks = {
     spares: [],
-    open: () => opening,
+    open: () => opening.then(() => new AnyProbe(networks, { hasMask: true, engine: "wasm", threads: 1 })),
     ask: async (task, given) => void asked.push({ task, ...given }),
     give: () => {},
   };
@@ -85,7 +97,7 @@ function begin({ opening = Promise.resolve({ hasMask: true, provider: "wasm", th
     light: { show: () => {} },
     stages: { show: () => {} },
     editor: { open: ({ width, height }) => page.opened.push([width, height]), showOn: () => {} },
-    asked: () => ({ surroundings: false, spread: false }),
+    options: () => ({ surroundings: false, emitters: "mode" }),
     onShown: () => {},
     onFault: (error) => page.faults.push(error.message),
   });
@@ -249,9 +261,9 @@ test("what is clicked on before the networks are open is told with the start", a
   cameras[0].resolve(makeStream());
   await settle();
   session.mark({ on: [[32, 24]], off: [], box: null });
-  session.ask();
+  session.setOptions();
   assert.deepEqual(page.asked, []);
-  open({ hasMask: true, provider: "wasm", threads: 1 });
+  open();
   await settle();
   assert.deepEqual(page.asked.map(({ task }) => task), ["startLive"]);
   assert.deepEqual(page.asked[0].hints, { on: [[0.5, 0.5]], off: [], box: null });
@@ -264,9 +276,9 @@ test("what is stopped while the networks' thread begins does not go on", async (
   session.start();
   cameras[0].resolve(makeStream());
   await settle();
-  const { live } = session;
+  const { tracker } = session.live;
   session.stop();
   told();
   await settle();
-  assert.ok(!live.running && networks.onLive === undefined);
+  assert.ok(!tracker.running && networks.onLive === undefined);
 });

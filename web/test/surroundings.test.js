@@ -1,4 +1,4 @@
-/** What is seen in the place of the guess, as anyprobe.infer.surroundings has it. */
+/** What is seen in the place of the prediction, as anyprobe.estimate.surroundings has it. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -10,13 +10,13 @@ import { useSurroundings } from "../src/photo/surroundings.js";
 const PIXELS = 64 * 128;
 const WHITE = 0.97;
 
-/** The first pixel where a photo shows display values `shown` there, and grey elsewhere, and `lamp` was guessed everywhere. */
+/** The first pixel where a photo shows display values `shown` there, and grey elsewhere, and `lamp` was predicted everywhere. */
 function seenFor(shown, lamp) {
-  const around = new Float32Array(4 * PIXELS);
+  const surroundings = new Float32Array(4 * PIXELS);
   const radiance = Float32Array.from({ length: 3 * PIXELS }, (_, i) => lamp[i % 3]);
-  for (let channel = 0; channel < 3; channel++) around[channel * PIXELS] = shown[channel];
-  around[3 * PIXELS] = 1;
-  return [...useSurroundings({ radiance }, around).radiance.slice(0, 3)];
+  for (let channel = 0; channel < 3; channel++) surroundings[channel * PIXELS] = shown[channel];
+  surroundings[3 * PIXELS] = 1;
+  return [...useSurroundings({ radiance }, surroundings).radiance.slice(0, 3)];
 }
 
 function assertHue(found, shown) {
@@ -28,17 +28,17 @@ function assertHue(found, shown) {
 }
 
 for (const shown of [[0.5, 0.7, 1], [0.6, 0.98, 0.6], [0.99, 1, 0.8]]) {
-  test(`${shown} keeps its hue, whatever lamp was guessed there`, () => {
+  test(`${shown} keeps its hue, whatever light source was predicted there`, () => {
     const found = seenFor(shown, [30, 20, 10]);
     assertHue(found, shown);
     const most = Math.max(...found.filter((_, c) => shown[c] < WHITE).map(response));
-    assert.ok(Math.abs(most - WHITE) < 1e-3, `${found}`); // what is not burnt out does not become it
+    assert.ok(Math.abs(most - WHITE) < 1e-3, `${found}`); // what is not clipped does not become it
     const dark = seenFor(shown, [0.1, 0.1, 0.1]);
     dark.forEach((value, c) => assert.ok(Math.abs(value - inverseResponse(shown[c])) < 1e-4, `${dark}`));
   });
 }
 
-test("what is burnt out altogether is as bright as the guess", () => {
+test("what is clipped altogether is as bright as the prediction", () => {
   const shown = [1, 1, 0.98];
   const found = seenFor(shown, [20, 20, 20]);
   assertHue(found, shown);

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from anyprobe import __version__
 from anyprobe.cli.data import data
@@ -13,31 +15,41 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
+from anyprobe.cli.quiet import own_lines
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
 from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 
+USERS = (estimate, mask, relight, video, export, serve, doctor)
+MAKERS = (evaluate, train, weights)
+"""Commands for training and evaluation; `data` is one too."""
+
+
+class Sections(TyperGroup):
+    """Lists users' commands first, then those for training and evaluation."""
+
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
+        names = {command.__name__ for command in USERS}
+        sections: dict[str, list[tuple[str, str]]] = {"Commands": [], "Training and evaluation": []}
+        for name in self.list_commands(ctx):
+            command = self.get_command(ctx, name)
+            title = "Commands" if name in names else "Training and evaluation"
+            sections[title].append((name, command.get_short_help_str(formatter.width - 20)))
+        for title, rows in sections.items():
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
 app = typer.Typer(
     help="Any object is a light probe: HDR surrounding light from one photo.",
+    cls=Sections,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    estimate,
-    mask,
-    relight,
-    video,
-    export,
-    serve,
-    evaluate,
-    doctor,
-    train,
-    weights,
-):
+for command in (*USERS, *MAKERS):
     app.command()(command)
 app.add_typer(data, name="data")
 
@@ -60,7 +72,8 @@ def _options(
 def main() -> None:
     """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
     try:
-        app()
+        with own_lines():
+            app()
     except AnyprobeError as error:
         print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
         sys.exit(2)

@@ -1,4 +1,4 @@
-"""anyprobe data fetch and assets: free maps and models for training from those who publish them; whose they are."""
+"""anyprobe data fetch and assets: free maps and models for training from their publishers, and their credits."""
 
 from __future__ import annotations
 
@@ -185,6 +185,4 @@ def _report(outcomes: list, chosen: list, talk: Console, to: Path) -> None:
     manifests = ", ".join(
         str(to / FOLDERS[kind] / "manifest.csv") for kind in dict.fromkeys(r[0] for r in rows)
     )
-    talk.print(
-        f"Powered by Poly Haven (https://polyhaven.com), CC0; who made what: {manifests}", soft_wrap=True
-    )
+    talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)

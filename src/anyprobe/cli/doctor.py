@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import platform
+import re
 import time
 from typing import Annotated
 
@@ -11,37 +13,29 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from anyprobe import __version__
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
-
-PACKAGES = (
-    "anyprobe",
-    "numpy",
-    "onnxruntime",
-    "Pillow",
-    "OpenEXR",
-    "array-api-compat",
-    "rembg",
-    "pillow-heif",
-    "torch",
-)
 
 
 def doctor(
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
 ) -> None:
-    """Print versions, providers and model hashes, and estimate the light of a drawn sphere."""
+    """Check versions, print providers and model hashes, and estimate the light of a drawn sphere."""
     import onnxruntime
 
     from anyprobe.estimate.runtime import file_hashes
 
     talk = Console(highlight=False)
     talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
-    for package in PACKAGES:
+    wanted = lowest_versions()
+    talk.print(f"anyprobe {__version__}")
+    for package in wanted:
         try:
             talk.print(f"{package} {importlib.metadata.version(package)}")
         except importlib.metadata.PackageNotFoundError:
             talk.print(f"{package} not installed (optional)")
+    check_versions(wanted)
     talk.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
     for stage, digest in file_hashes(model).items():
         talk.print(f"model {model}/{stage} sha256 {digest}")
@@ -55,6 +49,31 @@ def doctor(
 
 
 SELF_TEST_DEG = 45
+
+
+def lowest_versions() -> dict[str, str]:
+    """Every package that this one can use, and the lowest version of it that works."""
+    found = (
+        re.match(r"([\w.-]+)\s*>=\s*([\w.]+)", one) for one in importlib.metadata.requires("anyprobe") or ()
+    )
+    return {one[1]: one[2] for one in found if one}
+
+
+def check_versions(wanted: dict[str, str]) -> None:
+    """ModelError where a package is older than it must be; one that is absent is missed where it is used."""
+    old = []
+    for package, lowest in wanted.items():
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            version = importlib.metadata.version(package)
+            if _numbers(version) < _numbers(lowest):
+                old.append(f"{package} {lowest} or newer, got {version}")
+    if old:
+        raise ModelError(f"packages: expected {'; '.join(old)}; update with pip install -U")
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """1.20.3rc1 as 1, 20, 3."""
+    return tuple(int(number) for number in re.findall(r"\d+", re.split(r"(?:a|b|rc|\.dev|\+)", version)[0]))
 
 
 def self_test(model: str) -> tuple[float, float]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -17,27 +18,24 @@ from rich.progress import track
 from rich.table import Column, Table
 
 from anyprobe.cli.options import (
-    AlbedoOption,
-    BoxOption,
-    ClickOption,
-    DepthOption,
-    EmittersOption,
-    FarOption,
-    MaskOption,
-    MaterialOption,
-    NearOption,
-    NormalsOption,
-    NotOption,
-    SurroundingsOption,
+    STDIN,
+    DetailOptions,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    hints_for,
     list_photos,
-    read_material,
-    read_normals_option,
-    read_surroundings_option,
-    read_where,
-    where_for,
+    photo_source,
+    with_bundles,
 )
 from anyprobe.errors import AnyprobeError, InputError, OutputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
+
+if TYPE_CHECKING:
+    from anyprobe.estimate.estimator import Estimator
+    from anyprobe.estimate.photo import Photo
+    from anyprobe.estimate.result import Light
+    from anyprobe.scatter.materials import Material
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,125 +49,122 @@ class Done:
     error: str = ""
 
 
+@with_bundles
 def estimate(
-    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
+    photos: Annotated[
+        list[Path],
+        typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
+    ],
+    taken: ObjectOptions,
+    by: ModelOptions,
+    fine: DetailOptions,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
-    mask: MaskOption = None,
-    click: ClickOption = None,
-    click_off: NotOption = None,
-    box: BoxOption = None,
-    depth: DepthOption = None,
-    near: NearOption = None,
-    far: FarOption = None,
-    fov: Annotated[
-        float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
-    ] = None,
-    normals: NormalsOption = None,
-    material: MaterialOption = None,
-    albedo: AlbedoOption = None,
-    surroundings: SurroundingsOption = None,
-    emitters: EmittersOption = MODE,
     poses: Annotated[
         Path | None,
         typer.Option(
-            help="JSON of how the photos' cameras are turned: all show one object in one place and give one light."
+            help="JSON of the photos' camera rotations: several views of one object give one light."
         ),
     ] = None,
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object per photo on stdout.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    size: Annotated[int, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.")] = 512,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
-    from anyprobe.estimate.estimator import Estimator
-
-    where = read_where(mask, box, click, click_off, depth, near, far) | {
-        "normals": read_normals_option(normals),
-        "surroundings": read_surroundings_option(surroundings),
-    }
-    known = read_material(material, albedo)
+    hints, material = taken.photo_hints() | {"fov_deg": taken.fov}, taken.given_material()
     listed = list_photos(photos)
-    estimator = Estimator(model, emitters=emitters)
+    estimator = by.estimator(size=size, **fine.settings())
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(
         listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
     )
+    job = Job(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
     if poses is not None:
-        done = _together(estimator, steps, poses, out, where, fov, known, as_json, listed)
-        return _report([done], talk, out)
-    done = [_one(estimator, path, out, where, fov, known, as_json, listed) for path in steps]
+        done = [job.together(steps, poses)]
+        _report(done, talk, out)
+        if taken.strict and done[0].warnings:
+            raise typer.Exit(2)
+        return
+    done = [job.one(path) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)
     for one in failed:
         print(f"anyprobe: {one.error}", file=sys.stderr)
-    if failed:
+    if failed or (taken.strict and any(one.warnings for one in done)):
         raise typer.Exit(2)
 
 
-def _one(
-    estimator, path: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
-) -> Done:
-    """Estimate one photo and write its files; an error of ours ends this photo alone."""
-    from anyprobe.estimate.outputs import write_results
-    from anyprobe.estimate.photo import load_photo
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Job:
+    """What all photos of a call share."""
 
-    start = time.perf_counter()
-    try:
-        twins = [other for other in listed if other.stem == path.stem]
-        if twins[0] != path:
-            raise OutputError(
-                f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
-            )
-        hints = where_for(path, where)
-        _check_files(path, out, listed, hints)
-        photo = load_photo(path, fov_deg=fov, **hints)
-        light = estimator.from_photo(photo, start, material=known)
-        written = write_results(photo, light, out, path.stem)
-    except AnyprobeError as error:
-        line = _line(path, error)
-        if as_json:
-            print(json.dumps({"photo": str(path), "error": line}), flush=True)
-        return Done(photo=path, error=line)
-    if as_json:
-        files = {kind: str(target) for kind, target in written.items()}
-        print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
-    seconds = sum(light.info["seconds"].values())
-    return Done(
-        photo=path, direction=light.dominant_light().direction, seconds=seconds, warnings=light.warnings
-    )
+    estimator: Estimator
+    out: Path
+    hints: dict[str, Any]
+    material: Material | None
+    as_json: bool
+    listed: list[Path]
 
+    def one(self, path: Path) -> Done:
+        """Estimate one photo and write its files; an error of ours ends this photo alone."""
+        from anyprobe.estimate.photo import load_photo
 
-def _together(
-    estimator, steps, poses: Path, out: Path, where: dict, fov, known, as_json: bool, listed: list[Path]
-) -> Done:
-    """One light of all photos, under the first one's name; any error ends all of it."""
-    from anyprobe.estimate.multiview import estimate_together
-    from anyprobe.estimate.outputs import write_results
-    from anyprobe.estimate.photo import Photo, load_photo
-    from anyprobe.files.poses import read_poses
-
-    start = time.perf_counter()
-    given_poses = read_poses(poses)
-    turned, fovs = given_poses.of(listed), dict(zip(listed, given_poses.fovs_deg(listed), strict=True))
-
-    def load(path: Path) -> Photo:
-        hints = where_for(path, where)
-        _check_files(listed[0], out, [*listed, poses], hints)
+        start = time.perf_counter()
         try:
-            return load_photo(path, fov_deg=fovs[path] if fov is None else fov, **hints)
+            twins = [other for other in self.listed if other.stem == path.stem]
+            if twins[0] != path:
+                raise OutputError(
+                    f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
+                )
+            hints = hints_for(path, self.hints)
+            _check_files(path, self.out, self.listed, hints)
+            photo = load_photo(photo_source(path), name="stdin" if path == STDIN else None, **hints)
+            light = self.estimator.from_photo(photo, start, material=self.material)
+            return self._write(path, photo, light, sum(light.info["seconds"].values()))
         except AnyprobeError as error:
-            raise InputError(_line(path, error)) from error
+            line = _line(path, error)
+            if self.as_json:
+                print(json.dumps({"photo": str(path), "error": line}), flush=True)
+            return Done(photo=path, error=line)
 
-    photos = map(load, steps)
-    first = next(photos)
-    light = estimate_together(estimator, chain([first], photos), turned, start=start, material=known)
-    written = write_results(first, light, out, listed[0].stem)
-    if as_json:
-        files = {kind: str(target) for kind, target in written.items()}
-        print(json.dumps({**light.sidecar(), "photo": str(listed[0]), "files": files}), flush=True)
-    seconds = time.perf_counter() - start
-    direction = light.dominant_light().direction
-    return Done(photo=listed[0], direction=direction, seconds=seconds, warnings=light.warnings)
+    def together(self, steps: Iterable[Path], poses: Path) -> Done:
+        """One light of all photos, under the first one's name; any error ends all of it."""
+        from anyprobe.estimate.photo import load_photo
+        from anyprobe.files.poses import read_poses
+
+        start = time.perf_counter()
+        given = read_poses(poses)
+        turned, fovs = given.of(self.listed), dict(zip(self.listed, given.fovs_deg(self.listed), strict=True))
+
+        def load(path: Path) -> Photo:
+            hints = hints_for(path, self.hints)
+            _check_files(self.listed[0], self.out, [*self.listed, poses], hints)
+            if hints["fov_deg"] is None:
+                hints["fov_deg"] = fovs[path]
+            try:
+                return load_photo(path, **hints)
+            except AnyprobeError as error:
+                raise InputError(_line(path, error)) from error
+
+        photos = map(load, steps)
+        first = next(photos)
+        light = self.estimator.multiview(chain([first], photos), turned, start=start, material=self.material)
+        return self._write(self.listed[0], first, light, time.perf_counter() - start)
+
+    def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
+        from anyprobe.estimate.outputs import write_results
+
+        written = write_results(photo, light, self.out, stem_of(path))
+        if self.as_json:
+            files = {kind: str(target) for kind, target in written.items()}
+            print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
+        direction = light.dominant_light().direction
+        return Done(photo=path, direction=direction, seconds=seconds, warnings=light.warnings)
+
+
+def stem_of(path: Path) -> str:
+    """Of a photo's results."""
+    return "stdin" if path == STDIN else path.stem
 
 
 def _line(path: Path, error: AnyprobeError) -> str:
@@ -186,7 +181,7 @@ def _check_files(path: Path, out: Path, listed: list[Path], hints: dict) -> None
 
     files = (*listed, hints["mask"], hints["depth"], hints["normals"], hints["surroundings"])
     inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
-    for target in (out / f"{path.stem}{suffix}" for suffix in SUFFIXES):
+    for target in (out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES):
         if target.resolve() in inputs:
             lost = inputs[target.resolve()]
             raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
@@ -210,7 +205,7 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
         table.add_row(
-            str(one.photo), where, f"{one.seconds:.2f}", str(out / one.photo.stem) + ".{exr,hdr,json,png}"
+            str(one.photo), where, f"{one.seconds:.2f}", str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}"
         )
     talk.print(table)
     for one in done:

@@ -43,7 +43,7 @@ COLUMNS = (
 )
 PAIRS = 200
 SEED = 2020
-WIDTH = 230
+WIDTH = 260
 """Characters of a printed line: no name of a row or a column is cut or broken."""
 PATHS = 128
 """Paths per pixel of a path-traced photo."""

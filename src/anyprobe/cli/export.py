@@ -14,6 +14,9 @@ from anyprobe.errors import InputError
 from anyprobe.export.exported_light import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
 
+MAX_PIXELS = 8192 * 4096
+"""Of a map that is exported: some targets take 90 bytes a pixel."""
+
 
 def export(
     light: Annotated[
@@ -41,7 +44,7 @@ def export(
 
     names = target_names(to)
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
-    radiance = read_radiance(light)
+    radiance = read_radiance(light, MAX_PIXELS)
     check_front(light)
     origin = origin_beside(light)
     for name in names:

@@ -8,45 +8,27 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import (
-    BoxOption,
-    ClickOption,
-    DepthOption,
-    FarOption,
-    NearOption,
-    NotOption,
-    SegmenterOption,
-    StrictOption,
-    list_photos,
-    read_where,
-    where_for,
-)
+from anyprobe.cli.options import MaskOptions, hints_for, list_photos, with_bundles
 from anyprobe.errors import AnyprobeError, OutputError
 
 
+@with_bundles
 def mask(
     photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
+    pointed: MaskOptions,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
-    click: ClickOption = None,
-    click_off: NotOption = None,
-    box: BoxOption = None,
-    depth: DepthOption = None,
-    near: NearOption = None,
-    far: FarOption = None,
-    segmenter: SegmenterOption = None,
-    strict: StrictOption = False,
 ) -> None:
     """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
-    where = read_where(None, box, click, click_off, depth, near, far) | {"segmenter": segmenter}
+    hints = pointed.hints()
     listed = list_photos(photos)
     failed = False
     for path in listed:
         try:
-            line, warnings = _one(path, out, where, listed)
+            line, warnings = _one(path, out, hints, listed)
             typer.echo(line)
             for warning in warnings:
                 print(f"warning: {warning}", file=sys.stderr)
-            failed |= strict and bool(warnings)
+            failed |= pointed.strict and bool(warnings)
         except AnyprobeError as error:
             print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
             failed = True
@@ -54,7 +36,7 @@ def mask(
         raise typer.Exit(2)
 
 
-def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
+def _one(path: Path, out: Path, hints: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
     """Write one photo's two files; a line that says what was found and how, and warnings."""
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
@@ -63,7 +45,7 @@ def _one(path: Path, out: Path, where: dict, listed: list[Path]) -> tuple[str, t
     twins = [other for other in listed if other.stem == path.stem]
     if twins[0] != path:
         raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
-    hints = where_for(path, where)
+    hints = hints_for(path, hints)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
     inputs = {given.resolve() for given in (*listed, hints["depth"]) if given is not None}
     for target in targets.values():

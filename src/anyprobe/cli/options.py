@@ -1,190 +1,300 @@
-"""What the commands let you say about where the object is: options, and how their text is read."""
+"""Options that commands share: what the photographed object is and where, and how its light is estimated.
+
+A command takes a bundle as one argument, `taken: Annotated[PhotoOptions, ...]`, and `with_bundles`
+spreads its fields into the command's own options, so that one option means the same everywhere.
+"""
 
 from __future__ import annotations
 
+import functools
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from anyprobe.errors import InputError, InvalidMask
-from anyprobe.files.names import visible_files
+from anyprobe.errors import InputError, InvalidMask, MissingExtra
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
+from anyprobe.files.paths import visible_files
 
 if TYPE_CHECKING:
+    from anyprobe.estimate.estimator import Estimator
     from anyprobe.scatter.materials import Material
-from anyprobe.errors import MissingExtra
+
+STDIN = Path("-")
+"""A photo that comes through standard input."""
+PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
+PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
+DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
+
+JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MaskOptions:
+    """Where the object is."""
+
+    click: Annotated[
+        list[str] | None, typer.Option(metavar="X,Y", help="A point on the object, in pixels; repeatable.")
+    ] = None
+    click_off: Annotated[
+        list[str] | None,
+        typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable."),
+    ] = None
+    box: Annotated[
+        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")
+    ] = None
+    depth: Annotated[
+        Path | None,
+        typer.Option(help="Depth image of the same view; or a folder of them named like the photos."),
+    ] = None
+    near: Annotated[
+        float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
+    ] = None
+    far: Annotated[float | None, typer.Option(help="Cut the depth image up to here.")] = None
+    segmenter: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME[:ARGUMENT]",
+            help="What finds the object instead of the built-in network: rembg[:MODEL], sam:FOLDER, or a plug-in.",
+        ),
+    ] = None
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 2 where a result has a warning; it is written all the same."
+        ),
+    ] = False
+
+    def hints(self, mask: Path | None = None) -> dict[str, Any]:
+        """The keywords of load_photo, or one line on what does not go together.
+
+        mask and depth may still be folders: hints_for makes them one photo's.
+        """
+        given = {"--mask": mask, "--depth": self.depth, "--box": self.box, "--click": self.click}
+        named = [name for name, value in given.items() if value]
+        if len(named) > 1 and named != ["--box", "--click"]:
+            raise InputError(f"{' and '.join(named)}: expected one of them, got both")
+        if self.click_off and (mask is not None or self.depth is not None):
+            raise InputError(
+                f"--not: expected --click, --box or neither with it, got {named[0]}; leave one of them out"
+            )
+        if self.depth is None and (self.near is not None or self.far is not None):
+            option = "--far" if self.near is None else "--near"
+            raise InputError(
+                f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it"
+            )
+        for path, what in ((mask, "a mask file"), (self.depth, "a depth image")):
+            if path is not None and not path.exists():
+                raise InvalidMask(f"{path}: expected {what} or folder, found none; check the path")
+        points = {"click": ("--click", self.click, "120,90"), "click_off": ("--not", self.click_off, "20,90")}
+        return {
+            "mask": mask,
+            "box": None
+            if self.box is None
+            else _numbers("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
+            **{
+                name: [_numbers(option, text, 2, "X,Y", example) for text in texts] if texts else None
+                for name, (option, texts, example) in points.items()
+            },
+            "depth": self.depth,
+            "near": self.near,
+            "far": self.far,
+            "segmenter": self.segmenter,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectOptions(MaskOptions):
+    """Where the object is and what is given of it, of its surroundings and of the camera."""
+
+    mask: Annotated[
+        Path | None,
+        typer.Option(help="Mask image, white = object; or a folder of masks named like the photos."),
+    ] = None
+    fov: Annotated[float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")] = (
+        None
+    )
+    normals: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|sphere",
+            help="The object's normals: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, +Y up, "
+            "+Z to the camera; a folder of them named like the photos; or sphere, if the object is one.",
+        ),
+    ] = None
+    material: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="The object's material: chrome, gold, plastic or matte (albedo 0.6)."
+        ),
+    ] = None
+    metal: Annotated[
+        bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")
+    ] = False
+    roughness: Annotated[
+        float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF, 0.1 to 1: alpha's root.")
+    ] = None
+    albedo: Annotated[
+        str | None,
+        typer.Option(metavar="R,G,B", help="Its linear diffuse albedo, or one number: 0.18 for a grey card."),
+    ] = None
+    surroundings: Annotated[
+        str | None,
+        typer.Option(
+            metavar="photo|FILE",
+            help="What is seen of the environment: photo, to use the photo's background; or a panorama in the "
+            "camera's frame, transparent where unknown.",
+        ),
+    ] = None
+
+    def photo_hints(self) -> dict[str, Any]:
+        """The keywords of load_photo besides the field of view; see hints."""
+        return self.hints(self.mask) | {
+            "normals": self.normals_source(),
+            "surroundings": self.surroundings_source(),
+        }
+
+    def normals_source(self) -> Path | str | None:
+        """A path, or the word for a sphere as it is."""
+        from anyprobe.estimate.normals_prior import SPHERE
+
+        return self.normals if self.normals in (None, SPHERE) else Path(self.normals)
+
+    def surroundings_source(self) -> Path | str | None:
+        """A path, or the word for the photo itself as it is."""
+        from anyprobe.estimate.surroundings import PHOTO
+
+        return self.surroundings if self.surroundings in (None, PHOTO) else Path(self.surroundings)
+
+    def given_material(self) -> Material | None:
+        """The material that the options give; None where they give nothing."""
+        from anyprobe.scatter.materials import given_material
+
+        try:
+            albedo = None if self.albedo is None else [float(part) for part in self.albedo.split(",")]
+        except ValueError:
+            raise InputError(
+                f"--albedo: expected numbers, got {self.albedo!r}; for instance --albedo 0.18"
+            ) from None
+        name = self.material or ("chrome" if self.metal else None)
+        return given_material(name, albedo, self.roughness)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ModelOptions:
+    """What estimates, and how."""
+
+    emitters: Annotated[
+        str,
+        typer.Option(
+            metavar="mode|expected",
+            help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
+            "the mean over all positions, soft, and truer on matte objects.",
+        ),
+    ] = MODE
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL
+    engine: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(ENGINES)}.")] = (
+        DEFAULT_ENGINE
+    )
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")
+    ] = None
+
+    def estimator(self, **more: Any) -> Estimator:
+        """Opened by these options."""
+        from anyprobe.estimate.estimator import Estimator
+
+        return Estimator(self.model, threads=self.threads, engine=self.engine, emitters=self.emitters, **more)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DetailOptions:
+    """Where a map's detail is from."""
+
+    detail: Annotated[
+        str,
+        typer.Option(
+            metavar="none|plausible",
+            help="plausible: the structure of a real-looking place under the estimated light, for sharp reflections.",
+        ),
+    ] = "none"
+    detail_library: Annotated[
+        Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")
+    ] = None
+
+    def settings(self) -> dict[str, Any]:
+        """For Estimator."""
+        return {"detail": self.detail, "detail_library": self.detail_library}
+
+
+def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with each parameter that is annotated with a dataclass of options replaced by its fields."""
+    hints = get_type_hints(command, include_extras=True)
+    spread: list[inspect.Parameter] = []
+    bundles: dict[str, type] = {}
+    for parameter in inspect.signature(command).parameters.values():
+        kind = hints[parameter.name]
+        if is_dataclass(kind):
+            bundles[parameter.name] = kind
+            inner = get_type_hints(kind, include_extras=True)
+            spread += [_option(one.name, inner[one.name], one.default) for one in fields(kind)]
+        else:
+            spread.append(_option(parameter.name, hints[parameter.name], parameter.default))
+
+    @functools.wraps(command)
+    def run(**values: Any) -> None:
+        made = {
+            name: kind(**{one.name: values.pop(one.name) for one in fields(kind)})
+            for name, kind in bundles.items()
+        }
+        command(**made, **values)
+
+    run.__signature__ = inspect.Signature(spread)  # what typer reads
+    run.__annotations__ = {one.name: one.annotation for one in spread}
+    del run.__wrapped__
+    return run
+
+
+def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
 def need_torch(what: str) -> None:
-    """MissingExtra where PyTorch is not there; what: what it is needed for."""
+    """MissingExtra where PyTorch is not installed; what: what it is needed for."""
     try:
         import torch  # noqa: F401
     except ImportError as error:
         raise MissingExtra("torch", "train", what) from error
 
 
-NormalsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FILE|sphere",
-        help="The object's normals, where known: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, "
-        "+Y up, +Z to the camera; or a folder of them named like the photos; or sphere, if the object is one.",
-    ),
-]
-MaterialOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="The object's material, where known: chrome, gold, plastic or matte (albedo 0.6).",
-    ),
-]
-AlbedoOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="R,G,B",
-        help="Its linear diffuse albedo, or one number: 0.18 for a grey card; else as --material.",
-    ),
-]
-SurroundingsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="photo|FILE",
-        help="What is known of the light itself: photo, if what it shows beside the object is far enough to light it; "
-        "or a panorama in the camera's frame, transparent where nothing is known.",
-    ),
-]
-EmittersOption = Annotated[
-    str,
-    typer.Option(
-        metavar="mode|expected",
-        help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: the "
-        "mean over all positions, soft, and truer on matte objects.",
-    ),
-]
+def photo_source(path: Path) -> Path | bytes:
+    """A photo's path, or what standard input holds where the path is `-`."""
+    return sys.stdin.buffer.read() if path == STDIN else path
 
 
-def read_surroundings_option(given: str | None) -> Path | str | None:
-    """A path, or the word for the photo itself as it is."""
-    from anyprobe.estimate.surroundings import PHOTO
-
-    return given if given is None or given == PHOTO else Path(given)
-
-
-def read_normals_option(given: str | None) -> Path | str | None:
-    """A path, or the word for a sphere as it is."""
-    from anyprobe.estimate.normals_prior import SPHERE
-
-    return given if given is None or given == SPHERE else Path(given)
-
-
-def read_material(name: str | None, albedo: str | None) -> Material | None:
-    """The material that the options tell; None where they tell nothing."""
-    from anyprobe.scatter.materials import given_material
-
-    if albedo is None:
-        return given_material(name)
-    try:
-        numbers = [float(part) for part in albedo.split(",")]
-    except ValueError:
-        raise InputError(f"--albedo: expected numbers, got {albedo!r}; for instance --albedo 0.18") from None
-    return given_material(name, numbers)
-
-
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
-PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
-DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
-
-MaskOption = Annotated[
-    Path | None, typer.Option(help="Mask image, white = object; or a folder of masks named like the photos.")
-]
-BoxOption = Annotated[
-    str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")
-]
-ClickOption = Annotated[
-    list[str] | None, typer.Option(metavar="X,Y", help="A point on the object, in pixels; repeatable.")
-]
-NotOption = Annotated[
-    list[str] | None, typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable.")
-]
-DepthOption = Annotated[
-    Path | None,
-    typer.Option(help="Depth image of the same view; or a folder of them named like the photos."),
-]
-NearOption = Annotated[
-    float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
-]
-FarOption = Annotated[float | None, typer.Option(help="Cut the depth image up to here.")]
-SegmenterOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME[:ARGUMENT]",
-        help="What finds the object in the place of our network: rembg[:MODEL], sam:FOLDER, or a plug-in's name.",
-    ),
-]
-StrictOption = Annotated[
-    bool,
-    typer.Option(
-        "--strict", help="Exit with 2 where a mask comes with a warning; it is written all the same."
-    ),
-]
-
-
-def read_where(
-    mask: Path | None,
-    box: str | None,
-    click: list[str] | None,
-    click_off: list[str] | None,
-    depth: Path | None,
-    near: float | None,
-    far: float | None,
-) -> dict:
-    """The options as the keywords of load_photo, or one line on what does not go together.
-
-    mask and depth may still be folders: where_for makes them one photo's.
-    """
-    given = {"--mask": mask, "--depth": depth, "--box": box, "--click": click}
-    hints = [name for name, value in given.items() if value]
-    if len(hints) > 1 and hints != ["--box", "--click"]:
-        raise InputError(f"{' and '.join(hints)}: expected one of them, got both")
-    if click_off and (mask is not None or depth is not None):
-        raise InputError(
-            f"--not: expected --click, --box or neither with it, got {hints[0]}; leave one of them out"
-        )
-    if depth is None and (near is not None or far is not None):
-        option = "--far" if near is None else "--near"
-        raise InputError(f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it")
-    if mask is not None and not mask.exists():
-        raise InvalidMask(f"{mask}: expected a mask file or folder, found none; check the path")
-    if depth is not None and not depth.exists():
-        raise InvalidMask(f"{depth}: expected a depth image or folder, found none; check the path")
-    return {
-        "mask": mask,
-        "box": None if box is None else _numbers("--box", box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
-        "click": [_numbers("--click", text, 2, "X,Y", "120,90") for text in click] if click else None,
-        "click_off": [_numbers("--not", text, 2, "X,Y", "20,90") for text in click_off]
-        if click_off
-        else None,
-        "depth": depth,
-        "near": near,
-        "far": far,
-    }
-
-
-def where_for(photo: Path, where: dict) -> dict:
+def hints_for(photo: Path, hints: dict[str, Any]) -> dict[str, Any]:
     """The keywords for one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
-    files = {
-        "mask": _file_for(photo, where["mask"], "mask", PHOTO_SUFFIXES),
-        "depth": _file_for(photo, where["depth"], "depth", DEPTH_SUFFIXES),
+    kinds = {
+        "mask": PHOTO_SUFFIXES,
+        "depth": DEPTH_SUFFIXES,
+        "normals": DEPTH_SUFFIXES,
+        "surroundings": PANORAMA_SUFFIXES,
     }
-    if isinstance(where.get("normals"), Path):
-        files["normals"] = _file_for(photo, where["normals"], "normals", DEPTH_SUFFIXES)
-    if isinstance(where.get("surroundings"), Path):
-        files["surroundings"] = _file_for(photo, where["surroundings"], "surroundings", PANORAMA_SUFFIXES)
-    return where | files
+    files = {
+        kind: _file_for(photo, hints[kind], kind, suffixes)
+        for kind, suffixes in kinds.items()
+        if isinstance(hints.get(kind), Path)
+    }
+    return hints | files
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in the order one counts in, without hidden files
+    """Files as given; folders as the photos in them, in natural order, without hidden files
     and what `anyprobe mask` wrote: NAME_mask and NAME_overlay."""
     chosen: list[Path] = []
     for path in photos:
@@ -212,9 +322,9 @@ def _numbers(option: str, text: str, count: int, form: str, example: str) -> tup
     return numbers
 
 
-def _file_for(photo: Path, given: Path | None, kind: str, suffixes: tuple[str, ...]) -> Path | None:
+def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) -> Path:
     """The file itself, or by stem from a folder (NAME.*, NAME_<kind>.*, or the photo's whole name and a suffix)."""
-    if given is None or not given.is_dir():
+    if not given.is_dir():
         return given
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
         for candidate in sorted(given.glob(f"{_literal(stem)}.*")):

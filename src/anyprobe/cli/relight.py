@@ -4,60 +4,79 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from threading import Timer
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
 from anyprobe.cli.options import (
-    BoxOption,
-    ClickOption,
-    DepthOption,
-    EmittersOption,
-    FarOption,
-    MaskOption,
-    NearOption,
-    NotOption,
-    read_where,
-    where_for,
+    DetailOptions,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    hints_for,
+    with_bundles,
 )
 from anyprobe.errors import InputError, OutputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
+
+if TYPE_CHECKING:
+    from anyprobe.estimate.photo import Photo
+    from anyprobe.scatter.materials import Material
 
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
+SHOWN_AFTER_S = 1.0
+SHAPES = "sphere, vase, pebble, block, solid"
 
 
 class Renderer(StrEnum):
-    """Who draws the object."""
+    """What renders the inserted object."""
 
     auto = "auto"
     own = "own"
     mitsuba = "mitsuba"
 
 
-def relight(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
-    name: Annotated[
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InsertOptions:
+    """What is inserted, and where it stands."""
+
+    insert_material: Annotated[
         str,
-        typer.Option("--object", help="sphere, vase, pebble, block, solid, or a .glb, .obj or .ply file."),
-    ] = "sphere",
-    material: Annotated[
-        str, typer.Option(help="chrome, gold, plastic, matte, or photo: the real object's own.")
-    ] = "chrome",
+        typer.Option(
+            "--insert-material", help="chrome, gold, plastic, matte, or photo: the real object's own."
+        ),
+    ] = "chrome"
     at: Annotated[
         str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")
-    ] = None,
-    size: Annotated[float, typer.Option(help="Its largest extent over the real object's.")] = 0.8,
-    turn: Annotated[float, typer.Option(help="About its vertical axis, degrees.")] = 0.0,
+    ] = None
+    scale: Annotated[float, typer.Option(help="Its height over the real object's.")] = 0.5
     pitch: Annotated[
         float | None,
-        typer.Option(help="How far the camera looks down, degrees; else level, or as the base asks."),
-    ] = None,
+        typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks."),
+    ] = None
+
+
+@with_bundles
+def relight(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
+    taken: ObjectOptions,
+    by: ModelOptions,
+    fine: DetailOptions,
+    placed: InsertOptions,
+    insert: Annotated[
+        str, typer.Option(metavar="SHAPE|FILE", help=f"{SHAPES}, or a .glb, .obj or .ply file.")
+    ] = "sphere",
+    turn: Annotated[float, typer.Option(help="About its vertical axis, degrees.")] = 0.0,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="The picture; <stem>_relit.png unless given.")
+        Path | None, typer.Option("-o", "--out", help="The picture; else <stem>_relit.png beside the photo.")
     ] = None,
     strip: Annotated[
         bool, typer.Option("--strip", help=f"The photo, then the object of {', '.join(STRIP)}.")
@@ -66,23 +85,11 @@ def relight(
     renderer: Annotated[
         Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")
     ] = Renderer.auto,
-    mask: MaskOption = None,
-    click: ClickOption = None,
-    click_off: NotOption = None,
-    box: BoxOption = None,
-    depth: DepthOption = None,
-    near: NearOption = None,
-    far: FarOption = None,
-    fov: Annotated[
-        float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")
-    ] = None,
     light: Annotated[
         Path | None, typer.Option(help="An .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
-    emitters: EmittersOption = MODE,
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
     from anyprobe.estimate.photo import load_photo
@@ -91,30 +98,35 @@ def relight(
     from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
     from anyprobe.scatter.materials import material_named
 
-    where = where_for(photo, read_where(mask, box, click, click_off, depth, near, far))
-    foot = point(at)
+    material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
+    hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
+    foot = point(placed.at)
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
     if out.suffix.lower() != ".png":
         raise OutputError(f"{out}: expected the name of a .png, got {out.suffix or 'no suffix'}")
-    if out.resolve() in {
-        given.resolve() for given in (photo, where["mask"], where["depth"], light) if given is not None
-    }:
+    inputs = (photo, light, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
+    if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
-    mesh = open_object(name)
-    taken = load_photo(photo, fov_deg=fov, **where)
-    radiance, gain = _radiance(taken, light, model, emitters)
+    name, mesh = insert, open_object(insert)
+    silent = quiet or as_json
+    with progress(f"reading {photo}", silent):
+        taken = load_photo(photo, fov_deg=taken.fov, **hints)
+    with progress("estimating the light", silent):
+        radiance, gain = _radiance(taken, light, by, fine, given)
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
-    shadow = stage.shadow(radiance)
     names = STRIP if strip else (material,)
-    pictures = [stage.relit(radiance, one, renderer, shadow) for one in names]
+    with progress(f"drawing the {name}", silent):
+        shadow = stage.shadow(radiance)
+        pictures = [stage.relit(radiance, one, renderer, shadow) for one in names]
     if strip or before:
         pictures.insert(0, taken.rgb)
-    write_png(out, np.concatenate(pictures, axis=1))
+    with progress(f"writing {out}", silent):
+        write_png(out, np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0])
     spot = stage.view.pixels(stage.placement.foot)
-    hints = {
+    summary = {
         "photo": str(photo),
         "picture": str(out),
         "object": name,
@@ -124,35 +136,53 @@ def relight(
         "pitch_deg": round(stage.placement.pitch_deg, 2),
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
-        "warnings": list(taken.warnings),
+        "scale": round(size * stage.placement.share, 3),
+        "warnings": [*taken.warnings, *stage.warnings],
     }
+    for line in summary["warnings"]:
+        if not silent:
+            print(f"warning: {line}", file=sys.stderr)
     if as_json:
-        print(json.dumps(hints))
+        print(json.dumps(summary))
     elif not quiet:
         print(
             f"{out}: {name} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
-            f"{hints['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
+            f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
             file=sys.stderr,
         )
+    if strict and summary["warnings"]:
+        raise typer.Exit(2)
 
 
-def _radiance(photo, light: Path | None, model: str, emitters: str) -> tuple[np.ndarray, float]:
+@contextmanager
+def progress(what: str, silent: bool) -> Iterator[None]:
+    """A line on stderr if the work takes longer than SHOWN_AFTER_S."""
+    timer = Timer(SHOWN_AFTER_S, lambda: print(f"{what} ...", file=sys.stderr, flush=True))
+    if not silent:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _radiance(
+    photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions, material: Material | None
+) -> tuple[np.ndarray, float]:
     """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
-        from anyprobe.export.exported_light import check_front, map_from_camera
-        from anyprobe.files.radiance import read_radiance
+        from anyprobe.export.exported_light import read_with_origin
         from anyprobe.light.environment import rotate
 
-        radiance = read_radiance(light)
-        check_front(light)
-        turn = map_from_camera(light)
+        radiance, _, turn = read_with_origin(light)
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
         return radiance, 1.0
-    from anyprobe.estimate.estimator import Estimator
     from anyprobe.relight.appearance import least_scale
 
-    radiance = Estimator(model, emitters=emitters).from_photo(photo).radiance
+    radiance = by.estimator(**fine.settings()).from_photo(photo, material=material).radiance
+    if material is not None:  # which settles the level
+        return radiance, 1.0
     gain = least_scale(photo, radiance)
     return radiance * np.float32(gain), gain
 

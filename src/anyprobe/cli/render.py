@@ -55,20 +55,18 @@ class Engine(StrEnum):
 def render(
     folder: Folder,
     data: Assets = None,
-    split: Annotated[Split | None, typer.Option(help="Which assets; train unless told.")] = None,
+    split: Annotated[Split | None, typer.Option(help="Which assets; default train.")] = None,
     kind: Annotated[
-        Kind | None, typer.Option(help="Pairs of objects (unless told), or maps for the HDR network.")
+        Kind | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
     ] = None,
     conditions: Annotated[
-        Conditions | None, typer.Option(help="Clean photos as the paper's (unless told), or the world's.")
+        Conditions | None, typer.Option(help="Clean photos as the paper's (default), or the world's.")
     ] = None,
-    pairs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="The first N; unless told, all there are.")
-    ] = None,
+    pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="The first N; default all.")] = None,
     shard_size: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; 500 unless told.")
+        int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; 2020 unless told.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; default 2020.")] = None,
     procedural_maps: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Maps of our own; 32 without --data, 0 with.")
     ] = None,
@@ -250,7 +248,9 @@ def verify(
             if not shards.index_path(folder, shard).exists():
                 continue
             there.append(shard)
-            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)))
+            wrong = shards.fault(
+                folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)), plan["format"]
+            )
             if wrong:
                 bad[shard] = wrong
     if again:

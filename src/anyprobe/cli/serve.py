@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import secrets
 import socket
 import sys
 import tempfile
@@ -17,6 +18,7 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """What browsers call a server of their own machine."""
+MIN_TOKEN = 8
 EVERYWHERE = ("0.0.0.0", "::", "")
 """Hosts that stand for all addresses of this machine."""
 
@@ -40,13 +42,23 @@ def serve(
         list[str] | None,
         typer.Option(metavar="ORIGIN", help="Let pages of this origin use the API; may be given again."),
     ] = None,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Answer to this host name too; may be given again."),
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            help="What clients must send; made and printed where other machines can reach it; none: nothing."
+        ),
+    ] = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
 ) -> None:
     """Serve the live page and the HTTP API; nothing leaves this machine."""
     _need_serve()
     from anyprobe.estimate.estimator import Estimator
-    from anyprobe.serve.limits import Limits
     from anyprobe.serve.page import Page, write_static
+    from anyprobe.serve.pool import Limits
 
     estimator = Estimator(model, threads=1)
     page = Page(estimator, model)
@@ -59,37 +71,75 @@ def serve(
         workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
     )
     limits = Limits(max_bytes=max_mb * 2**20, workers=num_workers)
-    _listen(estimator, page, limits, host, port, https, allow_origin or [])
+    hosts = [name.lower() for name in allow_host or []]
+    _listen(estimator, page, limits, host, port, https, hosts, allow_origin or [], token)
 
 
-def _listen(estimator, page, limits, host: str, port: int, https: bool, origins: list[str]) -> None:
+def _listen(
+    estimator,
+    page,
+    limits,
+    host: str,
+    port: int,
+    https: bool,
+    names: list[str],
+    origins: list[str],
+    token: str | None,
+) -> None:
     """Run until Ctrl-C."""
     import uvicorn
 
-    from anyprobe.serve.app import create_app
+    from anyprobe.serve.api import create_app
     from anyprobe.serve.certificate import write_certificate
+    from anyprobe.serve.door import settings
 
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
         shown = own_address() if host in EVERYWHERE else host
         only_here = is_loopback(host)
-        hosts = [host, *LOOPBACK] if only_here else ["*"]
-        app = create_app(estimator, limits, page=page, hosts=hosts, origins=origins)
+        token = _token(token, only_here)
+        hosts = [
+            host.lower(),
+            *LOOPBACK,
+            *names,
+            *([] if only_here else [shown, socket.gethostname().lower()]),
+        ]
+        app = create_app(
+            estimator, limits, page=page, hosts=hosts, addresses=not only_here, origins=origins, token=token
+        )
         encrypted = {}
         if https:
-            names = ["localhost", "127.0.0.1", shown]
-            certificate, key = write_certificate(Path(folder), list(dict.fromkeys(names)))
+            certified = ["localhost", "127.0.0.1", shown, *names]
+            certificate, key = write_certificate(Path(folder), list(dict.fromkeys(certified)))
             encrypted = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
         place = f"[{shown}]" if ":" in shown else shown
         address = f"{'https' if https else 'http'}://{place}:{listening.getsockname()[1]}/"
-        print(f"anyprobe: {address} (API: {address}api/), Ctrl-C ends it", file=sys.stderr, flush=True)
-        if not only_here and not https:
-            print(
-                "anyprobe: other machines get no camera over http; add --https", file=sys.stderr, flush=True
-            )
-        config = uvicorn.Config(
-            app, log_level="warning", timeout_keep_alive=5, server_header=False, **encrypted
+        entry = address if token is None else f"{address}?token={token}"
+        _say(f"{entry} (API: {address}api/), Ctrl-C ends it")
+        if not only_here:
+            whom = "with that token" if token else "without a token"
+            _say(f"warning: every machine that reaches this one can use it {whom}")
+            if not https:
+                _say("other machines get no camera over http, and others may read along; add --https")
+        app.state.pool.warm()
+        uvicorn.Server(uvicorn.Config(app, **settings(), **encrypted)).run(sockets=[listening])
+
+
+def _say(line: str) -> None:
+    print(f"anyprobe: {line}", file=sys.stderr, flush=True)
+
+
+def _token(given: str | None, only_here: bool) -> str | None:
+    """What is asked for: the given one, one made now beyond the loopback, or nothing."""
+    if given is None:
+        return None if only_here else secrets.token_urlsafe(12)
+    if given == "none":
+        return None
+    if not given.isascii() or not given.isprintable() or len(given) < MIN_TOKEN or " " in given:
+        raise InputError(
+            f"--token: expected {MIN_TOKEN} or more letters, digits and signs, or none, got {len(given)}; "
+            "leave it out to have one made"
         )
-        uvicorn.Server(config).run(sockets=[listening])
+    return given
 
 
 def _open_port(host: str, port: int) -> socket.socket:

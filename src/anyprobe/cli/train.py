@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from anyprobe.cli.options import need_torch
 from anyprobe.errors import InputError
+
+if TYPE_CHECKING:
+    from anyprobe.train.config import RunConfig
+    from anyprobe.train.shard_source import ShardSource
 
 RUNS = Path("runs")
 MASK_RUN = "mask"
@@ -30,18 +34,24 @@ def train(
     dry_run: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")
     ] = None,
-    start: Annotated[
+    init_weights: Annotated[
         Path | None,
-        typer.Option(help="Weights to begin from, kept by anyprobe weights --start; the same ones to go on."),
+        typer.Option(help="Weights to begin from, kept by anyprobe weights --keep; the same ones to resume."),
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    shards: Annotated[
+        Path | None,
+        typer.Option(
+            help="Learn from a dataset that anyprobe data render wrote, not from pairs made on the fly."
+        ),
+    ] = None,
     workers: Annotated[
         int,
         typer.Option(min=0, help="Processes that make pairs ahead, for a GPU that should not wait for them."),
     ] = 0,
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
-    """Train a chain of networks, or the mask network; goes on where it stopped, exactly, after any interruption."""
+    """Train a chain of networks, or the mask network; resumes exactly."""
     need_torch("training")
     from anyprobe.train import loop
     from anyprobe.train.config import RUNS as NAMED
@@ -51,12 +61,17 @@ def train(
         raise InputError(
             f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out"
         )
-    unused = [("--workers", workers > 0), ("--device", device != "cpu"), ("--no-compile", not compiled)]
+    unused = [
+        ("--workers", workers > 0),
+        ("--shards", shards is not None),
+        ("--device", device != "cpu"),
+        ("--no-compile", not compiled),
+    ]
     for option, asked in unused:
         if run == MASK_RUN and asked:
             raise InputError(f"{option}: expected a run that learns from pairs, got {MASK_RUN}; leave it out")
     if run == MASK_RUN:
-        typer.echo(_train_mask(data, runs, steps, dry_run, start))
+        typer.echo(_train_mask(data, runs, steps, dry_run, init_weights))
         return
     if run not in NAMED:
         raise InputError(f"run {run!r}: expected one of {', '.join((*NAMED, MASK_RUN))}")
@@ -65,10 +80,33 @@ def train(
         chosen = replace(chosen, steps=steps)
     if dry_run is not None:
         chosen = smoke(chosen, dry_run)
+    pairs = None if shards is None else _rendered(shards, data, chosen, device, workers)
     path = loop.train(
-        chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=start
+        chosen,
+        data=data,
+        runs=runs,
+        device=device,
+        compiled=compiled,
+        workers=workers,
+        start=init_weights,
+        pairs=pairs,
     )
     typer.echo(path)
+
+
+def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, workers: int) -> ShardSource:
+    """The batches of a rendered dataset; InputError where the run cannot learn from it."""
+    from anyprobe.train.shard_source import ShardSource
+
+    if workers:
+        raise InputError("--workers: expected pairs made on the fly, got --shards; leave one of them out")
+    source = ShardSource(shards, data, chosen.pairs, device)
+    if source.form < 2 and chosen.model != "paper":
+        raise InputError(
+            f"--shards {shards}: expected a dataset with normals (format 2) for {chosen.name}, got format "
+            f"{source.form}; render it again, or train paper"
+        )
+    return source
 
 
 def _train_mask(
@@ -95,7 +133,7 @@ def weights(
     data: Annotated[
         Path | None, typer.Option(help="Data the run was trained on, for the mean map or a calibration.")
     ] = None,
-    start: Annotated[
+    keep: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
     mean_with: Annotated[
@@ -147,8 +185,8 @@ def weights(
     from anyprobe.train.export_onnx import write_mean_map
 
     checkpoint = runs / run / "checkpoint.pt"
-    if start is not None:
-        keep_apart(checkpoint, start)
+    if keep is not None:
+        keep_apart(checkpoint, keep)
     if mean_map is not None:
         read_checkpoint(checkpoint)  # there is one, or its pairs would be made in vain
         pairs = make_pairs(NAMED[run](), data, runs / "cache", "cpu")
@@ -164,9 +202,9 @@ def weights(
         for stage, difference in exported.items():
             computed = "in floats, before its 8 bits, " if int8 else ""
             typer.echo(f"{to / (stage + '.onnx')}: {computed}within {difference:.2g} of torch")
-        if start is not None:
-            save_init_weights(checkpoint, start)
-            typer.echo(start)
+        if keep is not None:
+            save_init_weights(checkpoint, keep)
+            typer.echo(keep)
     if mean_map is not None:
         write_mean_map(pairs, mean_map)
         typer.echo(mean_map)

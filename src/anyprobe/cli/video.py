@@ -14,62 +14,43 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import EmittersOption, SurroundingsOption, read_surroundings_option, read_where
-from anyprobe.cli.relight import Renderer, point
+from anyprobe.cli.options import JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
+from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, point
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL, MODE
 
 LINE_S = 30
 """Between two lines of progress where there is no terminal."""
 
 
+@with_bundles
 def video(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")],
-    name: Annotated[
+    taken: ObjectOptions,
+    by: ModelOptions,
+    placed: InsertOptions,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="Folder for the results; else <stem>_light beside the clip."),
+    ] = None,
+    insert: Annotated[
         str | None,
-        typer.Option("--object", help="Also write relit.mp4 with this object; see anyprobe relight."),
+        typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file."),
     ] = None,
-    material: Annotated[str, typer.Option(help="Of the object; see anyprobe relight.")] = "chrome",
-    at: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")
-    ] = None,
-    size: Annotated[float, typer.Option(help="Its largest extent over the real object's.")] = 0.8,
-    pitch: Annotated[
-        float | None, typer.Option(help="How far the camera looks down, degrees; see anyprobe relight.")
-    ] = None,
-    renderer: Annotated[Renderer, typer.Option(help="Who draws the object.")] = Renderer.own,
+    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = Renderer.own,
     every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
-    masks: Annotated[
-        Path | None, typer.Option(help="Folder of one mask a frame, sorted by name; white = object.")
-    ] = None,
-    box: Annotated[
-        str | None,
-        typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object in the first frame, in pixels."),
-    ] = None,
-    click: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X,Y", help="A point on the object in the first frame; repeatable."),
-    ] = None,
-    click_off: Annotated[
-        list[str] | None, typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable.")
-    ] = None,
-    fov: Annotated[
-        float | None, typer.Option(help="Field of view of the video's longer side, degrees.")
-    ] = None,
     poses: Annotated[
-        Path | None, typer.Option(help="JSON of how the camera is turned in each frame; see docs/video.md.")
+        Path | None, typer.Option(help="JSON of the camera's rotation in each frame; see docs/video.md.")
     ] = None,
-    surroundings: SurroundingsOption = None,
-    emitters: EmittersOption = MODE,
     restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Follow the light through a clip: track.json, and relit.mp4 with --object; goes on where it stopped."""
-    from anyprobe.estimate.estimator import Estimator
+    """Follow the light through a clip: track.json, and relit.mp4 with --insert; resumes.
+
+    Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame, sorted by
+    name (--normals may be sphere).
+    """
     from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, uses_mitsuba
@@ -78,13 +59,19 @@ def video(
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject, forget_run
 
-    given = {name: v for name, v in read_where(None, box, click, click_off, None, None, None).items() if v}
-    foot = point(at)
-    if masks is not None and given:
-        raise InputError("--masks, and a box or clicks: expected one of them, got both")
+    out = out or clip.with_name(f"{clip.stem}_light")
+    fov, name, object_material = taken.fov, insert, taken.given_material()
+    material, size, pitch = placed.insert_material, placed.scale, placed.pitch
+    hints = taken.photo_hints()
+    surroundings, normals = hints.pop("surroundings"), hints.pop("normals")
+    folders = {kind: hints.pop(kind) for kind in ("mask", "depth")} | {
+        "normals": normals if isinstance(normals, Path) else None
+    }
+    given = {key: value for key, value in hints.items() if value and key not in ("near", "far")}
+    foot = point(placed.at)
     if poses is not None and name is not None:
         raise InputError(
-            "--poses and --object: expected one of them; relit clips need a camera that stands still"
+            "--poses and --insert: expected one of them; relit clips need a camera that stands still"
         )
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
@@ -100,8 +87,11 @@ def video(
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
-    follower = MaskFollower(masks, given, fov, read_surroundings_option(surroundings))
-    estimator = Estimator(model, emitters=emitters)
+    every_frame = {"fov_deg": fov, "near": hints["near"], "far": hints["far"]} | (
+        {"normals": normals} if isinstance(normals, str) else {}
+    )
+    follower = MaskFollower(folders, given, every_frame, surroundings)
+    estimator = by.estimator()
     settings = {
         "clip": clip.name,
         "clip_bytes": clip.stat().st_size,
@@ -112,27 +102,40 @@ def video(
         "fov_deg": fov,
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
-        "emitters": emitters,
-        "object": name,
-        "material": material if name else None,
+        "emitters": by.emitters,
+        "normals": normals if isinstance(normals, str) else None,
+        "object_material": None if object_material is None else repr(object_material),
+        "insert": name,
+        "insert_material": material if name else None,
         "at": foot,
-        "object_size": size,
+        "scale": size,
         "pitch_deg": pitch,
         "renderer": virtual.renderer if virtual else None,
     }
     if restart:
         forget_run(out)
     run = ClipRun(
-        header, out, estimator, follower, settings, every=every, exr=exr, virtual=virtual, poses=turned
+        header,
+        out,
+        estimator,
+        follower,
+        settings,
+        every=every,
+        exr=exr,
+        virtual=virtual,
+        poses=turned,
+        material=object_material,
     )
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     begun, start = run.progress.next_index, time.monotonic()
     if begun:
-        talk.print(f"{out}: goes on at frame {begun}")
+        talk.print(f"{out}: resumes at frame {begun}")
     try:
         outcome = _watched(run, header.num_frames or None, begun, talk)
     except KeyboardInterrupt:
-        talk.print(f"anyprobe: stopped; go on with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
+        talk.print(
+            f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True
+        )
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# array_namespace would import it at the first call: a process forked while a thread imports hangs
+import array_api_compat.numpy  # noqa: F401
 from array_api_compat import array_namespace
 
 

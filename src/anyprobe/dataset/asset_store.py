@@ -1,4 +1,4 @@
-"""Stock (noun): the maps and shapes that recipes name."""
+"""The maps and shapes that recipes name: real ones from a folder, and procedural ones."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def load_asset_store(
 def load_left_out(data: Path) -> AssetStore:
     """The training assets whose licence keeps shipped weights from learning of them: to choose by, not to learn from.
 
-    Maps whose lights are made up are not among them: who chooses by them chooses what is made up alike.
+    Maps with made-up light sources are not among them: choosing by them would favour the same invention.
 
     Raises:
         InputError: there are none.
@@ -176,7 +176,7 @@ _NAMES_NOBODY = re.compile(r"cc[\s_-]?0\b|creative commons zero\b|public domain\
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Credit:
-    """One file; author: whom its licence asks to name, empty where it asks for nobody."""
+    """One file; author: as its licence asks to be named, else empty."""
 
     file: str
     name: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from array_api_compat import array_namespace
@@ -12,6 +12,7 @@ from PIL import Image
 from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
+from anyprobe.dataset import priors
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
@@ -32,6 +33,8 @@ class Shot:
     blur_px: standard deviation of the lens blur in pixels of the crop, 0 for none.
     jpeg_quality: as libjpeg counts, None for no JPEG; jpeg_subsampling: of SUBSAMPLINGS.
     object_range: bounds of the object's mean radiance, whatever is metered.
+    meters_frame: whether the camera meters as phones do: the mean of the object, by weight metering, and of what its
+        frame shows around it, is brought to scene_key (dataset.priors.metered_gain); object_key has no say.
     """
 
     metering: float
@@ -44,6 +47,7 @@ class Shot:
     jpeg_quality: int | None = None
     jpeg_subsampling: str = SUBSAMPLINGS[0]
     object_range: tuple[float, float] = OBJECT_RANGE
+    meters_frame: bool = False
 
 
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
@@ -81,14 +85,32 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     )
 
 
-def exposure(shot: Shot, object_mean: float, scene_log_mean: float) -> float:
+def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:
+    """The shot with the metering and white balance of dataset.priors, in light of mean colour ambient [3]."""
+    (weight,), (key,) = priors.draw_metering(rng, 1)
+    balance = priors.draw_white_balance(rng, ambient[None])[0]
+    return replace(
+        shot,
+        metering=float(weight),
+        scene_key=float(key),
+        white_balance=balance,
+        meters_frame=True,
+        object_range=priors.OBJECT_RANGE,
+    )
+
+
+def exposure(shot: Shot, object_mean: float, scene: float) -> float:
     """The gain from radiance to the photo's exposure units.
 
-    object_mean: mean luminance of the object. scene_log_mean: exp(mean ln luminance) of the map.
+    object_mean: mean luminance of the object. scene: exp(mean ln luminance) of the map, or where the shot meters the
+    frame, priors.frame_level of it.
     """
-    by_object = shot.object_key / max(object_mean, 1e-6)
-    by_scene = shot.scene_key / max(scene_log_mean, 1e-6)
-    gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
+    if shot.meters_frame:
+        gain = priors.metered_gain(object_mean, scene, shot.metering, shot.scene_key)
+    else:
+        by_object = shot.object_key / max(object_mean, 1e-6)
+        by_scene = shot.scene_key / max(scene, 1e-6)
+        gain = by_object**shot.metering * by_scene ** (1.0 - shot.metering)
     mean = max(object_mean * gain, 1e-9)
     return float(gain * np.clip(mean, *shot.object_range) / mean)
 
@@ -151,7 +173,7 @@ def take_photo(
 ) -> np.ndarray:
     """One photo, [S, S, 3] uint8: white balance, lens, curve, noise, 8 bits, JPEG.
 
-    The lens blurs light, before the curve clips it: a lamp spreads as it does in a
+    The lens blurs light, before the curve clips it: a light source spreads as it does in a
     camera, brighter than white, and the object's rim takes from what is behind it.
 
     Args:

@@ -17,7 +17,7 @@ from anyprobe.dataset.manifest import read_table
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.meshes import SUFFIXES as MESH_SUFFIXES
 from anyprobe.files.meshes import read_mesh
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import shrink
 from anyprobe.render.mesh import Mesh
@@ -32,7 +32,7 @@ MAP_SUFFIXES = (".exr", ".hdr")
 
 STRANGE_MAPS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".pfm")
 STRANGE_MESHES = (".gltf", ".fbx", ".dae", ".3ds", ".blend", ".usd", ".usdz", ".3mf")
-"""Files of a folder that somebody may take for assets: listed as bad ones. Others are not looked at."""
+"""Files that may be meant as assets: listed as unusable. Others are ignored."""
 
 Report = Callable[[str], None]
 Asset = TypeVar("Asset", "MapAsset", "ShapeAsset")

@@ -62,7 +62,7 @@ class _Transient(Exception):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RemoteFile:
-    """A file as its publisher describes it; size in bytes, if told."""
+    """A file as its publisher describes it; size in bytes, if given."""
 
     url: str
     md5: str

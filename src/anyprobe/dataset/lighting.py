@@ -5,7 +5,7 @@ The dear part of a training pair is here, and each one serves many pairs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +14,7 @@ import torch
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
 from anyprobe.core.sampling import hammersley
+from anyprobe.dataset import priors
 from anyprobe.dataset.material import draw_alpha
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.environment import MAP_HEIGHT
@@ -27,12 +28,14 @@ SIZE = 128
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LitMaterial:
     """terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
-    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class."""
+    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of priors.KINDS, None for
+    the materials and cameras of the paper."""
 
     terms: torch.Tensor
     radiance: torch.Tensor
     alpha: float
     elevation: int
+    kind: int | None = None
 
 
 BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
@@ -53,7 +56,7 @@ def _look(radiance: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
 
 
 class Illuminator:
-    """Shades reflectance maps from a stock of maps; compiled where a compiler is at hand."""
+    """Shades reflectance maps from a store of maps; compiled where a compiler is at hand."""
 
     def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
         self.device = device
@@ -89,8 +92,11 @@ class Illuminator:
         radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
-    def draw(self, rng: np.random.Generator) -> LitMaterial:
-        """A random map, view and alpha; half of the maps mirrored."""
+    def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
+        """A random map, view and alpha; half of the maps mirrored.
+
+        world: share of those of a kind and an alpha of dataset.priors.
+        """
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(
@@ -99,6 +105,10 @@ class Illuminator:
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
         alpha = draw_alpha(rng)
+        if world > 0 and rng.random() < world:
+            kind = priors.draw_kinds(rng, 1)
+            alpha = float(priors.draw_alphas(rng, kind)[0])
+            return replace(self.light(which, rotation, alpha, elevation), kind=int(kind[0]))
         return self.light(which, rotation, alpha, elevation)
 
 

@@ -1,4 +1,4 @@
-"""Pair and MapPair (nouns): what a recipe gives, point by point in perspective.
+"""What a recipe renders to, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
 
 Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
 are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a
@@ -8,22 +8,23 @@ compiler.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y, world_from_camera
-from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
+from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, take_photo
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, phone_shot, take_photo
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import draw_alpha, draw_material
-from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, Recipe
-from anyprobe.dataset.textured import draw_factor, draw_share, paint
+from anyprobe.dataset.material import SPECULAR_BELOW, draw_alpha, draw_material
+from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
+from anyprobe.dataset.textured import draw_factor, draw_share, factor_at, paint
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.light.octahedral import Pyramid
@@ -33,7 +34,8 @@ from anyprobe.render.surface import Camera, Surface, frame_object, pixel_rays, s
 from anyprobe.scatter.materials import Material
 
 Trace = Callable[[Mesh, Camera, np.ndarray, Material], np.ndarray]
-"""A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material to linear RGB (and more) [S, S, 3+]."""
+"""A mesh, a camera, the map [H, 2H, 3] in the mesh's world and a material, its albedo [3] or [F, 3, 3] at the corners
+of the faces, to linear RGB (and more) [S, S, 3+]."""
 
 NUM_SAMPLES = 64
 LN_RANGE = (-7.0, 9.0)
@@ -52,7 +54,7 @@ class Pair:
     radiance [64, 128, 3]: the map in the camera's frame and the photo's exposure units.
     map_from_camera [3, 3]; gain [3]: from the stored map to radiance above.
     tan_half: tangent of half the angle that the photo's side takes in.
-    normals [S, S, 3]: in the camera's frame, zero off the object; only methods that are told shapes may look.
+    normals [S, S, 3]: in the camera's frame, zero off the object; only for methods that are given normals.
     material: of the object, or of the larger part of one of two, under its texture if it has any.
     """
 
@@ -72,7 +74,7 @@ class Pair:
     @property
     def specular(self) -> bool:
         """The paper's border: alpha below 0.5."""
-        return self.recipe.material % 2 == 0
+        return self.material.alpha < SPECULAR_BELOW
 
     @property
     def crop(self) -> np.ndarray:
@@ -105,9 +107,10 @@ def render_pair(
     trace: Trace | None = None,
     textured: bool = False,
 ) -> Pair:
-    """The pair of an "object" recipe; raises InputError if the stock lacks its map or shape, or nobody can see it.
+    """The pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not visible.
 
-    trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on.
+    trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
+        conditions, painted objects get a mild texture by it, which our shading leaves out.
     textured: the same object not quite uniform: a third with a mild texture, a third of two materials, a third both
         (dataset.textured). Irradiance and map know of it by the photo's exposure alone. Not with trace, which is
         given one material.
@@ -133,9 +136,13 @@ def render_pair(
     if trace is not None:
         map_from_world = map_from_camera @ camera.world_from_camera.T
         surroundings = rotate(asset.radiance, map_from_world.T)
-        reflected = trace(shape.mesh, camera, surroundings, material)[surface.mask][:, :3]
+        coat = _painted(material, shape.mesh, rng.spawn(1)[0]) if is_painted(recipe) else material
+        reflected = trace(shape.mesh, camera, surroundings, coat)[surface.mask][:, :3]
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
-    gain = exposure(shot, float(luminance(reflected).mean()), _log_mean(light))
+    if recipe.conditions == WORLD:
+        shot = phone_shot(shot, (light * pixel_solid_angles(MAP_HEIGHT)[..., None]).sum(axis=(0, 1)), rng)
+    seen = priors.frame_level(luminance(light)) if shot.meters_frame else _log_mean(light)
+    gain = exposure(shot, float(luminance(reflected).mean()), seen)
     picture = np.zeros((*surface.mask.shape, 3), np.float32)
     picture[surface.mask] = reflected * gain
     mask, background = surface.mask, None
@@ -161,6 +168,24 @@ def render_pair(
         shape_name=shape.name,
         indoor=asset.indoor,
     )
+
+
+def is_painted(recipe: Recipe) -> bool:
+    """Whether an object's recipe is of the kind painted of the world's priors."""
+    return recipe.conditions == WORLD and priors.KINDS[recipe.material % 4] == "painted"
+
+
+def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Material:
+    """Under a mild texture that lies on the mesh: albedo [F, 3, 3], at the corners of the faces."""
+    corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
+    factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
+    return replace(paint(material, factor.reshape(-1, 3, 3)), f0=material.f0)
+
+
+def _world_material(recipe: Recipe, rng: np.random.Generator) -> Material:
+    kind, brighter = recipe.material % 4, recipe.material // 4
+    alpha = priors.draw_alphas(rng, np.array([kind]))[0]
+    return priors.draw_one(rng, kind, float(alpha), (brighter + rng.random()) / 2)
 
 
 def _textured_radiance(
@@ -202,14 +227,18 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
     yaw, elevation = fibonacci_viewpoint(recipe.view)
     turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
     fov_deg = rng.uniform(10.0, 45.0)
-    material = draw_material(rng, draw_alpha(rng, recipe.material % 2 == 0), bool(recipe.material // 2 % 2))
+    if recipe.conditions == WORLD:
+        material = _world_material(recipe, rng)
+    else:
+        alpha = draw_alpha(rng, recipe.material % 2 == 0)
+        material = draw_material(rng, alpha, bool(recipe.material // 2 % 2))
     map_yaw = rng.uniform(0, 2 * np.pi)
-    shot = draw_shot(rng, recipe.conditions)
+    shot = draw_shot(rng, min(recipe.conditions, 1))
     return _Drawn(world_from_camera=turned, fov_deg=fov_deg, material=material, map_yaw=map_yaw, shot=shot)
 
 
 def shot_of(recipe: Recipe) -> Shot:
-    """How the photo of an "object" recipe is taken, without taking it."""
+    """How the photo of an "object" recipe is taken, without taking it; under WORLD but for its metering and white."""
     return _draw(recipe, recipe.rng()).shot
 
 

@@ -16,14 +16,17 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.core.latlong import direction_to_uv
+from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
-from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure
+from anyprobe.dataset import priors
+from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure, phone_shot
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
+from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
+from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.shape_augment import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
 from anyprobe.dataset.textured import paint_some
@@ -40,6 +43,8 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
+    world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
+        phones expose and balance them.
     every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
@@ -60,6 +65,7 @@ class PairConfig:
     pool: int = 12
     lanes: int = 2
     conditions: int = 1
+    world: float = 0.0
     every: int = 1
     cut_out: float = 0.0
     given_normals: float = 0.0
@@ -72,7 +78,7 @@ class PairConfig:
 
 
 GIVEN_ERROR_DEG = 2.0
-"""Standard deviation of each of the three angles by which told normals are turned."""
+"""Standard deviation of each of the three angles by which given normals are turned."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -120,7 +126,9 @@ class PairSource:
         for key in wanted:
             if key not in self._groups:
                 rng = np.random.default_rng((self.config.seed, 1, *key))
-                self._groups[key] = [self.illuminator.draw(rng) for _ in range(self.config.group)]
+                self._groups[key] = [
+                    self.illuminator.draw(rng, self.config.world) for _ in range(self.config.group)
+                ]
         return [lit for key in wanted for lit in self._groups[key]]
 
     @torch.no_grad()
@@ -133,9 +141,14 @@ class PairSource:
         ]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         normals = np.asarray(self.surfaces.normals[index])
+        shadows = self.surfaces.hidden is not None
+        hidden = np.array(self.surfaces.hidden[index]) if shadows else None
         for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
             normals[one] = normals[one, :, :, ::-1]
             normals[one, 0] *= -1
+            if shadows:
+                hidden[one] = mirrored(hidden[one])
+        hidden = torch.from_numpy(hidden).to(self.device) if shadows else None
         normals = torch.from_numpy(normals).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
         angles = torch.from_numpy(tan_half).to(self.device)
@@ -143,17 +156,29 @@ class PairSource:
             index = rng.integers(len(self.surfaces.normals), size=len(index))
             others = torch.from_numpy(np.asarray(self.surfaces.normals[index])).to(self.device).float()
             other_angles = torch.from_numpy(self.surfaces.tan_half[index]).to(self.device)
+            alone = normals
             normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
+            if shadows:  # what the other hides from itself is left out
+                changed = (normals != alone).any(dim=1, keepdim=True).float()
+                hidden *= F.adaptive_max_pool2d(changed, hidden.shape[-1]) == 0
         if self.config.shape_augment > 0:
-            normals = reshape_some(normals, angles, rng, self.config.shape_augment)
-        return self.compose(chosen, normals, tan_half, rng)
+            normals = reshape_some(normals, angles, rng, self.config.shape_augment, hidden)
+        return self.compose(chosen, normals, tan_half, rng, hidden)
 
     def compose(
-        self, chosen: list[LitMaterial], normals: torch.Tensor, tan_half: np.ndarray, rng: np.random.Generator
+        self,
+        chosen: list[LitMaterial],
+        normals: torch.Tensor,
+        tan_half: np.ndarray,
+        rng: np.random.Generator,
+        hidden: torch.Tensor | None = None,
     ) -> Batch:
-        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos."""
+        """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos.
+
+        hidden: what the surfaces hide from themselves, [B, AZIMUTHS, SIDE, SIDE] of dataset.occlusion.
+        """
         count, size = len(chosen), normals.shape[-1]
-        materials = [draw_material(rng, lit.alpha) for lit in chosen]
+        materials = [_material_of(lit, rng) for lit in chosen]
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -163,9 +188,10 @@ class PairSource:
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
         wo = pixel_wo(column(tan_half), size)
-        radiance, first_factor = shade(chosen, materials, normals, wo, self._places)
+        radiance, first_factor = shade(chosen, materials, normals, wo, self._places, hidden)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
+        shots = [_as_phones(shot, lit, rng) for shot, lit in zip(shots, chosen, strict=True)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
@@ -211,7 +237,10 @@ class PairSource:
         weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
         seen = (radiance * weights).sum(1, keepdim=True)
         on_object = ((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist()
-        scene = torch.exp(torch.log((light * weights).sum(1).clip(min=1e-4)).mean((1, 2))).tolist()
+        bright = (light * weights).sum(1)
+        scene = torch.exp(torch.log(bright.clip(min=1e-4)).mean((1, 2))).tolist()
+        for one in [number for number, shot in enumerate(shots) if shot.meters_frame]:
+            scene[one] = float(priors.frame_level(bright[one].cpu().numpy()))
         gains = [exposure(*each) for each in zip(shots, on_object, scene, strict=True)]
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
@@ -222,11 +251,13 @@ def shade(
     normals: torch.Tensor,
     wo: torch.Tensor,
     places: Callable = lookup_coords,
+    hidden: torch.Tensor | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
 
     materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
     places: lookup_coords, or the same compiled.
+    hidden: what the surfaces hide from themselves, see dataset.occlusion; the first factor has none of it.
 
     Returns:
         radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
@@ -241,8 +272,28 @@ def shade(
     first_factor, specular, diffuse = (F.grid_sample(*part, align_corners=False) for part in parts)
     one, grazing = specular.split(3, dim=1)
     # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
-    radiance = torch.lerp(grazing * gain_grazing[:, None] + albedo * diffuse, one * gain_one[:, None], f0)
+    one, grazing, diffuse = one * gain_one[:, None], grazing * gain_grazing[:, None], albedo * diffuse
+    radiance = torch.lerp(grazing + diffuse, one, f0)
+    if hidden is not None:
+        mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
+        glow = (radiance * mask).sum((2, 3)) / mask.sum((2, 3)).clip(min=1.0)
+        maps = torch.stack([lit.radiance for lit in chosen])
+        of_diffuse, of_specular = shade_hidden(hidden, normals, wo, alpha[:, 0, 0, 0], maps, glow)
+        radiance = torch.lerp(grazing * of_specular + diffuse * of_diffuse, one * of_specular, f0)
     return radiance, first_factor
+
+
+def _material_of(lit: LitMaterial, rng: np.random.Generator) -> Material:
+    return draw_material(rng, lit.alpha) if lit.kind is None else priors.draw_one(rng, lit.kind, lit.alpha)
+
+
+def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:
+    """The shot, metered and balanced as phones do it where the material is of the world's priors."""
+    if lit.kind is None:
+        return shot
+    rows = pixel_solid_angles(lit.radiance.shape[0])
+    ambient = (lit.radiance.cpu().numpy() * rows[..., None]).sum(axis=(0, 1))
+    return phone_shot(shot, ambient, rng)
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:

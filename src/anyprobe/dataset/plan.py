@@ -1,4 +1,4 @@
-"""Plan (noun): which recipes a dataset has, in a fixed order."""
+"""Which recipes a dataset has, in a fixed order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import gcd
 import numpy as np
 
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.recipe import EXPOSURES, MATERIALS, VIEWPOINTS, Recipe
+from anyprobe.dataset.recipe import EXPOSURES, MATERIALS, VIEWPOINTS, WORLD, Recipe
 from anyprobe.errors import InputError
 
 
@@ -79,13 +79,7 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
 
     Only one kind of place if the maps have no other.
     """
-    if not store.maps or not store.shapes:
-        raise InputError(
-            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
-        )
-    ids = sorted(store.maps)
-    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
-    shapes = sorted(store.shapes)
+    by_place, shapes = _places_and_shapes(store)
     recipes = []
     for k in range(count):
         rng = np.random.default_rng((seed, k))
@@ -102,6 +96,39 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
             )
         )
     return recipes
+
+
+def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
+    """A test set under the world's priors: in turn the kinds of priors.KINDS, the darker and the brighter half of
+    each, indoor/outdoor, every shape alike; the rest at random."""
+    by_place, shapes = _places_and_shapes(store)
+    recipes = []
+    for k in range(count):
+        rng = np.random.default_rng((seed, k))
+        places = by_place[bool(k // MATERIALS % 2)]
+        recipes.append(
+            Recipe(
+                kind="object",
+                map_id=places[rng.integers(len(places))],
+                shape_id=shapes[(k // (2 * MATERIALS) + k) % len(shapes)],
+                material=k % MATERIALS,
+                view=int(rng.integers(VIEWPOINTS)),
+                conditions=WORLD,
+                seed=_seed(seed, k),
+            )
+        )
+    return recipes
+
+
+def _places_and_shapes(store: AssetStore) -> tuple[dict[bool, list[str]], list[str]]:
+    """Ids of the maps, by whether they are indoor, all where there are none such, and of the shapes."""
+    if not store.maps or not store.shapes:
+        raise InputError(
+            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+        )
+    ids = sorted(store.maps)
+    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
+    return by_place, sorted(store.shapes)
 
 
 def _seed(seed: int, index: int) -> int:

@@ -24,7 +24,7 @@ ATTEMPTS = 3
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 Work = Callable[[Any, Callable[[int], None]], Any]
-"""work(task, tell) does a task, calls tell(n) on the way, and returns its result; all of it can be pickled."""
+"""work(task, report) does a task, calls report(n) on the way, and returns its result; all of it can be pickled."""
 
 
 class WorkerFailed(AnyprobeError):
@@ -214,7 +214,7 @@ def run_ray(
     """Do every task on a cluster, one CPU each; result by task.
 
     address: a cluster's, "auto" for the one this machine is a node of; None begins one here
-    with so many workers, which ends with this call. watch(task, finished(task)) tells of
+    with so many workers, which ends with this call. watch(task, finished(task)) reports
     each task that is done. Tasks must not mind being done twice: a node that was given up
     may still be at work.
 

@@ -1,4 +1,4 @@
-"""Recipe (noun): the twenty bytes that a pair is made from, and its name."""
+"""The twenty bytes that a pair is rendered from, and its name."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ VIEWPOINTS = 23
 """Camera positions on the upper hemisphere, as in the paper's Sect. 3.5."""
 MATERIALS = 8
 EXPOSURES = 5
+WORLD = 2
+"""Conditions of photos with the priors of dataset.priors, flawed as the world gives them."""
 
 _LAYOUT = struct.Struct(">BB4s4sBBQ")
 
@@ -32,9 +34,11 @@ class Recipe:
     kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
     map_id, shape_id: 8 hexadecimal digits, the assets' names in a Stock.
     material: for objects 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
-        second draw of the two; for maps the exposure's number, 0 to 4.
+        second draw of the two, or under WORLD bits 0 and 1 the kind of priors.KINDS, bit 2 the
+        brighter half of that kind; for maps the exposure's number, 0 to 4.
     view: Fibonacci viewpoint, 0 to 22.
-    conditions: 0 for the paper's clean photos, 1 for photos as the world gives them.
+    conditions: 0 for the paper's clean photos, 1 for photos as the world gives them, WORLD (objects
+        alone) for these with the world's materials, metering and white balance.
     seed: all else is drawn from it and from the fields above.
     """
 
@@ -50,7 +54,7 @@ class Recipe:
         """Version, kind and conditions, map, shape, material, view, seed; big-endian."""
         return _LAYOUT.pack(
             VERSION,
-            2 * KINDS.index(self.kind) + self.conditions,
+            2 * KINDS.index(self.kind) + (4 if self.conditions == WORLD else self.conditions),
             bytes.fromhex(self.map_id),
             bytes.fromhex(self.shape_id),
             self.material,
@@ -75,19 +79,20 @@ class Recipe:
             raise InputError(
                 f"recipe {text}: expected version {VERSION}, got {version}; use the release that wrote it"
             )
-        count = EXPOSURES if flags // 2 else MATERIALS
-        if flags > 3 or material >= count or view >= VIEWPOINTS:
+        kind = flags // 2 % 2
+        count = EXPOSURES if kind else MATERIALS
+        if flags > 4 or material >= count or view >= VIEWPOINTS:
             raise InputError(
                 f"recipe {text}: expected kind < 2, material < {count}, view < {VIEWPOINTS}, "
-                f"got {flags // 2}, {material}, {view}"
+                f"got {kind if flags < 5 else flags // 2}, {material}, {view}"
             )
         return cls(
-            kind=KINDS[flags // 2],
+            kind=KINDS[kind],
             map_id=map_id.hex(),
             shape_id=shape_id.hex(),
             material=material,
             view=view,
-            conditions=flags % 2,
+            conditions=WORLD if flags == 4 else flags % 2,
             seed=seed,
         )
 

@@ -1,4 +1,4 @@
-"""Job (noun): a folder with dataset.json, the shards it is to hold, and those it holds already."""
+"""A rendered dataset: dataset.json, its shards, and rendering those that are missing."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.process_pools import run_local
 from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
-from anyprobe.dataset.samples import CONDITIONS, Renderer, decode, same
+from anyprobe.dataset.samples import CONDITIONS, FORMATS, Renderer, decode, same
 from anyprobe.errors import InputError, OutputError
 
 
-def render_again(job: Job, task: tuple[int, tuple[int, ...]], tell: Callable[[int], None]) -> str:
+def render_again(job: Job, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
     """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
     shard, numbers = task
     renderer = job.renderer()
@@ -37,7 +37,7 @@ def render_again(job: Job, task: tuple[int, tuple[int, ...]], tell: Callable[[in
             old = stored[sample.key].get(name, b"")
             if not same(name, old, data):
                 return f"{sample.key}.{name} differs when rendered again{_first_difference(name, old, data)}"
-        tell(count)
+        report(count)
     return ""
 
 
@@ -76,7 +76,6 @@ def choose(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, t
     ]
 
 
-FORMAT = 1
 NAME = "dataset.json"
 SETTINGS = {
     "kind": "object",
@@ -97,7 +96,7 @@ WORDS = {"kind": ("object", "map"), "split": ("train", "test"), "conditions": CO
 PROCEDURAL = 32
 """Maps and shapes of our own when no folder of assets is given."""
 
-BYTES_PER_PAIR = {"object": 30_000, "map": 60_000}
+BYTES_PER_PAIR = {"object": 45_000, "map": 60_000}
 """Expected until a shard has shown it."""
 
 Make = Callable[..., Renderer]
@@ -164,8 +163,10 @@ def read_plan(folder: Path) -> dict:
     path = folder / NAME
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
-        if plan["format"] != FORMAT:
-            raise InputError(f"{path}: expected format {FORMAT}, got {plan['format']}; use another version")
+        if plan["format"] not in FORMATS:
+            raise InputError(
+                f"{path}: expected format {FORMATS[-1]}, got {plan['format']}; use another version"
+            )
         plan.setdefault("commercial_only", True)  # what it was before there was a choice
         _check_plan(plan)
     except FileNotFoundError as error:
@@ -228,7 +229,6 @@ def begin(
             f"{len(renderer.shapes)} shapes give, got {pairs}"
         )
     plan = {
-        "format": FORMAT,
         **_versions(),
         **settings,
         "pairs": pairs,
@@ -243,6 +243,7 @@ def begin(
 def _versions() -> dict[str, object]:
     """Of whatever would make other pairs of the same settings."""
     return {
+        "format": FORMATS[-1],
         "anyprobe_version": __version__,
         "recipe_version": RECIPE_VERSION,
         "procedural_version": PROCEDURAL_VERSION,
@@ -325,14 +326,14 @@ def check_space(job: Job, missing: Sequence[int]) -> int:
     return needed
 
 
-def render_shard(job: Job, shard: int, tell: Callable[[int], None]) -> None:
-    """Render one shard; tell(n) after each pair. Any process on any machine may do this."""
+def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
+    """Render one shard; report(n) after each pair. Any process on any machine may do this."""
     renderer = job.renderer()
 
     def samples():
         for count, index in enumerate(shard_range(job.plan, shard), 1):
             yield renderer.sample(renderer.recipe(index))
-            tell(count)
+            report(count)
 
     shards.write_shard(job.folder, shard, samples())
 
@@ -340,7 +341,7 @@ def render_shard(job: Job, shard: int, tell: Callable[[int], None]) -> None:
 def render_missing(job: Job, engine: Callable, watch: Callable[[int, int], None]) -> None:
     """Render what is missing with engine(work, tasks, watch), see local_engine and ray_engine.
 
-    watch(shard, pairs done in it) tells the progress.
+    watch(shard, pairs done in it) reports the progress.
     """
     with locked(job.folder):
         shards.remove_temporaries(job.folder)

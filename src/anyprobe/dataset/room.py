@@ -1,4 +1,4 @@
-"""Rooms: a box of diffuse walls lit by windows, lamps and the sun, with the light between the walls.
+"""Rooms: a box of diffuse walls lit by windows, light fixtures and the sun, with the light between the walls.
 
 The walls are cut into patches; exact form factors carry light between them (Cohen and Wallace,
 "Radiosity and Realistic Image Synthesis", 1993, chapter 4):
@@ -217,7 +217,7 @@ def _behind_window(day: Day, wall: int, turn: np.ndarray) -> np.ndarray:
 
 
 def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """Inside a box with furniture, pictures, windows and lamps; mean luminance 1."""
+    """Inside a box with furniture, pictures, windows and light fixtures; mean luminance 1."""
     half = rng.uniform([1.5, 1.15, 1.5], [5.0, 1.9, 5.0])
     eye = rng.uniform(-0.5, 0.5, size=3) * half * np.array([1, 0.6, 1])
     turn = rotation_y(rng.uniform(0, 2 * np.pi))  # the map's frame from the walls'

@@ -1,4 +1,4 @@
-"""Sample (noun): a pair as named bytes, as it stands in a shard; and who renders it."""
+"""A pair as named bytes, as stored in a shard, and its renderer."""
 
 from __future__ import annotations
 
@@ -20,11 +20,23 @@ from anyprobe.errors import InputError
 
 CONDITIONS = ("clean", "world")
 
+FORMATS = (1, 2)
+"""Of datasets that are read; the last is written. Objects of format 1 have no normals."""
+NORMALS = "normals.png"
 ARRAYS = {
-    "object": {"photo.png": ((128, 128, 4), "uint8"), "irradiance.png": ((128, 128, 3), "uint8")},
+    "object": {
+        "photo.png": ((128, 128, 4), "uint8"),
+        "irradiance.png": ((128, 128, 3), "uint8"),
+        NORMALS: ((128, 128, 3), "uint8"),
+    },
     "map": {"ldr.png": ((64, 128, 3), "uint8"), "ln_radiance.npy": ((64, 128, 3), "float16")},
 }
 """By kind, the shape and type of each array of a sample; json stands beside them."""
+
+
+def arrays_of(kind: str, form: int) -> dict[str, tuple[tuple[int, ...], str]]:
+    """ARRAYS of a kind in a dataset of a format."""
+    return {name: what for name, what in ARRAYS[kind].items() if form > 1 or name != NORMALS}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -105,7 +117,7 @@ class StoreRenderer:
 
 
 def encode_pair(pair: Pair) -> Sample:
-    """photo.png (RGBA), irradiance.png and json of an object's pair."""
+    """photo.png (RGBA), irradiance.png, normals.png and json of an object's pair."""
     fields = {
         "shape_id": pair.recipe.shape_id,
         "shape": pair.shape_name,
@@ -120,10 +132,23 @@ def encode_pair(pair: Pair) -> Sample:
         parts={
             "photo.png": _png(pair.photo),
             "irradiance.png": _png(pair.irradiance),
+            NORMALS: _png(encode_normals(pair.normals)),
             "json": _json(pair, fields),
         },
         groups=("specular" if pair.specular else "diffuse", _place(pair)),
     )
+
+
+def encode_normals(normals: np.ndarray) -> np.ndarray:
+    """Unit normals [S, S, 3], zero off the object, to uint8: round(127 n) + 128, and 0 off the object."""
+    inside = normals.any(axis=-1, keepdims=True)
+    return np.where(inside, np.round(127.0 * normals) + 128.0, 0.0).astype(np.uint8)
+
+
+def decode_normals(image: np.ndarray) -> np.ndarray:
+    """Back to [S, S, 3] float32: unit to rounding of half a degree, zero off the object."""
+    inside = image.any(axis=-1, keepdims=True)
+    return np.where(inside, (image.astype(np.float32) - 128.0) / 127.0, 0.0).astype(np.float32)
 
 
 def encode_map_pair(pair: MapPair) -> Sample:

@@ -1,4 +1,4 @@
-"""Reshape (verb): other shapes from surfaces already drawn, by what a picture of normals alone allows.
+"""Augmentation of shape: rasterised normal images deformed without their mesh.
 
 A surface seen in perspective is the logarithm of its depth over the picture, rho(x, y), for x and y of the
 points on the plane at depth 1. Its normal is along (rho_x, rho_y, 1 + x rho_x + y rho_y), so rho's slopes can
@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 import torch.nn.functional as F
+
+from anyprobe.dataset.shadows import moved
 
 UPRIGHT_DEG = 15.0
 """Standard deviation of the angle by which half of the pictures are rolled; the others are rolled by any."""
@@ -49,15 +51,24 @@ class Reshaping:
 
 
 def reshape_some(
-    normals: torch.Tensor, tan_half: torch.Tensor, rng: np.random.Generator, share: float
+    normals: torch.Tensor,
+    tan_half: torch.Tensor,
+    rng: np.random.Generator,
+    share: float,
+    hidden: torch.Tensor | None = None,
 ) -> torch.Tensor:
-    """Another shape for about a share of the surfaces; arguments and result as for `reshape`."""
+    """Another shape for about a share of the surfaces; arguments and result as for `reshape`.
+
+    hidden: their cells of dataset.occlusion, which are moved along in place.
+    """
     some = np.nonzero(rng.random(len(normals)) < share)[0]
     if len(some) == 0:
         return normals
     result = normals.clone()
     reshaping = draw_reshaping((normals[some].abs().sum(dim=1) > 0).cpu().numpy(), rng)
     result[some] = reshape(normals[some], tan_half[some], reshaping)
+    if hidden is not None:
+        hidden[some] = moved(hidden[some], reshaping.old_from_new, reshaping.offset)
     return result
 
 

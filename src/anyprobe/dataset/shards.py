@@ -1,6 +1,6 @@
-"""Shard (noun): a tar of samples in WebDataset's order, and an index that says it is whole.
+"""Shards: tars of samples in WebDataset's order, each with an index that is written last.
 
-shard-000000.tar holds <key>.photo.png, <key>.irradiance.png, <key>.json, the next key, and so on.
+shard-000000.tar holds <key>.photo.png, <key>.irradiance.png, <key>.normals.png, <key>.json, the next key, and so on.
 shard-000000.json beside it is written last: names, offsets and sizes, and the tar's SHA-256.
 The same samples give the same bytes: no times, owners or paths are stored.
 """
@@ -13,7 +13,7 @@ import os
 import re
 import tarfile
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.dataset.recipe import Recipe
-from anyprobe.dataset.samples import ARRAYS, Sample, decode
+from anyprobe.dataset.samples import FORMATS, Sample, arrays_of, decode
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import atomic_path
 
-FORMAT = 1
 _BLOCK = 512
 _TEMPORARY = re.compile(r"^\.(shard-\d{6}|dataset)-[0-9a-f]{8}\.(tar|json)$")
 
@@ -154,7 +153,7 @@ def remove_shard(folder: Path, shard: int, *, index_only: bool = False) -> None:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(
-                f"{path}: cannot be deleted ({error.strerror}); check who may write there"
+                f"{path}: cannot be deleted ({error.strerror}); check its permissions"
             ) from error
 
 
@@ -166,7 +165,7 @@ def _header(name: str, size: int) -> bytes:
 
 def _index_text(index: ShardIndex) -> str:
     head = {
-        "format": FORMAT,
+        "format": FORMATS[-1],
         "shard": index.shard,
         "size": index.size,
         "sha256": index.sha256,
@@ -196,9 +195,9 @@ def read_index(folder: Path, shard: int) -> ShardIndex:
         raise InputError(f"{path}: expected the index of a shard, found none") from error
     except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise InputError(f"{path}: expected the index of a shard, got damage ({error})") from error
-    if fields.get("format") != FORMAT or index.shard != shard:
+    if fields.get("format") not in FORMATS or index.shard != shard:
         raise InputError(
-            f"{path}: expected format {FORMAT} of shard {shard}, got {fields.get('format')} of {index.shard}"
+            f"{path}: expected format {FORMATS[-1]} of shard {shard}, got {fields.get('format')} of {index.shard}"
         )
     return index
 
@@ -241,8 +240,9 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
         yield key, parts
 
 
-def fault(folder: Path, shard: int, kind: str, pairs: int) -> str:
-    """What is wrong with a shard that ought to hold so many pairs of a kind; empty if nothing."""
+def fault(folder: Path, shard: int, kind: str, pairs: int, form: int = FORMATS[-1]) -> str:
+    """What is wrong with a shard that ought to hold so many pairs of a kind in a format; empty if nothing."""
+    arrays = arrays_of(kind, form)
     try:
         index = read_index(folder, shard)
         path = tar_path(folder, shard)
@@ -258,18 +258,20 @@ def fault(folder: Path, shard: int, kind: str, pairs: int) -> str:
         found = dict(read_samples(path))
         if list(found) != list(index.parts):
             return "its pairs are not those of its index"
-        return next(filter(None, (_sample_fault(key, found[key], index, kind, data) for key in found)), "")
+        return next(filter(None, (_sample_fault(key, found[key], index, arrays, data) for key in found)), "")
     except (InputError, OSError) as error:
         return " ".join(str(error).split())
 
 
-def _sample_fault(key: str, parts: dict[str, bytes], index: ShardIndex, kind: str, data: bytes) -> str:
-    if set(parts) != {*ARRAYS[kind], "json"}:
-        return f"{key}: expected {', '.join([*ARRAYS[kind], 'json'])}, got {', '.join(parts)}"
+def _sample_fault(
+    key: str, parts: dict[str, bytes], index: ShardIndex, arrays: Mapping[str, tuple], data: bytes
+) -> str:
+    if set(parts) != {*arrays, "json"}:
+        return f"{key}: expected {', '.join([*arrays, 'json'])}, got {', '.join(parts)}"
     places = {name: data[start : start + size] for name, (start, size) in index.parts[key].items()}
     if places != parts:
         return f"{key}: its offsets in the index are wrong"
-    for name, (shape, dtype) in ARRAYS[kind].items():
+    for name, (shape, dtype) in arrays.items():
         array = decode(name, parts[name])
         if array.shape != shape or array.dtype != np.dtype(dtype):
             return f"{key}.{name}: expected {list(shape)} {dtype}, got {list(array.shape)} {array.dtype}"

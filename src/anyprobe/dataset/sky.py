@@ -50,7 +50,7 @@ def soft_box(d: np.ndarray, centre: np.ndarray, extent: np.ndarray) -> np.ndarra
 
 
 def studio(rng: np.random.Generator, height: int = 256) -> np.ndarray:
-    """A dim surround with a few soft boxes and round lamps; mean luminance 1."""
+    """A dim surround with a few soft boxes and round light sources; mean luminance 1."""
     d = pixel_directions(height).astype(np.float64)
     up = d[..., 1:2] * 0.5 + 0.5
     radiance = rng.uniform(0.02, 0.25) * (tint(rng, 0.1) * (1 - up) + tint(rng, 0.1) * up)

@@ -16,6 +16,7 @@ import numpy as np
 from anyprobe.core.frames import normalize, rotation_x, rotation_y, world_from_camera
 from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.catalog import ShapeAsset
+from anyprobe.dataset.occlusion import SIDE, hidden_cells
 from anyprobe.dataset.process_pools import one_thread
 from anyprobe.files.atomic import atomic_path
 from anyprobe.render.mesh import Mesh, transformed, waved
@@ -35,6 +36,7 @@ class SurfaceConfig:
     stretch: standard deviation of the logarithm by which each view's shape is drawn out along three
     directions of its own; tilt_deg: of the angle by which it leans; bend, relief: by how much at most slow waves
     bend it and fast ones press a relief into it, as slopes below one in all. New shapes from old: there are few.
+    shadows: whether it is kept which directions each shape hides from itself (dataset.occlusion).
     """
 
     views: int = 3
@@ -48,16 +50,18 @@ class SurfaceConfig:
     relief: float = 0.0
     size: int = 128
     seed: int = 1
+    shadows: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceSet:
     """normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
-    tan_half [N]; elevation [N] class index."""
+    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None."""
 
     normals: np.ndarray
     tan_half: np.ndarray
     elevation: np.ndarray
+    hidden: np.ndarray | None = None
 
 
 def thinned(surfaces: SurfaceSet, every: int) -> SurfaceSet:
@@ -92,8 +96,9 @@ class View:
     matrix: np.ndarray | None
 
 
-Seen = tuple[np.ndarray, float, int]
-"""Normals [3, S, S] of a view, its tan_half and its elevation class."""
+Seen = tuple[np.ndarray, float, int, np.ndarray]
+"""Normals [3, S, S] of a view, its tan_half, its elevation class and its hidden cells, none where they are not asked
+for."""
 
 
 def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[View]:
@@ -137,8 +142,8 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def see_views(mesh: Mesh, views: list[View], size: int) -> list[Seen]:
-    """What is seen of a mesh, but for views that show next to nothing."""
+def see_views(mesh: Mesh, views: list[View], size: int, shadows: bool = False) -> list[Seen]:
+    """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells."""
     result = []
     for view in views:
         seen = mesh if view.waves is None else waved(mesh, *view.waves)
@@ -148,7 +153,8 @@ def see_views(mesh: Mesh, views: list[View], size: int) -> list[Seen]:
             continue
         picture = np.zeros((size, size, 3), np.float16)
         picture[surface.mask] = surface.normals
-        result.append((picture.transpose(2, 0, 1), surface.tan_half, view.elevation))
+        hidden = hidden_cells(surface) if shadows else np.zeros((0, SIDE, SIDE), np.uint8)
+        result.append((picture.transpose(2, 0, 1), surface.tan_half, view.elevation, hidden))
     return result
 
 
@@ -169,18 +175,20 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
         yield drawn_part(number, config)
 
 
-def _seen(jobs: Iterator[tuple[Mesh, list[View]]], size: int, workers: int) -> Iterator[list[Seen]]:
+def _seen(
+    jobs: Iterator[tuple[Mesh, list[View]]], size: int, shadows: bool, workers: int
+) -> Iterator[list[Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
     if workers == 0:
         for job in jobs:
-            yield see_views(*job, size)
+            yield see_views(*job, size, shadows)
         return
     asked: deque = deque()
     spawn, quiet = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
     with one_thread(), ProcessPoolExecutor(workers, spawn, signal.signal, quiet) as pool:
         try:
             for job in jobs:
-                asked.append(pool.submit(see_views, *job, size))
+                asked.append(pool.submit(see_views, *job, size, shadows))
                 if len(asked) > 4 * workers:
                     yield asked.popleft().result()
             while asked:
@@ -203,31 +211,37 @@ def build_surfaces(
         watch: hears how many shapes of how many are drawn.
     """
     ids = ",".join(shape.id for shape in shapes)
-    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{config}|{ids}".encode()).hexdigest()[:16]
+    named = str(config).replace(", shadows=False", "")  # as before there were any: what is kept stays
+    key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{named}|{ids}".encode()).hexdigest()[:16]
     folder = None if cache is None else Path(cache) / f"surfaces-{key}"
-    if folder is not None and all((folder / f"{name}.npy").is_file() for name in ARRAYS):
-        return _kept(folder)
+    names = ARRAYS if config.shadows else ARRAYS[:-1]
+    if folder is not None and all((folder / f"{name}.npy").is_file() for name in names):
+        return _kept(folder, names)
     total = len(shapes) + config.procedural + config.figures + config.parts
     seen: list[Seen] = []
-    for done, one in enumerate(_seen(_shapes_and_views(shapes, config), config.size, workers), start=1):
+    jobs = _shapes_and_views(shapes, config)
+    for done, one in enumerate(_seen(jobs, config.size, config.shadows, workers), start=1):
         seen += one
         if watch is not None:
             watch(done, total)
-    normals, tan_half, elevation = zip(*seen, strict=True)
+    normals, tan_half, elevation, hidden = zip(*seen, strict=True)
     result = SurfaceSet(
-        normals=np.stack(normals), tan_half=np.array(tan_half, np.float32), elevation=np.array(elevation)
+        normals=np.stack(normals),
+        tan_half=np.array(tan_half, np.float32),
+        elevation=np.array(elevation),
+        hidden=np.stack(hidden) if config.shadows else None,
     )
     if folder is None:
         return result
-    for name in ARRAYS:
+    for name in names:
         with atomic_path(folder / f"{name}.npy") as temporary:
             np.save(temporary, getattr(result, name))
-    return _kept(folder)
+    return _kept(folder, names)
 
 
-ARRAYS = ("normals", "tan_half", "elevation")
+ARRAYS = ("normals", "tan_half", "elevation", "hidden")
 
 
-def _kept(folder: Path) -> SurfaceSet:
+def _kept(folder: Path, names: tuple[str, ...]) -> SurfaceSet:
     """Those of a folder; the pictures stay on the disk, where all processes of a machine share what they read."""
-    return SurfaceSet(**{name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in ARRAYS})
+    return SurfaceSet(**{name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in names})

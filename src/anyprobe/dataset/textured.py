@@ -89,10 +89,18 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
 def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A mild texture: what an object's reflectance is multiplied by, [S, S, 3], 1 in the mean and off the object.
 
-    Marble, wood, cloth, tiles, print or dirt as `textures.draw_texture` has them, of little contrast.
-
     Args:
         normals: [S, S, 3], camera frame, zero off the object.
+    """
+    mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
+    factor[mask] = factor_at(locate(normals)[mask], normals[mask], rng)
+    return factor
+
+
+def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """draw_factor of points [P, 3] of a surface, of normals [P, 3]: [P, 3], 1 in the mean.
+
+    Marble, wood, cloth, tiles, print or dirt as `textures.draw_texture` has them, of little contrast.
     """
     contrast = CONTRAST * np.exp(rng.normal(0.0, CONTRAST_SPREAD))
     pattern = np.log(draw_texture(rng, SIDES))
@@ -101,10 +109,8 @@ def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     pattern -= pattern.mean(axis=(0, 1))
     deviation = float(np.sqrt((pattern**2).mean()))
     pattern *= contrast / max(deviation, 1e-6)  # one clipped all over has none
-    mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
-    values = np.exp(lay(pattern, locate(normals)[mask], normals[mask], rng))
-    factor[mask] = values / values.mean(axis=0)
-    return factor
+    values = np.exp(lay(pattern, points, normals, rng))
+    return np.broadcast_to(values / values.mean(axis=0), normals.shape)
 
 
 def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:

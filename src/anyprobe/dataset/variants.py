@@ -1,4 +1,4 @@
-"""New light from old: blends of maps, added lamps, a dominant light moved elsewhere, another white.
+"""New light from old: blends of maps, added light sources, a dominant light moved elsewhere, another white.
 
 Each step takes maps [H, 2H, 3] and gives one; light adds up, so a sum of two rooms is a light that can be.
 """
@@ -35,13 +35,13 @@ def blend(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
 def add_lamp(
     radiance: np.ndarray, direction: np.ndarray, radius: float, power: np.ndarray, softness: float = 0.3
 ) -> np.ndarray:
-    """The map and a soft round lamp that adds power [3] to its integral over the sphere."""
+    """The map and a soft round light source that adds power [3] to its integral over the sphere."""
     height = radiance.shape[0]
     cap = soft_cap(pixel_directions(height).astype(np.float64), direction, radius, softness)
     whole = (cap[..., 0] * pixel_solid_angles(height)).sum()
     if whole <= 0:
         raise ValueError(
-            f"expected a lamp wider than a pixel, got a radius of {np.degrees(radius):.2g} degrees"
+            f"expected a light source wider than a pixel, got a radius of {np.degrees(radius):.2g} degrees"
         )
     return radiance + cap * (np.asarray(power) / whole)
 
@@ -114,7 +114,7 @@ def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray
         steps[rng.integers(3)] = True
     if steps[0]:
         moved = move_dominant_light(radiance, anywhere())
-        steps[2] |= moved is radiance and not steps[1]  # no light to move: a lamp makes it new
+        steps[2] |= moved is radiance and not steps[1]  # no light to move: an added one makes it new
         radiance = moved
     if steps[1]:
         radiance = blend(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
-from typing import Unpack
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.detail.plausible import DETAILS, ROWS
+from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
+from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Light
@@ -29,7 +33,10 @@ from anyprobe.estimate.runtime import (
 from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
-from anyprobe.masks.find import Where
+from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.pointing import Clicks
+from anyprobe.masks.segmenters import Segmenter, load_segmenter
+from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import MATERIALS, Material, given_material
 
 Albedo = float | Sequence[float]
@@ -53,18 +60,30 @@ class Estimator:
         threads: int | None = None,
         engine: str = DEFAULT_ENGINE,
         emitters: str = MODE,
+        segmenter: str | Segmenter | None = None,
+        detail: str = DETAILS[0],
+        size: int = ROWS,
+        detail_library: str | Path | None = None,
     ) -> None:
-        """Open a bundled model, or a folder of graphs, by an engine of estimate.runtime.ENGINES.
+        """Open a bundled model, or a folder of graphs, with an engine of estimate.runtime.ENGINES.
 
         threads: of the engine; None leaves the choice to it.
-        emitters: "drawn", for shadows, highlights and a map to look at, or "spread" as likely as they are, which lights
-            dull objects better and is not sharp; see estimate.runtime.EMITTERS.
+        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
+            the mean radiance over all positions (soft, and truer on matte objects).
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        detail: "none", or "plausible": maps of `size` rows with detail of detail_library, a folder of maps (None: our
+            own), see Light.with_detail; of single photos, not of several together.
         """
+        self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.models = Models(model, threads, engine, emitters)
         self.model_id, self.emitters = model_id(model), emitters
+        if detail not in DETAILS:
+            raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+        self.detail, self.size, self.detail_library = detail, size, detail_library
 
     def with_emitters(self, emitters: str) -> Estimator:
-        """The same networks, opened once, asked for other emitters."""
+        """The same open networks with other emitters."""
         other = copy(self)
         other.models, other.emitters = self.models.with_emitters(emitters), emitters
         return other
@@ -73,54 +92,103 @@ class Estimator:
         self,
         source: ImageSource,
         *,
+        mask: MaskSource | None = None,
+        click: Clicks | None = None,
+        click_off: Clicks | None = None,
+        box: Sequence[float] | None = None,
+        depth: DepthSource | None = None,
+        near: float | None = None,
+        far: float | None = None,
         fov_deg: float | None = None,
         normals: NormalsSource | None = None,
         material: Material | str | None = None,
         albedo: Albedo | None = None,
+        roughness: float | None = None,
         surroundings: SurroundingsSource | None = None,
-        **where: Unpack[Where],
     ) -> Light:
         """The light around the object of one photo.
 
         Args:
             source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
+            mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function
+                from the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the
+                photo's alpha channel is taken, else the mask network's proposal.
+            click, click_off: x, y in pixels on the object and beside it, one or several.
+            box: x0, y0, x1, y1 around the object, in pixels.
+            depth: depth image of the same view; near, far: where to cut it, in its unit.
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
-            normals: the object's, where they are known: a normal map of the photo's size in the camera's frame,
-                see normals_prior.read_normals; or "sphere", if it is one. Light comes from truer directions then.
-            material: the object's, where it is known: an anyprobe.Material, or a name of scatter.materials ("chrome").
-                Brightness and colour of the light are made to fit it, see estimate.material_prior.
-            albedo: linear, one number or three (0.18 for a grey card): of a dull object, or of the material named.
-            surroundings: "photo", where what the photo shows beside the object is far enough to light it; or a panorama
-                of the camera's frame, transparent where nothing is known, see estimate.surroundings.read_surroundings.
-            where: mask= (a picture of the photo's size, white on the object, or a function that
-                gets the photo and returns one), click= (x, y) or several, click_off=, box= (x0, y0,
-                x1, y1), depth= with near= and far=; see masks.find.Where. Without any, the alpha
-                channel counts, else our mask network proposes the object.
+            normals: the object's normal map of the photo's size in the camera's frame (see
+                normals_prior.read_normals), or "sphere".
+            material: the object's: a Material, or a name of scatter.materials ("chrome"). Level and colour of the
+                light are fitted to it.
+            albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
+            roughness: as in glTF, 0.1 to 1, likewise.
+            surroundings: "photo", to use the photo's background; or a panorama in the camera's frame, transparent
+                where unknown.
         Raises:
             InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
         """
         start = time.perf_counter()
-        material = as_material(material, albedo)
-        photo = load_photo(source, fov_deg=fov_deg, normals=normals, surroundings=surroundings, **where)
+        material = as_material(material, albedo, roughness)
+        photo = load_photo(
+            source,
+            mask=mask,
+            click=click,
+            click_off=click_off,
+            box=box,
+            depth=depth,
+            near=near,
+            far=far,
+            fov_deg=fov_deg,
+            normals=normals,
+            surroundings=surroundings,
+            segmenter=self.segmenter,
+        )
         return self.from_photo(photo, start, material=material)
 
-    def from_photo(
+    def multiview(
         self,
-        photo: Photo,
-        start: float | None = None,
+        photos: Iterable[Photo],
+        world_from_camera: Sequence[np.ndarray],
         *,
         material: Material | str | None = None,
         albedo: Albedo | None = None,
+        roughness: float | None = None,
+        start: float | None = None,
+    ) -> Light:
+        """One light of several photos of one object in one place; see multiview.estimate_crops.
+
+        Args:
+            photos: of load_photo, read in turn; their pixels are not kept.
+            world_from_camera: [3, 3] of each.
+            material, albedo, roughness: the object's, as above.
+            start: of time.perf_counter, when the first photo's loading began.
+        """
+        given = as_material(material, albedo, roughness)
+        taken, spent = cut_photos(photos, start)
+        return estimate_crops(self.from_crop, taken, world_from_camera, spent, given)
+
+    def from_photo(
+        self, photo: Photo, start: float | None = None, *, material: Material | None = None
     ) -> Light:
         """The same for a Photo that is loaded already.
 
         Args:
             start: of time.perf_counter, when its loading began; the sidecar's seconds count from it.
-            material, albedo: the object's, where they are known, as above.
+            material: the object's, if given.
         """
         start = time.perf_counter() if start is None else start
-        crop = crop_object(photo, PHOTO_SIZE)
-        return self.from_crop(photo, crop, start, material=material, albedo=albedo)
+        light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
+        return light if self.detail == DETAILS[0] else self._with_detail(light, photo)
+
+    def _with_detail(self, light: Light, photo: Photo) -> Light:
+        """Of the photo's own surroundings too, where they are to be used."""
+        start, seen = time.perf_counter(), None
+        if photo.surroundings_map is True:
+            seen = seen_in_photo(photo.rgb, photo.mask, photo.long_fov_deg, self.size)
+        light = light.with_detail(library=self.detail_library, size=self.size, seen=seen)
+        seconds = {**light.info["seconds"], "detail": round(time.perf_counter() - start, 4)}
+        return replace(light, info={**light.info, "seconds": seconds})
 
     def from_crop(
         self,
@@ -128,29 +196,25 @@ class Estimator:
         crop: Crop,
         start: float | None = None,
         *,
-        material: Material | str | None = None,
-        albedo: Albedo | None = None,
+        material: Material | None = None,
         merged_surroundings: np.ndarray | None = None,
     ) -> Light:
-        """The same for an object that is cut out already; of the photo only what it is, not its pixels.
+        """The same for an object that is cut out already; the photo's pixels are not read.
 
-        gathered: [64, 128, 4 or 5] in the crop's frame, more of the surroundings than this photo shows, see
-            estimate.surroundings. It stays in the result as it is; the networks are told the photo's own alone, as they
-            learned.
+        merged_surroundings: [64, 128, 4 or 5] in the crop's frame, surroundings that other photos show too. They stay
+            in the result as they are; the network sees the photo's own alone, as in training.
         """
         loaded = time.perf_counter()
         start = loaded if start is None else start
-        material = as_material(material, albedo)
+        material = as_material(material)
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
-        known = {"normals": crop.normals is not None}
+        known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
             known |= done
         exposed = _well_exposed(crop.image)
-        if (
-            outputs.confidence is not None
-        ):  # of what the object tells; what is seen around it does not hang on that
+        if outputs.confidence is not None:
             outputs = replace(outputs, confidence=outputs.confidence * min(1.0, exposed / ENOUGH_EXPOSED))
         surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         if surroundings_map is not None:
@@ -198,13 +262,15 @@ class Estimator:
         given = [name for name, value in known if value is not None]
         if given and self.models.stages != LIFT_STAGES:
             raise InputError(
-                f"{' and '.join(given)}: expected a model that tells normals, got {self.models.name}; "
+                f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
 
 
-def as_material(material: Material | str | None, albedo: Albedo | None = None) -> Material | None:
-    """What is told of the object's material, by itself, by name, by albedo, or by these two; None for nothing.
+def as_material(
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
+) -> Material | None:
+    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
 
     Raises:
         InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
@@ -212,19 +278,19 @@ def as_material(material: Material | str | None, albedo: Albedo | None = None) -
     if not isinstance(material, Material | str | None):
         raise InputError(
             f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
-            "an albedo alone is told by albedo="
+            "give an albedo alone as albedo="
         )
     try:
-        values = None if albedo is None else np.asarray(albedo, np.float64).reshape(-1)
+        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
     except (TypeError, ValueError) as error:
         raise InputError(
             f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
         ) from error
     if not isinstance(material, Material):
-        return given_material(material, values)
-    if albedo is not None:
+        return given_material(material, values, roughness)
+    if albedo is not None or roughness is not None:
         raise InputError(
-            "albedo: expected a material's name beside it or none, got a Material, which has its own; "
+            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
             "leave one of them out"
         )
     return _checked(material)
@@ -272,27 +338,41 @@ def _shared(model: str) -> Estimator:
 def estimate(
     source: ImageSource,
     *,
+    mask: MaskSource | None = None,
+    click: Clicks | None = None,
+    click_off: Clicks | None = None,
+    box: Sequence[float] | None = None,
+    depth: DepthSource | None = None,
+    near: float | None = None,
+    far: float | None = None,
     fov_deg: float | None = None,
     normals: NormalsSource | None = None,
     material: Material | str | None = None,
     albedo: Albedo | None = None,
+    roughness: float | None = None,
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
     emitters: str = MODE,
-    **where: Unpack[Where],
 ) -> Light:
     """The light around the object of one photo; an Estimator used once (and kept for the next call).
 
     Args:
         model, emitters: of Estimator.
-        source and all others: of Estimator.__call__, which also says what is raised.
+        source and all others: of Estimator.__call__, which also lists what is raised.
     """
     return _shared(model).with_emitters(emitters)(
         source,
+        mask=mask,
+        click=click,
+        click_off=click_off,
+        box=box,
+        depth=depth,
+        near=near,
+        far=far,
         fov_deg=fov_deg,
         normals=normals,
         material=material,
         albedo=albedo,
+        roughness=roughness,
         surroundings=surroundings,
-        **where,
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -16,12 +17,16 @@ from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, inverse_response, response
 from anyprobe.core.sampling import hammersley
+from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.light.environment import shrink
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material, evaluate
 from anyprobe.scatter.microfacet import schlick_weight
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 SMOOTH = 0.1
 """Largest alpha of a mirror: its lobe is a pixel or three of the map wide."""
@@ -35,7 +40,7 @@ ENOUGH = 0.5
 """Pixels that a place of a map must have seen for the measured light to count half."""
 MEASURED = 0.65
 """How likely a display value that is measured whole is within 0.1 of the truth, on training maps and shapes: a camera's
-curve is not known, and its normals are told by a pixel in two."""
+curve is not known, and its normals are estimated at every second pixel."""
 ODDS = 10.0
 """How much likelier light above white is in a place that is clipped than in one that is not seen."""
 
@@ -46,12 +51,16 @@ def is_mirror(material: Material) -> bool:
 
 
 def measure(
-    radiance: np.ndarray, image: np.ndarray, normals: np.ndarray, tan_half: float, material: Material
+    radiance: Float[np.ndarray, "H 2*H 3"],
+    image: Float[np.ndarray, "S S 4"],
+    normals: Float[np.ndarray, "S//2 S//2 3"],
+    tan_half: float,
+    material: Material,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Replace what the object mirrors of a map by what its photo shows of it.
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
-    has seen enough of a place tells it, the given map what none has seen. A clipped pixel tells where light above
+    covers a direction well gives it, the given map the rest. A clipped pixel marks where light above
     white may come from but not how much there is: that is the given map's.
 
     Args:
@@ -105,7 +114,8 @@ def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Normals at twice the size by bilinear interpolation, and where all that they are made of are known."""
     side = 2 * len(normals)
     planes = [Image.fromarray(np.ascontiguousarray(normals[..., k], np.float32)) for k in range(3)]
-    mixed = np.stack([plane.resize((side, side), Image.Resampling.BILINEAR) for plane in planes], axis=-1)
+    grown = [np.asarray(plane.resize((side, side), Image.Resampling.BILINEAR)) for plane in planes]
+    mixed = np.stack(grown, axis=-1)
     return normalize(mixed), np.linalg.norm(mixed, axis=-1) > 0.9
 
 
@@ -126,7 +136,7 @@ def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray
 ROWS = 32
 """Rows of the map that the object's points are lit by."""
 COARSE = 16
-"""Rows of the map that x is told on."""
+"""Rows of the map that x is sampled on."""
 NUM_POINTS = 200
 """Of the object, at most; they are shaded with so many samples:"""
 NUM_SAMPLES = 64
@@ -149,13 +159,13 @@ FEWEST = 10
 
 
 def fit_map(
-    radiance: np.ndarray,
-    image: np.ndarray,
-    normals: np.ndarray,
+    radiance: Float[np.ndarray, "64 128 3"],
+    image: Float[np.ndarray, "S S 4"],
+    normals: Float[np.ndarray, "S//k S//k 3"],
     tan_half: float,
     material: Material,
-    known: np.ndarray,
-) -> np.ndarray:
+    known: Bool[np.ndarray, "S//k S//k"],
+) -> Float[np.ndarray, "64 128 3"]:
     """The map that an object of known material asks for, near the one given.
 
     Args:
@@ -237,8 +247,8 @@ def _likeness() -> np.ndarray:
     d = pixel_directions(COARSE).reshape(-1, 3).astype(np.float64)
     degrees = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
     parts = zip((FAR, NEAR), (FAR_DEG, NEAR_DEG), strict=True)
-    covariance = WHOLE + sum(variance * np.exp(-0.5 * (degrees / angle) ** 2) for variance, angle in parts)
-    return covariance.astype(np.float32)
+    lobes = [variance * np.exp(-0.5 * (degrees / angle) ** 2) for variance, angle in parts]
+    return np.asarray(WHOLE + sum(lobes), np.float32)
 
 
 def _finer(x: np.ndarray, rows: int) -> np.ndarray:
@@ -261,7 +271,11 @@ MAX_POINTS = 400
 
 
 def use_material(
-    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, given_normals: np.ndarray | None
+    outputs: Outputs,
+    image: np.ndarray,
+    tan_half: float,
+    material: Material,
+    given_normals: Float[np.ndarray, "64 64 3"] | None,
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
@@ -270,7 +284,7 @@ def use_material(
 
     Args:
         outputs, image, tan_half: of a crop, see estimate.runtime.Models.
-        given_normals: [64, 64, 3] as they were told, zero where they were not; None where nothing was.
+        given_normals: [64, 64, 3] as they were given, zero elsewhere; None for none.
     Returns:
         the answer, and what was done, for the sidecar.
     """
@@ -283,6 +297,8 @@ def use_material(
         if confidence is not None:
             confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
         return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
+    if outputs.normals is None:
+        raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
     given = np.zeros_like(outputs.normals) if given_normals is None else given_normals
     known = np.linalg.norm(given, axis=-1) > 0.5
@@ -295,8 +311,12 @@ def _list(values: np.ndarray) -> list[float]:
 
 
 def fit_gain(
-    radiance: np.ndarray, image: np.ndarray, normals: np.ndarray, tan_half: float, material: Material
-) -> np.ndarray:
+    radiance: Float[np.ndarray, "H 2*H 3"],
+    image: Float[np.ndarray, "S S 4"],
+    normals: Float[np.ndarray, "S//k S//k 3"],
+    tan_half: float,
+    material: Material,
+) -> Float[np.ndarray, " 3"]:
     """The gain of each channel at which the object, rendered with the map, is as bright as its photo.
 
     Compared by the mean display value: where the light is placed wrongly, single pixels say nothing.

@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
-from anyprobe.estimate.estimator import Albedo, Estimator, as_material
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
-from anyprobe.estimate.result import Light
+from anyprobe.estimate.result import Info, Light
 from anyprobe.light.environment import integral
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 BRIGHT = 0.8
 """Radiance above which light may be emitters; white is 1."""
 LEAST_FLUX = 0.01
-"""Of what is brighter, where power is given back to it: from less nobody knows where the emitters are."""
+"""Of what is brighter, where power is given back to it: with less, their positions are unknown."""
 
 
-def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def fuse(
+    maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]
+) -> Float[np.ndarray, "H 2*H 3"]:
     """The weighted geometric mean of maps, as much light in all as they have.
 
     A geometric mean drops an emitter that only one of the maps has, which is right where estimates err, but also
@@ -60,47 +65,50 @@ NOT_GIVEN = (
 )
 
 
-def estimate_together(
-    estimator: Estimator,
-    photos: Iterable[Photo],
-    world_from_camera: Sequence[np.ndarray],
-    *,
-    start: float | None = None,
-    material: Material | str | None = None,
-    albedo: Albedo | None = None,
-) -> Light:
-    """One light of several photos, see fuse_lights; what each shows of the surroundings is known to all.
+def cut_photos(
+    photos: Iterable[Photo], start: float | None = None
+) -> tuple[list[tuple[Photo, Crop]], list[float]]:
+    """Each photo without its pixels and its object's crop, and the seconds each took.
 
-    Args:
-        photos: of load_photo, in turn; their pixels are not kept. Surroundings that are a panorama are in the first
-            photo's frame.
-        world_from_camera: [3, 3] of each.
-        start: of time.perf_counter, when the first one's loading began, where that was before the call.
-        material, albedo: the object's, where they are known, as for an Estimator.
-    Raises:
-        InputError: as fuse_lights, or no such material.
+    photos: of load_photo, read in turn. start: of time.perf_counter, when the first one's loading began.
     """
-    material = as_material(material, albedo)
     start = time.perf_counter() if start is None else start
     taken, spent = [], []
     for k, photo in enumerate(photos):  # which may be loaded only now, one after another
         taken.append((photo.without_pixels(), cut_out(photo, first=k == 0)))
         spent.append(time.perf_counter() - start)
         start += spent[-1]
+    return taken, spent
+
+
+def estimate_crops(
+    from_crop: Callable[..., Light],
+    taken: list[tuple[Photo, Crop]],
+    world_from_camera: Sequence[np.ndarray],
+    spent: Sequence[float],
+    material: Material | None = None,
+) -> Light:
+    """One light of photos cut out by cut_photos, see fuse_lights; surroundings are shared across views.
+
+    Args:
+        from_crop: of an Estimator.
+        world_from_camera: [3, 3] of each. Surroundings that are a panorama are in the first photo's frame.
+        spent: seconds on each so far. material: the object's, if given.
+    Raises:
+        InputError: as fuse_lights.
+    """
     turns = _turns(len(taken), world_from_camera)
     gains, _ = _gains([photo.exposure for photo, _ in taken])
     to_first = [turn @ crop.camera_from_crop for turn, (_, crop) in zip(turns, taken, strict=True)]
-    known = _gathered([crop for _, crop in taken], to_first, gains)
+    merged = _merged([crop for _, crop in taken], to_first, gains)
     lights = [
-        estimator.from_crop(
-            photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen
-        )
-        for (photo, crop), seconds, seen in zip(taken, spent, known, strict=True)
+        from_crop(photo, crop, time.perf_counter() - seconds, material=material, merged_surroundings=seen)
+        for (photo, crop), seconds, seen in zip(taken, spent, merged, strict=True)
     ]
     return fuse_lights(lights, world_from_camera)
 
 
-def _gathered(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
+def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -> list[np.ndarray | None]:
     """What all photos together show of the map, as each crop's frame has it; of two the earlier photo counts."""
     panorama = None
     for crop, turn, gain in zip(crops[::-1], to_first[::-1], gains[::-1], strict=True):
@@ -144,7 +152,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
         confidence=((weights * sure).sum(axis=0) / weights.sum(axis=0)).astype(np.float32) if known else None,
         well_exposed_fraction=float(np.mean([light.well_exposed_fraction for light in lights])),
         warnings=tuple(dict.fromkeys(notes)),
-        info={**first.info, "fused": [light.info.get("photo") for light in lights], **_seconds(lights)},
+        info=_fused_info(lights),
     )
 
 
@@ -160,13 +168,16 @@ def _turns(count: int, world_from_camera: Sequence[np.ndarray]) -> list[np.ndarr
 
 def _gains(exposures: list[float | None]) -> tuple[list[float], bool]:
     """What brings each photo to the first one's exposure, and whether all say theirs."""
-    given = all(exposures)
-    return [exposures[0] / one for one in exposures] if given else [1.0] * len(exposures), given
+    given = [one for one in exposures if one]
+    if len(given) < len(exposures):
+        return [1.0] * len(exposures), False
+    return [given[0] / one for one in given], True
 
 
-def _seconds(lights: Sequence[Light]) -> dict[str, dict[str, float]]:
-    """What all of them took, step by step."""
+def _fused_info(lights: Sequence[Light]) -> Info:
+    """The first photo's, the names of all, and the seconds of all, step by step."""
+    info: Info = {**lights[0].info, "fused": [light.info.get("photo") for light in lights]}
     given = [light.info["seconds"] for light in lights if "seconds" in light.info]
-    return (
-        {"seconds": {step: round(sum(one[step] for one in given), 4) for step in given[0]}} if given else {}
-    )
+    if given:
+        info["seconds"] = {step: round(sum(one[step] for one in given), 4) for step in given[0]}
+    return info

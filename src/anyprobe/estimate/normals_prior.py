@@ -1,17 +1,22 @@
-"""Normals that somebody knows: of a tracked model, a depth camera, a scan, another network."""
+"""Normals given with a photo: of a tracked model, a depth camera, a scan, another network."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, read_image
-from anyprobe.files.radiance import read_exr
+from anyprobe.files.exr import EXR_MAGIC, read_exr
+from anyprobe.files.headers import MAX_PIXELS
+from anyprobe.files.images import read_image
+from anyprobe.files.paths import open_regular
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 
@@ -27,7 +32,7 @@ one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wid
 PLAIN = 0.1
 """Display value up to which black, and down from 1 white, is no normal's colour: their vectors are far too long."""
 SPHERE = "sphere"
-"""In place of a normal map: the object is a sphere, its outline tells its normals."""
+"""In place of a normal map: the object is a sphere, whose outline gives its normals."""
 ROUND = 0.9
 """Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
 STRIP_PX = 1 << 17
@@ -38,11 +43,11 @@ FACING = 0.6
 """Share of the normals that must look towards the camera; else their axes are another frame's."""
 
 
-def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
+def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> Float[np.ndarray, "H W 3"]:
     """Normals of an object that is a sphere, from its outline alone.
 
     A pinhole sees a sphere of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
-    solid angle 2 pi (1 - cos phi) tells phi, its mean ray c. With c at distance 1 the sphere has the radius
+    solid angle 2 pi (1 - cos phi) gives phi, its mean ray c. With c at distance 1 the sphere has the radius
     sin phi, the ray meets it at s = d.c - sqrt(sin^2 phi - (1 - (d.c)^2)), and n = (s d - c) / sin phi.
 
     Args:
@@ -134,7 +139,7 @@ def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal:
     return spans[0], spans[1]
 
 
-def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
+def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndarray, "H W 3"]:
     """A normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
 
     Args:
@@ -188,9 +193,9 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         raise InputError(f"{path}: expected a normal map, got no such file; check the path")
     if path.suffix.lower() == ".npy":
         try:
-            with path.open("rb") as stream:
+            with open_regular(path, InputError) as stream:
                 values = np.load(stream, allow_pickle=False)
-        except (ValueError, OSError, EOFError, BadZipFile) as error:
+        except Exception as error:  # its headers are parsed as Python, which fails in every way
             raise InputError(f"{path.name}: expected an array in a .npy file, got a damaged one") from error
         if not isinstance(values, np.ndarray):
             raise InputError(f"{path.name}: expected one array in a .npy file, got an .npz of several")

@@ -1,4 +1,4 @@
-"""Panorama (noun): what several photos together show of their surroundings, in a world whose axes do not move.
+"""Surroundings merged from several photos, in a fixed world frame.
 
 One photo shows a window of the light; a camera that turns shows more and more of it. A panorama is [64, 128, 4]: linear
 radiance times cover, and cover in [0, 1]; with a fifth channel where surroundings have one, see estimate.surroundings.
@@ -8,6 +8,7 @@ What is shown counts as infinitely far, as all light does here.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +19,13 @@ from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
 from anyprobe.light.environment import rotate
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 SHARED = 30
 """Pixels that two windows must share before one is compared with the other."""
 COMPARED = 0.02, 0.8
-"""Radiance between which both tell how much brighter one is: neither noise nor clipped."""
+"""Radiance range in which two photos can be compared: neither noise nor clipped."""
 DIFFER = 0.12
 """Mean difference of display values, exposure apart, from which on what was seen before is another light or place."""
 
@@ -32,10 +36,12 @@ def cut_out(photo: Photo, *, first: bool) -> Crop:
     return crop_object(photo if own else replace(photo, surroundings_map=None), PHOTO_SIZE)
 
 
-def window(surroundings_map: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
+def window(
+    surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0
+) -> np.ndarray:
     """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
-    gain: that brings the photo to the panorama's exposure; made darker, what is clipped tells nothing any more.
+    gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
     """
     radiance, clipped, cover = radiance_of(surroundings_map)
     layers = [cover, surroundings_map[..., 4:]]
@@ -72,12 +78,12 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
 
 
 def seen_from(
-    panorama: np.ndarray, world_from_crop: np.ndarray, own: np.ndarray | None, gain: float = 1.0
+    panorama: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], own: np.ndarray | None, gain: float = 1.0
 ) -> np.ndarray:
     """What is known of a photo's map, see estimate.surroundings, in its crop's frame.
 
     own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
-        where it makes the panorama darker, what may be clipped there tells nothing.
+        where it makes the panorama darker, clipped pixels there carry no information.
     """
     turned = rotate(panorama, world_from_crop.T)
     cover, measured = np.clip(turned[..., 3:4], 0.0, 1.0), np.clip(turned[..., 4:], 0.0, 1.0)

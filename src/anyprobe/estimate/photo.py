@@ -117,7 +117,7 @@ def load_photo(
         surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
             the photo itself shows beside the object.
         name: what messages call the photo; None: its file's name, or what it is.
-        where: what is told about the object: mask, depth with near and far, click, click_off,
+        where: what is given about the object: mask, depth with near and far, click, click_off,
             box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
     if fov_deg is not None and not 1.0 < fov_deg < 170.0:
@@ -196,7 +196,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"
             )
-    elif photo.surroundings_map is not None:
+    elif isinstance(photo.surroundings_map, np.ndarray):
         surroundings_map = turned(photo.surroundings_map, camera_from_crop)
     return Crop(
         image=image,
@@ -253,10 +253,10 @@ def _exposure_warnings(colors: np.ndarray, name: str) -> tuple[str, ...]:
     """Object pixels [N, 3] that are nearly all black or all white carry no shading."""
     if np.mean((colors <= 0.01).all(axis=1)) >= CLIPPED_SHARE:
         return (
-            f"{name}: the object is black almost everywhere; the light can hardly be told, expose longer",
+            f"{name}: the object is black almost everywhere; little can be estimated from it; expose longer",
         )
     if np.mean((colors >= 0.99).all(axis=1)) >= CLIPPED_SHARE:
         return (
-            f"{name}: the object is white almost everywhere; the light can hardly be told, expose shorter",
+            f"{name}: the object is white almost everywhere; little can be estimated from it; expose shorter",
         )
     return ()

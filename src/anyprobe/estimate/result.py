@@ -24,6 +24,9 @@ from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from anyprobe.detail.library import Library
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -70,7 +73,8 @@ class Info(TypedDict, total=False):
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; seconds: by step.
+    priors: what was given of the object; fused: photos of a multiview light; seconds: by step; detail: where it is
+    from, see with_detail.
     """
 
     photo: str
@@ -82,7 +86,9 @@ class Info(TypedDict, total=False):
     mask: MaskInfo
     priors: dict[str, Any]
     crop: CropInfo
+    fused: list[str | None]
     seconds: dict[str, float]
+    detail: dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -161,7 +167,7 @@ class Light:
         model = map_attributes(path).get("model")
         return cls(radiance=radiance, map_from_camera=turn, info={"model": model} if model else {})
 
-    def sh9(self) -> np.ndarray:
+    def sh9(self) -> Float[np.ndarray, "9 3"]:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
         return project(self.radiance)
 
@@ -169,7 +175,7 @@ class Light:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
 
-    def rotate(self, rotation: np.ndarray) -> Light:
+    def rotate(self, rotation: Float[np.ndarray, "3 3"]) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.
@@ -190,9 +196,37 @@ class Light:
             return turned
         return replace(turned, confidence=rotate(self.confidence[..., None], rotation)[..., 0].clip(0.0, 1.0))
 
+    def with_detail(
+        self,
+        *,
+        library: Library | str | Path | None = None,
+        size: int = 512,
+        seed: int = 0,
+        seen: np.ndarray | None = None,
+    ) -> Light:
+        """The light with plausible detail, `size` rows high: sharp mirror images, the same spherical harmonics.
+
+        The structure is of the best match in a library, a folder of .exr and .hdr maps (None: our own rooms, streets
+        and studios), not measured: info["detail"] says so, and the confidence stays the estimate's.
+
+        Args:
+            seed: 0 takes the best match, 1 the next, and so on.
+            seen: what the photo shows around the object, see detail.seen.
+        Raises:
+            InputError: detailed already; or see detail.plausible.add_detail.
+        """
+        from anyprobe.detail.plausible import add_detail
+
+        if "detail" in self.info:
+            raise InputError(
+                "detail: expected a light without it, got one that has it; begin with the estimate"
+            )
+        found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
+        return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
-    ) -> np.ndarray:
+    ) -> Float[np.ndarray, "S S 4"]:
         """A mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
 
         mesh: a Mesh, a shape's name ("sphere", "vase") or a mesh file. material: a Material or a name ("gold").
@@ -258,6 +292,8 @@ class Light:
         kind = path.suffix.lower()
         turned = {name: str(value) for name, value in self._frame().items()}
         attributes = {"model": str(self.info.get("model", "")), **turned, "scale": SCALE}
+        if "detail" in self.info:
+            attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.info["detail"])
         if kind == ".exr":
             write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
         elif kind == ".hdr":
@@ -288,7 +324,7 @@ def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
         exposed = float(said.get("well_exposed_fraction", 1.0))
         warnings = tuple(str(line) for line in said.get("warnings", ()))
         camera_from_crop = np.array(said.get("camera_from_crop", np.eye(3)), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         exposed, warnings, camera_from_crop = np.nan, (), np.zeros(0)
     if not (0 <= exposed <= 1 and is_rotation(camera_from_crop)):
         raise InputError(

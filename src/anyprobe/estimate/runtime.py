@@ -1,4 +1,4 @@
-"""Models (noun): a model's networks as ONNX graphs, checked against their contract."""
+"""A model's networks as ONNX graphs, checked against their contract."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import onnxruntime
@@ -18,6 +19,9 @@ from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 ENGINES = ("onnxruntime", "openvino", "openvino-bf16", "cuda")
 DEFAULT_ENGINE = "onnxruntime"
@@ -130,7 +134,9 @@ class Outputs:
     confidence: np.ndarray | None = None
     normals: np.ndarray | None = None
 
-    def with_map(self, radiance: np.ndarray, confidence: np.ndarray | None) -> Outputs:
+    def with_map(
+        self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
+    ) -> Outputs:
         """The same with another map, LDR and ln maps that are this one's, and its confidence."""
         return replace(
             self,
@@ -206,9 +212,9 @@ class Models:
 
     def __call__(
         self,
-        image: np.ndarray,
+        image: Float[np.ndarray, "128 128 4"],
         tan_half: float,
-        normals: np.ndarray | None = None,
+        normals: Float[np.ndarray, "64 64 3"] | None = None,
         surroundings: np.ndarray | None = None,
     ) -> Outputs:
         """Run on a crop.

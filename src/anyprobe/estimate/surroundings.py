@@ -1,13 +1,15 @@
-"""Surroundings (noun): what is known of the map itself, by the rest of the photo or by an unfinished panorama.
+"""Surroundings: the part of the environment map that is seen, in the photo's background or in a partial panorama.
 
-An object tells what comes from everywhere, but neither its own colour nor how bright all is; what the camera sees of
-the surroundings tells a small part of the map, but that exactly.
+An object shows light from all directions, but its own colour and the level stay ambiguous; what the camera sees of
+the surroundings is a small part of the environment map, but exact.
 
 Surroundings are [64, 128, 4]: display RGB times cover, and cover in [0, 1]. In those from an .exr or .hdr a fifth
-channel tells how much of the cover is measured above white too: a display value above 1 is that radiance there.
+channel is the share of the cover that is measured above white too: a display value above 1 is that radiance there.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageFilter
@@ -17,9 +19,13 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
+from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import ImageSource, read_image
-from anyprobe.files.linear import read_linear
+from anyprobe.files.radiance import read_linear
 from anyprobe.light.environment import MAP_HEIGHT, rotate
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 PHOTO = "photo"
 """In place of a panorama: take the photo's own surroundings."""
@@ -34,18 +40,20 @@ SEEN = 0.9
 """How sure a place is that the photo shows."""
 TINT = 0.5
 """How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
-chosen on pairs that no run learns from (docs/ablation.md)."""
+chosen on pairs that no run learns from."""
 TINT_FLOOR = 0.05
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
 LINEAR = 5
-"""Channels of surroundings that tell what is above white."""
+"""Channels of surroundings that hold values above white."""
 PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> np.ndarray:
+def read_surroundings(
+    source: SurroundingsSource, *, above_white: bool = False
+) -> Float[np.ndarray, "64 128 4"]:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
@@ -56,7 +64,7 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
         InputError: not a panorama, or nothing known in it.
     """
     try:
-        linear = read_linear(source)
+        linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
     except InputError as error:
         raise InputError(f"surroundings: {error}") from error
@@ -83,9 +91,12 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 
 
 def surroundings_of(
-    radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None
-) -> np.ndarray:
-    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: of the cover, what tells more than white."""
+    radiance: Float[np.ndarray, "H 2*H 3"],
+    cover: Float[np.ndarray, "H 2*H 1"],
+    measured: np.ndarray | None = None,
+) -> Float[np.ndarray, "H 2*H 3"]:
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its
+    share with values above white."""
     display = response(radiance)
     if measured is None:
         return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
@@ -110,7 +121,7 @@ def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
     return upper + (1 - upper[..., 3:4]) * lower
 
 
-def turned(surroundings: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
+def turned(surroundings: np.ndarray, camera_from_crop: Float[np.ndarray, "3 3"]) -> np.ndarray:
     """Surroundings [64, 128, 4 or 5] of the camera's frame in the crop's."""
     most = np.inf if surroundings.shape[-1] == LINEAR else 1.0
     found = np.clip(rotate(surroundings, camera_from_crop.T), 0.0, most).astype(np.float32)
@@ -119,8 +130,12 @@ def turned(surroundings: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray
 
 
 def visible_surroundings(
-    rgb: np.ndarray, long_fov_deg: float, camera_from_crop: np.ndarray, image: np.ndarray, tan_half: float
-) -> np.ndarray | None:
+    rgb: Float[np.ndarray, "H W 3"],
+    long_fov_deg: float,
+    camera_from_crop: Float[np.ndarray, "3 3"],
+    image: np.ndarray,
+    tan_half: float,
+) -> Float[np.ndarray, "64 128 4"] | None:
     """The map in the crop's frame as far as the photo shows it beside the object.
 
     Args:
@@ -166,7 +181,7 @@ def _brightened(shown: np.ndarray, clipped: np.ndarray, guessed: np.ndarray) -> 
 
     One gain a pixel, so that no channel alone takes an emitter on; and none that would burn out a channel which is not.
     """
-    white = inverse_response(np.float32([CLIPPED]))
+    white = inverse_response(np.array([CLIPPED], np.float32))
     room = np.where(clipped, np.inf, white / np.maximum(shown, 1e-6)).min(axis=-1, keepdims=True)
     asked = luminance(guessed) / np.maximum(luminance(shown), 1e-6)  # black is never clipped
     gain = np.clip(asked[..., None], 1.0, np.maximum(room, 1.0))

@@ -1,4 +1,4 @@
-"""Calibrate (verb): how sure a model may be, told by pairs that it has not learned from."""
+"""Calibration of the confidence, on pairs that no run learns from."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Calibration:
 def figures(sums: np.ndarray, constant: float) -> dict:
     """How good claims are, and beside them the one constant claim.
 
-    The constant is the share of all pixels that are right, over all pairs: an oracle, since nobody knows it beforehand.
+    The constant is the share of all pixels that are right, over all pairs: an oracle, unknown beforehand.
     It has no calibration error there, but in a group; it ranks nothing, so its AUC is 0.5.
 
     Args:
@@ -185,7 +185,7 @@ def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
         outputs = models(pair.crop, pair.tan_half)
         if outputs.confidence is None:
             raise ModelError(
-                f"{models.name}: expected a model that tells its confidence, got one that does not"
+                f"{models.name}: expected a model that estimates its confidence, got one that does not"
             )
         confidence.append(outputs.confidence)
         right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))

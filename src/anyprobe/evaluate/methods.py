@@ -58,7 +58,7 @@ Method = Callable[[Pair], Estimate]
 def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, Method]:
     """A model from the photo alone, with expected emitters where it has them and, if asked, with priors: by row.
 
-    told: also a row for each of TOLD.
+    priors: also a row for each of PRIORS.
     """
 
     def method(
@@ -122,7 +122,7 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
 
 
 def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
-    """A model's answer where the pair's true normals, its true material or its surroundings are told."""
+    """A model's outputs given the pair's true normals, true material or surroundings."""
     normals = true_normals(pair) if "normals" in priors else None
     surroundings_map = surroundings(pair) if "surroundings" in priors else None
     outputs = models(pair.crop, pair.tan_half, normals, surroundings_map)
@@ -136,7 +136,7 @@ def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
 
 
 def true_normals(pair: Pair) -> np.ndarray:
-    """A pair's normals as a model is told them: [64, 64, 3] unit, zero outside the object."""
+    """A pair's normals as a model is given them: [64, 64, 3] unit, zero outside the object."""
     step = len(pair.normals) // NORMALS_SIZE
     mean = (
         np.asarray(pair.normals, np.float32)

@@ -33,7 +33,7 @@ SHINY = 0.3
 """Below this alpha an object shows emitters as highlights."""
 
 Group = Callable[[Pair, bool], bool]
-"""Whether a pair belongs, told whether one light dominates its true map."""
+"""Whether a pair belongs; the flag: one light dominates its true map."""
 
 
 def dominant_light_share(radiance: np.ndarray) -> float:

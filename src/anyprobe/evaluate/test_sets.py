@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.mask_errors import narrow, pierce, widen
-from anyprobe.dataset.pair import Pair, render_pair
+from anyprobe.dataset.pair import Pair, Trace, render_pair
 from anyprobe.dataset.recipe import Recipe, digest
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
@@ -79,14 +79,18 @@ def kept_pairs(
     recipes: list[Recipe],
     store: AssetStore,
     kept: Path | None = None,
+    trace: Trace | None = None,
 ) -> Iterator[Pair]:
-    """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there."""
+    """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there.
+
+    trace: as in render_pair; such pairs need a folder of their own.
+    """
     for recipe in recipes:
         path = None if kept is None else kept / f"{recipe.to_hex()}.npz"
         if path is not None and path.is_file():
             yield read_pair(path)
             continue
-        pair = render_pair(recipe, store)
+        pair = render_pair(recipe, store, trace)
         if path is not None:
             write_pair(path, pair)
         yield pair

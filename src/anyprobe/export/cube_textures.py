@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from anyprobe.export.cubemap import (
 )
 from anyprobe.export.exported_light import ExportedLight, template
 from anyprobe.files.radiance import HALF_MAX, write_hdr_picture
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, UInt8
 
 IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 VK_FORMAT_R16G16B16A16_SFLOAT = 97
@@ -110,7 +113,7 @@ WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64]
 """Sixty-fourths of the second endpoint, from the format's definition."""
 
 
-def encode_bc6h(faces: np.ndarray) -> np.ndarray:
+def encode_bc6h(faces: Float[np.ndarray, "6 S S 3"]) -> UInt8[np.ndarray, "6 blocks 16"]:
     """Faces [6, S, S, 3] >= 0 to blocks [6, ceil(S/4)^2, 16] uint8, row by row.
 
     A face smaller than a block is repeated to fill it.

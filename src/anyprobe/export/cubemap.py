@@ -14,9 +14,14 @@ programs that keep left-handed cubes in a right-handed world then show our light
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Float16
 
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
 
@@ -30,7 +35,7 @@ READS = 1 << 18
 """Reads of the map at once, some 300 bytes each."""
 
 
-def face_directions(size: int) -> np.ndarray:
+def face_directions(size: int) -> Float[np.ndarray, "6 S S 3"]:
     """Unit directions c of the texels' centres, [6, S, S, 3]."""
     return np.stack([_directions(face, slice(None), size) for face in range(6)])
 
@@ -40,7 +45,7 @@ def face_size(height: int) -> int:
     return min(1024, 1 << max(0, (height - 1).bit_length()))
 
 
-def cube_faces(radiance: np.ndarray, size: int) -> np.ndarray:
+def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.ndarray, "H 2*H 3"]:
     """Our map [H, 2H, 3] on six faces [6, S, S, 3] float32, every texel an average over its square."""
     faces = np.empty((6, size, size, 3), np.float32)
     rows = max(1, READS // (SUPERSAMPLE**2 * size))
@@ -64,7 +69,7 @@ def _directions(face: int, rows: slice, size: int) -> np.ndarray:
     return c / np.linalg.norm(c, axis=-1, keepdims=True)
 
 
-def box_mips(faces: np.ndarray) -> list[np.ndarray]:
+def box_mips(faces: Float[np.ndarray, "6 S S 3"]) -> list[np.ndarray]:
     """The faces [6, S, S, 3] and their halves down to 1 x 1; S a power of two."""
     levels = [faces]
     while levels[-1].shape[1] > 1:
@@ -73,7 +78,7 @@ def box_mips(faces: np.ndarray) -> list[np.ndarray]:
     return levels
 
 
-def clipped_share(faces: np.ndarray, limit: float) -> float:
+def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
     """Share of the energy of faces [6, S, S, 3] that lies above limit, weighted by solid angle."""
     size = faces.shape[1]
     a = (np.arange(size) + 0.5) / size * 2 - 1
@@ -83,7 +88,7 @@ def clipped_share(faces: np.ndarray, limit: float) -> float:
     return lost / energy if energy > 0 else 0.0
 
 
-def to_half_rgba(faces: np.ndarray, limit: float) -> np.ndarray:
+def to_half_rgba(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> Float16[np.ndarray, "6 S S 4"]:
     """[6, S, S, 3] to [6, S, S, 4] float16, clamped, alpha 1."""
     rgba = np.ones((*faces.shape[:3], 4), np.float16)
     rgba[..., :3] = np.minimum(faces, limit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from anyprobe.export.exported_light import (
     write_maps,
 )
 from anyprobe.export.target_frames import BLENDER, THREE, UNITY, UNREAL, planar, unity, webxr
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 ARKIT_NEUTRAL = 1000.0
 """ARKit's lumens of a neutrally lit scene; our radiance 1 stands for it."""
@@ -73,7 +76,7 @@ def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {"arkit": {"lumens_of_radiance_1": ARKIT_NEUTRAL}}
 
 
-def correlated_temperature(rgb: np.ndarray) -> float:
+def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
     """Temperature [K] of the black body whose colour is nearest in CIE 1960 u, v, from 1000 to 15000.
 
     Black bodies by Krystek 1985. Coloured light has one too, however far from it: a green emitter some 6000 K.
@@ -114,7 +117,7 @@ Scale and the Directional Light's Intensity by one and the same number to fit yo
 """
 
 
-def sun_rotation(towards: np.ndarray) -> tuple[float, float]:
+def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
     """Pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
     x, y, z = -np.asarray(towards, dtype=np.float64)
     return float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))

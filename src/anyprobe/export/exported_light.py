@@ -1,4 +1,4 @@
-"""ExportedLight (noun): what every target is written from, and the sidecar that goes with each.
+"""What every export target is written from, the sidecar of each, and the origin of maps on disk.
 
 Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe,
 for renderers that are given a directional light as well. With both full and a directional light
@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 SCALE = (
     "relative: linear Rec. 709 radiance in the photo's exposure units times 2^exposure_ev; "
     "1 is what the camera's curve maps to white"
@@ -32,7 +35,7 @@ SH_DEFINITION = (
     "WebXR and three.js; axes x right, y up, z back whatever the target's are"
 )
 
-ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings")
+ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "response", "warnings", "detail")
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
@@ -64,16 +67,16 @@ class ExportedLight:
 
 
 def prepare(
-    radiance: np.ndarray,
+    radiance: Float[np.ndarray, "H 2*H 3"],
     name: str,
     *,
-    world_from_camera: np.ndarray | None = None,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
 ) -> ExportedLight:
     """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the dominant light.
 
-    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera tells both.
+    A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera covers both.
 
     Raises:
         InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
@@ -216,7 +219,7 @@ def origin_beside(path: Path) -> dict[str, Any]:
     return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
 
 
-def origin_turned(turn: np.ndarray) -> dict[str, Any]:
+def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
     """What an export's origin says of a map that was turned by [3, 3] since the estimate; nothing if it was not."""
     return {} if np.allclose(turn, np.eye(3)) else {MAP_FROM_CAMERA: numbers(turn)}
 
@@ -242,7 +245,7 @@ def check_front(path: Path) -> None:
         raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}")
 
 
-def map_from_camera(path: Path) -> np.ndarray:
+def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
     """The rotation [3, 3] from the photo's camera to the frame of a map, by its header, of an older .hdr by the .json.
 
     Raises:
@@ -254,7 +257,7 @@ def map_from_camera(path: Path) -> np.ndarray:
         return np.eye(3)
     try:
         turn = np.array(json.loads(given) if isinstance(given, str) else given, dtype=np.float64)
-    except (TypeError, ValueError, RecursionError):
+    except (TypeError, ValueError, OverflowError, RecursionError):
         turn = np.zeros(0)
     if not is_rotation(turn):
         raise InputError(
@@ -264,12 +267,17 @@ def map_from_camera(path: Path) -> np.ndarray:
     return turn
 
 
+def float_where_long(digits: str) -> int | float:
+    """A whole number of JSON; one that no float holds is infinite, and refused where it is used."""
+    return int(digits) if len(digits) < 19 else float(digits)
+
+
 def said_beside(path: Path) -> dict[str, Any]:
     """The .json that an estimate or an export wrote beside a map; {} where there is none of ours."""
     own, other = (path.with_name(f"{stem}.json") for stem in (path.stem, path.stem.removesuffix("_ambient")))
     beside = own if own.is_file() else other
     try:
-        said = json.loads(beside.read_text(encoding="utf-8"))
+        said = json.loads(beside.read_text(encoding="utf-8"), parse_int=float_where_long)
     except (OSError, ValueError, RecursionError):  # not ours: the map itself is all that is needed
         return {}
     return said if isinstance(said, dict) else {}

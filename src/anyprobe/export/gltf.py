@@ -12,7 +12,7 @@ import json
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -26,6 +26,9 @@ from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, UInt8
 
 RGBD_MAX = 255.0
 """Largest value that RGBD holds: colour 1 over alpha 1 / 255."""
@@ -42,7 +45,7 @@ LARGEST_SIDE = 256
 NUM_SAMPLES = 256
 
 
-def pack_rgbd(values: np.ndarray) -> np.ndarray:
+def pack_rgbd(values: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 4"]:
     """Linear [..., 3] to RGBD [..., 4] uint8: value = (rgb / 255)^2.2 / (a / 255), clamped at 255."""
     values = np.minimum(values, RGBD_MAX)
     largest = np.maximum(values.max(axis=-1), 1e-6)
@@ -51,7 +54,7 @@ def pack_rgbd(values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.round(rgb * 255.0), alpha[..., None]], axis=-1).astype(np.uint8)
 
 
-def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
+def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.ndarray]:
     """Mips [6, S, S, 3] of our map from size down to 16, roughness 0 to 1 in even steps.
 
     Each is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -14,7 +14,10 @@ from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.errors import OutputError
 from anyprobe.export.exported_light import SCALE, ExportedLight
 from anyprobe.export.target_frames import OPENEXR
-from anyprobe.files.plain_path import utf8_path
+from anyprobe.files.paths import utf8_path
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SCENE = """<!-- mitsuba {name}.xml; the emitter is all that other scenes need -->
 <scene version="3.0.0">
@@ -63,7 +66,7 @@ SCENE = """<!-- mitsuba {name}.xml; the emitter is all that other scenes need --
 """
 
 
-def pole_to_pole(radiance: np.ndarray) -> np.ndarray:
+def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
     """The map [H, 2H, 3] in 2H + 1 rows that lie at i / 2H, first and last on the poles.
 
     Mitsuba's rows lie at i / (rows - 1), ours at (i + 0.5) / H. Read between ours and held

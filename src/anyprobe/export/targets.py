@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from anyprobe.export import cube_textures, engines, gltf, mitsuba_scene, usd
 from anyprobe.export.exported_light import ExportedLight, prepare, sidecar, write_json
 from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame
 from anyprobe.files.atomic import atomic_files
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -80,12 +83,12 @@ TARGETS = {
 
 
 def export(
-    radiance: np.ndarray,
+    radiance: Float[np.ndarray, "H 2*H 3"],
     target: str,
     folder: str | Path,
     stem: str = "light",
     *,
-    world_from_camera: np.ndarray | None = None,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
 ) -> list[Path]:

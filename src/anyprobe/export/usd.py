@@ -8,12 +8,15 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anyprobe.export.exported_light import ExportedLight, numbers, write_maps
 from anyprobe.export.target_frames import OPENEXR
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 STAGE = """#usda 1.0
 (
@@ -96,7 +99,7 @@ def write(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {"usd": {"dome_light_pole": "+Y", "dominant_light_prim": "/Light/Main"}}
 
 
-def pointing_away(towards: np.ndarray) -> list[list[float]]:
+def pointing_away(towards: Float[np.ndarray, " 3"]) -> list[list[float]]:
     """Rows of USD's matrix (row vectors) that turns -Z, where a DistantLight shines, from a light at [3]."""
     z = np.asarray(towards, dtype=np.float64)
     z /= np.linalg.norm(z)

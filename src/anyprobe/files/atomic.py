@@ -7,13 +7,23 @@ leaves the old file as it was.
 from __future__ import annotations
 
 import os
+import platform
 import secrets
+import shutil
 import tempfile
+import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from anyprobe.errors import OutputError
+
+SCRATCH = ".anyprobe-"
+"""What the folders begin with that hold files until all are written; the machine and the process's number follow."""
+
+STALE_S = 86_400.0
+"""Age of such a folder that is abandoned, whichever machine's process made it."""
 
 
 @contextmanager
@@ -52,7 +62,8 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield an empty folder to write files to; when the block ends well all of them move into `folder`.
 
     Older files of the same names are replaced; if any move fails they come back, and none of the
-    new ones stays. Missing folders are made.
+    new ones stays. What a run that was killed has left behind is put back and removed. Missing folders
+    are made.
 
     Raises:
         OutputError: the folder cannot be made or written; its message never names the scratch folder.
@@ -60,7 +71,10 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     folder, scratch = Path(folder), ""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".anyprobe-") as scratch:
+        _tidy(folder)
+        with tempfile.TemporaryDirectory(
+            dir=folder, prefix=f"{SCRATCH}{_machine()}-{os.getpid()}-"
+        ) as scratch:
             new, old = Path(scratch) / "new", Path(scratch) / "old"
             new.mkdir()
             old.mkdir()
@@ -97,3 +111,33 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
             with suppress(FileNotFoundError):  # there was no older one
                 os.replace(old / target.name, target)
         raise
+
+
+def _tidy(folder: Path) -> None:
+    """Remove what killed runs have left; files that they had put aside and not replaced yet come back."""
+    for left in folder.glob(f"{SCRATCH}*"):
+        with suppress(OSError):
+            if not left.is_dir() or left.is_symlink() or not _is_left(left):
+                continue
+            for file in (left / "old").glob("*"):
+                if not (folder / file.name).exists():
+                    os.replace(file, folder / file.name)
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _is_left(scratch: Path) -> bool:
+    """Whether the process that made it is gone; on a shared drive it may be another machine's, which only age shows."""
+    number = scratch.name.removeprefix(f"{SCRATCH}{_machine()}-").partition("-")[0]
+    if os.name == "posix" and number.isdecimal():
+        try:
+            os.kill(int(number), 0)
+        except ProcessLookupError:
+            return True
+        except (PermissionError, OverflowError):
+            pass
+    return time.time() - scratch.stat().st_mtime > STALE_S
+
+
+def _machine() -> str:
+    """This machine's name, short."""
+    return f"{zlib.crc32(platform.node().encode()):08x}"

@@ -8,34 +8,28 @@ from __future__ import annotations
 
 import io
 import os
-import tempfile
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+import struct
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from PIL import Image, ImageCms, ImageOps
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
-from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.errors import InvalidPhoto
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.exif import exif_exposure, exif_fov_deg, upright_size
-from anyprobe.files.radiance import HDR_MAGIC, exr_pixels, hdr_pixels, read_exr
-
-MAX_PIXELS = 100_000_000
-"""Largest photo that is decoded; the header is looked at first."""
-
-MIN_SIDE_PX = 32
-"""Smallest height and width of a photo."""
-
-PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
-"""Formats that may be opened; Pillow knows others that start programs or are no pictures."""
-
-EXR_MAGIC = b"\x76\x2f\x31\x01"
-_HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
+from anyprobe.files.exr import EXR_MAGIC, read_exr
+from anyprobe.files.headers import (
+    MAX_PIXELS,
+    UnknownPicture,
+    check_size,
+    exif_exposure,
+    exif_fov_deg,
+    open_picture,
+)
+from anyprobe.files.paths import open_regular
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -85,65 +79,12 @@ def read_image(source: ImageSource, name: str | None = None) -> Pixels:
             f"got {type(source).__name__}; convert it"
         )
     path = Path(source)
-    name = name or path.name or str(path)
-    try:
-        if path.is_dir():
-            raise InvalidPhoto(f"{path}: expected one image file, got a folder; name a file in it")
-        if not path.exists():
-            raise InvalidPhoto(f"{path}: expected an image file, got no such file; check the path")
-        with path.open("rb") as stream:
-            return _from_stream(stream, path.stat().st_size, name)
-    except OSError as error:
-        raise InvalidPhoto(
-            f"{path}: cannot be read ({error.strerror or error}); check the permissions"
-        ) from error
+    with open_regular(path, InvalidPhoto, "an image file") as stream:
+        return _from_stream(stream, os.fstat(stream.fileno()).st_size, name or path.name or str(path))
 
 
-def declared_pixels(data: bytes) -> int:
-    """Width times height that a file's header tells, nothing decoded; 0 where it is no picture or map.
-
-    What a header tells beyond Pillow's own bound counts as just above MAX_PIXELS.
-    """
-    if data.startswith(EXR_MAGIC):
-        with exr_file(data) as path:
-            return exr_pixels(path)
-    if data.startswith(HDR_MAGIC):
-        return hdr_pixels(data)
-    try:
-        (width, height), _ = _header(io.BytesIO(data))
-    except Image.DecompressionBombError:
-        return MAX_PIXELS + 1
-    return width * height
-
-
-def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int], float | None]:
-    """Width and height of a photo, upright, and the field of view that EXIF tells, or None; nothing is decoded.
-
-    0, 0 and None where it is no photo that tells them: read_image says why.
-    """
-    try:
-        with io.BytesIO(source) if isinstance(source, bytes) else Path(source).open("rb") as stream:
-            return _header(stream)
-    except (OSError, Image.DecompressionBombError):
-        return (0, 0), None
-
-
-def _header(stream: io.BufferedIOBase) -> tuple[tuple[int, int], float | None]:
-    """photo_header of an open file; Image.DecompressionBombError where it is too large."""
-    head = stream.read(16)
-    stream.seek(0)
-    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
-        _register_heic("photo")
-    Image.init()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            with Image.open(stream, formats=[f for f in PHOTO_FORMATS if f in Image.OPEN]) as image:
-                return upright_size(image), exif_fov_deg(image)
-        except Image.DecompressionBombError:
-            raise
-        except Exception:  # decoders raise whatever the bad bytes lead them to; read_image names it
-            return (0, 0), None
+USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
+"""Compression of a PNG, and of one of so many values: a third of the time for a tenth more bytes."""
 
 
 def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
@@ -152,90 +93,63 @@ def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
     if image.dtype != np.uint8:
         image = to_bytes(image)
     with atomic_path(path) as temporary:
-        Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG")
+        level = FAST_PNG if image.size > MANY_VALUES else USUAL_PNG
+        Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG", compress_level=level)
 
 
-def _check_size(width: int, height: int, name: str) -> None:
-    if width * height > MAX_PIXELS:
-        raise InvalidPhoto(
-            f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-            f"got {width} x {height}; shrink it first"
-        )
-    if min(width, height) < MIN_SIDE_PX:
-        raise InvalidPhoto(
-            f"{name}: expected at least {MIN_SIDE_PX} pixels on either side, "
-            f"got {width} x {height}; use the original photo"
-        )
-
-
-def _from_stream(stream: io.BufferedIOBase, num_bytes: int, name: str) -> Pixels:
+def _from_stream(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
     """Decode an open file or buffer, by what its first bytes say."""
-    head = stream.read(16)
+    head = stream.read(len(EXR_MAGIC))
     stream.seek(0)
     if not head:
         raise InvalidPhoto(f"{name}: expected an image, got an empty file; copy or save it again")
-    if head.startswith(EXR_MAGIC):
-        return _from_exr(stream.read(), name)
-    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
-        _register_heic(name)
-    Image.init()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # damaged metadata, and a size that _check_size judges
-        try:
-            image = Image.open(stream, formats=[f for f in PHOTO_FORMATS if f in Image.OPEN])
-        except Image.DecompressionBombError as error:
-            raise InvalidPhoto(
-                f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-                "got far more; shrink it first"
-            ) from error
-        except Exception as error:  # decoders raise whatever the bad bytes lead them to
-            raise InvalidPhoto(
-                f"{name}: expected an image (JPEG, PNG, WebP, TIFF, EXR, ...), "
-                f"got {num_bytes} bytes of something else; convert it to PNG or JPEG"
-            ) from error
+    if head == EXR_MAGIC:
+        return _from_exr(stream.read(num_bytes), name)
+    try:
+        image = open_picture(stream, name)
+    except UnknownPicture as error:
+        raise InvalidPhoto(
+            f"{name}: expected an image (JPEG, PNG, WebP, TIFF, EXR, ...), "
+            f"got {num_bytes} bytes of something else; convert it to PNG or JPEG"
+        ) from error
     with image:
         return _from_pillow(image, name)
 
 
-def _register_heic(name: str) -> None:
-    try:
-        import pillow_heif
-    except ImportError as error:
-        raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo") from error
-    pillow_heif.register_heif_opener()
-
-
 def _from_pillow(image: Image.Image, name: str) -> Pixels:
     """Turn upright, take the transparency off, bring the colour to sRGB."""
-    _check_size(*image.size, name)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            # a phone's MPO holds a photo and its thumbnail or depth, no animation
-            num_frames = 1 if image.format == "MPO" else getattr(image, "n_frames", 1)
-            image.load()
-            long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
-            image = ImageOps.exif_transpose(image)
-            alpha = None
-            if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
-                image = image.convert("RGBA")
-                alpha = np.asarray(image.getchannel("A"))
-                image = image.convert("RGB")
-            values = _color_values(image)
-        except Exception as error:  # decoders raise whatever the bad bytes lead them to
-            raise InvalidPhoto(
-                f"{name}: expected a whole image, got a damaged or unusual one ({_one_line(error)}); "
-                "save it again as PNG or JPEG"
-            ) from error
-    if alpha is not None:
-        values = np.concatenate([values, alpha[..., None]], axis=-1)
+    check_size(*image.size, name)
+    try:
+        # not n_frames, which walks through all of them; a phone's MPO holds a photo and its thumbnail or depth
+        animated = image.format != "MPO" and getattr(image, "is_animated", False)
+        image.load()
+        long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
+        image = _upright(image)
+        alpha = None
+        if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
+            image = image.convert("RGBA")
+            alpha = np.asarray(image.getchannel("A"))
+            image = image.convert("RGB")
+        values = _color_values(image)
+    except Exception as error:  # decoders raise whatever the bad bytes lead them to
+        raise InvalidPhoto(
+            f"{name}: expected a whole image, got a damaged or unusual one ({_one_line(error)}); "
+            "save it again as PNG or JPEG"
+        ) from error
+    del image  # its pixels; they are in values now
     pixels = _from_array(values, name)
-    notes = (
-        (f"{name}: expected one picture, got {num_frames} frames; the first is used",)
-        if num_frames > 1
-        else ()
-    )
-    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure)
+    if alpha is not None and (alpha < 255).any():
+        pixels = replace(pixels, alpha=np.divide(alpha, np.float32(255.0), dtype=np.float32))
+    notes = (f"{name}: expected one picture, got several frames or pages; the first is used",)
+    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes if animated else (), exposure=exposure)
+
+
+def _upright(image: Image.Image) -> Image.Image:
+    """Turned as its EXIF asks; as it is where that is damaged."""
+    try:
+        return ImageOps.exif_transpose(image)
+    except (ValueError, KeyError, TypeError, SyntaxError, struct.error, OSError, Warning):
+        return image
 
 
 def _color_values(image: Image.Image) -> np.ndarray:
@@ -271,19 +185,10 @@ def _to_srgb(image: Image.Image) -> Image.Image:
     return image.convert("RGB")
 
 
-@contextmanager
-def exr_file(data: bytes) -> Iterator[Path]:
-    """The bytes as a file: the package reads streams only in newer releases."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "photo.exr"
-        path.write_bytes(data)
-        yield path
-
-
 def _from_exr(data: bytes, name: str) -> Pixels:
     """Linear radiance, premultiplied by A, to display values."""
-    with exr_file(data) as path:
-        pixels = read_exr(path, name, InvalidPhoto, MAX_PIXELS, rec709=True)
+    pixels = read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True)
+    check_size(pixels.shape[1], pixels.shape[0], name)
     if not np.isfinite(pixels).all():
         raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
     radiance = np.maximum(pixels[..., :3], 0.0)
@@ -303,9 +208,9 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
             f"{name}: expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; "
             "put the channels last"
         )
-    _check_size(values.shape[1], values.shape[0], name)
+    check_size(values.shape[1], values.shape[0], name)
     if values.dtype.kind == "u" and values.dtype.itemsize <= 2:
-        display = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
+        display = np.divide(values, np.float32(np.iinfo(values.dtype).max), dtype=np.float32)
     elif np.issubdtype(values.dtype, np.floating):
         low, high = float(values.min()), float(values.max())
         if not (low >= -1e-4 and high <= 1.0 + 1e-4):  # 1e-4: rounding of a resize; NaN fails too
@@ -313,13 +218,16 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
                 f"{name}: expected float display values from 0 to 1, got {low:.3g} to {high:.3g}; "
                 "scale them, or save linear radiance as .exr"
             )
-        display = np.clip(values.astype(np.float32), 0.0, 1.0)
+        display = values.astype(np.float32)
+        np.clip(display, 0.0, 1.0, out=display)
     else:
         raise InvalidPhoto(f"{name}: expected uint8, uint16 or float values, got {values.dtype}; convert it")
-    rgb = np.repeat(display, 3, axis=2) if display.shape[2] == 1 else display[..., :3].copy()
     alpha = None
     if display.shape[2] == 4 and (display[..., 3] < 1.0).any():
         alpha = np.ascontiguousarray(display[..., 3])
+    if display.shape[2] == 4:
+        display = display[..., :3].copy()
+    rgb = np.repeat(display, 3, axis=2) if display.shape[2] == 1 else display
     return Pixels(rgb=rgb, alpha=alpha, long_fov_deg=None, name=name)
 
 

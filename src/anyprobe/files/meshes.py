@@ -5,16 +5,21 @@ Triangles are only rasterised: a mesh may be open, non-manifold or of many piece
 
 from __future__ import annotations
 
+import io
+import json
 import re
-import warnings
 from pathlib import Path
 
 import numpy as np
 
 from anyprobe.errors import InvalidMesh
+from anyprobe.files.paths import read_regular
 from anyprobe.render.mesh import MAX_FACES, Mesh, check_triangles, make_mesh
 
 SUFFIXES = (".ply", ".obj", ".glb", ".stl", ".off")
+
+MAX_PARTS = 20_000
+"""Nodes, meshes and the like of a scene."""
 
 HEADER_BYTES = 1 << 16
 """The counts of faces lie within these."""
@@ -30,16 +35,14 @@ def read_mesh(path: str | Path) -> Mesh:
         InvalidMesh: the file is absent, damaged, cut, too large or holds no triangles to see.
     """
     path = Path(path)
-    if not path.is_file():
-        found = "a folder" if path.is_dir() else "none"
-        raise InvalidMesh(f"{path}: expected a mesh file, found {found}; check the path")
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in SUFFIXES and not path.is_dir():
         raise InvalidMesh(
             f"{path.name}: expected a mesh in {', '.join(SUFFIXES)}, got {suffix or 'no suffix'}; export it again"
         )
-    announced = _check_header(path, suffix)
-    parts = _read_parts(path, suffix)
+    data = read_regular(path, path.name, InvalidMesh, "a mesh file")
+    announced = _check_header(data, suffix, path.name)
+    parts = _read_parts(data, suffix, path.name)
     if not parts:
         raise InvalidMesh(f"{path.name}: expected triangles, got none; is the file empty?")
     offsets = np.cumsum([0] + [len(positions) for positions, _ in parts])
@@ -60,16 +63,11 @@ def read_mesh(path: str | Path) -> Mesh:
     return make_mesh(kept, place[faces], name=path.name)
 
 
-def _check_header(path: Path, suffix: str) -> int | None:
+def _check_header(data: bytes, suffix: str, name: str) -> int | None:
     """Refuse by its first bytes what is empty, cut or far too large; the faces they announce, if any."""
-    try:
-        size = path.stat().st_size
-        with path.open("rb") as stream:
-            start = stream.read(HEADER_BYTES)
-    except OSError as error:
-        raise InvalidMesh(f"{path}: cannot be read ({error.strerror}); check the permissions") from error
+    size, start = len(data), data[:HEADER_BYTES]
     if size == 0:
-        raise InvalidMesh(f"{path.name}: expected a mesh, got an empty file (0 bytes); fetch it again")
+        raise InvalidMesh(f"{name}: expected a mesh, got an empty file (0 bytes); fetch it again")
     faces, whole = None, 0
     if suffix == ".ply":
         found = _PLY_FACES.search(start.partition(b"end_header")[0])
@@ -83,43 +81,72 @@ def _check_header(path: Path, suffix: str) -> int | None:
         faces = int.from_bytes(start[80:84], "little")
         whole = 84 + 50 * faces
     if faces is not None and faces > MAX_FACES:
-        raise InvalidMesh(
-            f"{path.name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first"
-        )
+        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first")
     if size < whole:
         raise InvalidMesh(
-            f"{path.name}: expected {whole:,} bytes as its header says, got {size:,}; "
+            f"{name}: expected {whole:,} bytes as its header says, got {size:,}; "
             "the file is cut: fetch or export it again"
         )
     return faces
 
 
-def _read_parts(path: Path, suffix: str) -> list[tuple[np.ndarray, np.ndarray]]:
+def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
     """Vertices [V, 3] float64 and faces [F, 3] of every part, moved to its place in the scene."""
     import trimesh
 
     try:
-        if suffix == ".obj" and _OBJ_ZERO.search(path.read_bytes()):
+        if suffix == ".obj" and _OBJ_ZERO.search(data):
             raise ValueError("a face names vertex 0, the first is 1")  # trimesh would take the last
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about numbers that check_triangles looks at
-            scene = trimesh.load_scene(path, process=False)
-            copies = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
-            faces = sum(len(one.faces) for one in copies if isinstance(one, trimesh.Trimesh))
-            if faces > MAX_FACES:  # a small file may place a mesh many times
-                raise InvalidMesh(
-                    f"{path.name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first"
-                )
-            parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-            return [
-                (np.asarray(part.vertices, dtype=np.float64), np.asarray(part.faces, dtype=np.int64))
-                for part in parts
-                if len(part.faces)
-            ]
+        if suffix == ".glb":
+            _check_glb(data)
+        # of bytes alone it opens no file that they name; floats that overflow are check_triangles' to refuse
+        with np.errstate(all="ignore"):
+            scene = trimesh.load_scene(
+                io.BytesIO(data), file_type=suffix[1:], process=False, skip_materials=True
+            )
+        placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        copies = [(matrix, scene.geometry[key]) for matrix, key in placed]
+        copies = [
+            (matrix, one) for matrix, one in copies if isinstance(one, trimesh.Trimesh) and len(one.faces)
+        ]
+        faces = sum(len(one.faces) for _, one in copies)
+        if faces > MAX_FACES:  # a small file may place a mesh many times
+            raise InvalidMesh(
+                f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first"
+            )
+        return [_placed(matrix, one.vertices, one.faces) for matrix, one in copies]
     except InvalidMesh:
         raise
     except Exception as error:  # trimesh raises whatever its parsers raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidMesh(
-            f"{path.name}: expected a readable {suffix[1:].upper()} file, got {reason}; export it again"
+            f"{name}: expected a readable {suffix[1:].upper()} file, got {reason}; export it again"
         ) from error
+
+
+def _placed(matrix: np.ndarray, positions: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [V, 3] under a matrix [4, 4], and faces [F, 3], turned over where the matrix mirrors."""
+    positions, faces = np.asarray(positions, dtype=np.float64), np.asarray(faces, dtype=np.int64)
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise ValueError(f"vertices of {positions.shape[-1]} numbers")
+    if np.array_equal(matrix, np.eye(4)):
+        return positions, faces
+    with np.errstate(all="ignore"):
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0
+        return positions @ matrix[:3, :3].T + matrix[:3, 3], faces[:, ::-1] if mirrored else faces
+
+
+def _check_glb(data: bytes) -> None:
+    """ValueError for a scene that takes long to put together, or that claims more numbers than its bytes can hold."""
+    length = int.from_bytes(data[12:16], "little")
+    scene = json.loads(data[20 : 20 + length])
+    for part in ("nodes", "meshes", "accessors", "bufferViews"):
+        if len(scene.get(part, ())) > MAX_PARTS:
+            raise ValueError(f"more than {MAX_PARTS:,} {part}")
+    if sum(len(mesh["primitives"]) for mesh in scene.get("meshes", ())) > MAX_PARTS:
+        raise ValueError(f"more than {MAX_PARTS:,} primitives")
+    if any(not str(one.get("uri", "data:")).startswith("data:") for one in scene.get("buffers", ())):
+        raise ValueError("buffers in other files")
+    claimed = sum(int(one["count"]) for one in scene.get("accessors", ()))
+    if not 0 <= claimed <= len(data):  # each takes a byte at least
+        raise ValueError("more numbers than bytes")

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.files.images import photo_header
-from anyprobe.files.names import natural_order
+from anyprobe.files.headers import photo_header
+from anyprobe.files.paths import natural_order, read_regular
 
 TOLERANCE = 0.01
 """By how much R R^T may differ from 1: files carry a few digits."""
@@ -20,8 +20,11 @@ TOLERANCE = 0.01
 MOST_POSES = 10_000
 """Named poses in a file of which a few photos are wanted: a clip of five minutes has as many frames."""
 
+MAX_BYTES = 64 * 2**20
+"""Longest file of poses."""
+
 LENS_KEYS = ("fl_x", "fl_y", "w", "h", "camera_angle_x", "camera_angle_y")
-"""What tells a lens."""
+"""Keys of a lens."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,8 +41,8 @@ class Lens:
             of_x = None if self.tan_x is None else self.tan_x * height / width
             of_y = None if self.tan_y is None else self.tan_y * width / height
             tangents = (self.tan_y or of_x,) if height > width else (self.tan_x or of_y,)
-        known = [tangent for tangent in tangents if tangent is not None]
-        return float(2 * np.degrees(np.arctan(max(known)))) if known else None
+        found = [tangent for tangent in tangents if tangent is not None]
+        return float(2 * np.degrees(np.arctan(max(found)))) if found else None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,7 +68,7 @@ class Poses:
         return self.world_from_camera[self._places(photos)]
 
     def fovs_deg(self, photos: list[Path], data: list[bytes] | None = None) -> list[float | None]:
-        """Fields of view of the photos' longer sides, found as their poses are: None where the photo's own EXIF tells
+        """Fields of view of the photos' longer sides, found as their poses are: None where the photo's own EXIF has
         it, or nothing does.
 
         data: the files themselves, where photos are names alone.
@@ -77,13 +80,13 @@ class Poses:
         return found
 
     def clip_fov_deg(self, width: int, height: int) -> float | None:
-        """Field of view of a clip's longer side, the median of its frames'; None where the file does not tell it.
+        """Field of view of a clip's longer side, the median of its frames'; None where the file does not say.
 
-        width, height: of the clip's upright frames, pixels: a lens may be told across alone.
+        width, height: of the clip's upright frames, pixels: a lens may be given across alone.
         """
-        given = [lens.long_fov_deg(width, height) for lens in self.lenses]
-        known = [one for one in given if one is not None]
-        return float(np.median(known)) if known else None
+        fovs = [lens.long_fov_deg(width, height) for lens in self.lenses]
+        found = [one for one in fovs if one is not None]
+        return float(np.median(found)) if found else None
 
     def _places(self, photos: list[Path]) -> list[int]:
         """Which pose is whose."""
@@ -97,8 +100,8 @@ class Poses:
                 raise InputError(
                     f"{self.file}: expected names that differ, got two {what} {twice}; rename one"
                 )
-        known = {name: place for place, name in enumerate(self.names)}
-        found = [known.get(photo.name, known.get(photo.stem)) for photo in bare]  # some write no suffix
+        places = {name: place for place, name in enumerate(self.names)}
+        found = [places.get(photo.name, places.get(photo.stem)) for photo in bare]  # some write no suffix
         for photo, one in zip(photos, found, strict=True):
             if one is None:
                 raise InputError(f"{self.file}: expected a pose of {photo.name}, got none of that name")
@@ -107,13 +110,9 @@ class Poses:
 
 def read_poses(path: Path) -> Poses:
     """parse_poses of a file; InputError too where there is none."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{path}: expected a JSON file of camera poses, got none that can be read"
-        ) from error
-    return parse_poses(data, str(path))
+    return parse_poses(
+        read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path)
+    )
 
 
 def bare_name(path: str) -> str:
@@ -145,9 +144,9 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     names = None
     if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):
         matrices = [one.get("transform_matrix") for one in frames]
-        given = [one.get("file_path") for one in frames]
-        if all(isinstance(name, str) for name in given):
-            names = tuple(bare_name(name) for name in given)
+        paths = [one.get("file_path") for one in frames]
+        if all(isinstance(path, str) for path in paths):
+            names = tuple(bare_name(path) for path in paths)
     else:
         matrices = content if isinstance(content, list) else []
     if not matrices:
@@ -163,8 +162,8 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
             "leave out those of other photos"
         )
     rotations = np.array([_rotation(file, number, matrix) for number, matrix in enumerate(matrices, start=1)])
-    common = _given_lens(content)
-    lenses = tuple(_lens(file, common | _given_lens(one)) for one in frames or matrices)
+    common = _lens_keys(content)
+    lenses = tuple(_lens(file, common | _lens_keys(one)) for one in frames or matrices)
     return Poses(file=file, world_from_camera=rotations, names=names, lenses=lenses)
 
 
@@ -184,9 +183,9 @@ def _first_twice(names: Iterable[str]) -> str | None:
     return None
 
 
-def _given_lens(given: Any) -> dict[str, Any]:
+def _lens_keys(entry: Any) -> dict[str, Any]:
     """What an object of the file says of a lens; {} of anything else."""
-    return {key: given[key] for key in LENS_KEYS if key in given} if isinstance(given, dict) else {}
+    return {key: entry[key] for key in LENS_KEYS if key in entry} if isinstance(entry, dict) else {}
 
 
 def _lens(file: str, given: dict[str, Any]) -> Lens:

@@ -1,33 +1,36 @@
-"""Radiance maps on disk: Radiance .hdr (RGBE) and OpenEXR .exr.
+"""Linear radiance on disk: Radiance .hdr (RGBE) and OpenEXR .exr, environment maps and pictures of any shape.
 
-Both hold linear radiance, latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries.
+A map is latitude-longitude, row 0 up, H x 2H; ours in Rec. 709 primaries.
 """
 
 from __future__ import annotations
 
-import io
 import os
-import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import OpenEXR
 
-from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.plain_path import utf8_path
+from anyprobe.files.exr import (
+    EXR_MAGIC,
+    HEADER_BYTES,
+    exr_attributes,
+    read_exr,
+    to_rec709,
+    write_channels,
+)
+from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.files.rgbe import (
+    HDR_HEADER_BYTES,
     HDR_MAGIC,
-    RESOLUTION,
     comments,
     decode_row,
     encode_rows,
     float_to_rgbe,
+    least_bytes,
     read_comments,
     read_header,
     rgbe_to_float,
@@ -46,30 +49,27 @@ HALF_MIN = 2.0**-14
 ATTRIBUTE = "anyprobe:"
 """What the names of our own strings in an .exr's header begin with."""
 
-HEADER_BYTES = 1 << 16
-"""The header of a .hdr ends within these."""
-
 KINDS = {
     HDR_MAGIC: ".hdr",
-    b"\x76\x2f\x31\x01": ".exr",
+    EXR_MAGIC: ".exr",
     b"\x89PNG": "PNG",
     b"\xff\xd8\xff": "JPEG",
 }
 """First bytes of files that are mistaken for one another."""
 
-_QUIET = threading.Lock()
 
-
-def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
+def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS) -> np.ndarray:
     """Read a .hdr or .exr map.
 
     Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are turned
     to Rec. 709, their white to its own; a colour outside of Rec. 709 is cut at 0.
 
+    Args:
+        max_pixels: refused above, before pixels are decoded.
     Returns:
         [H, 2H, 3] float32, linear Rec. 709, >= 0.
     Raises:
-        InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H or of impossible primaries.
+        InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -78,22 +78,52 @@ def read_radiance(path: str | os.PathLike[str]) -> np.ndarray:
             f"{path.name}: expected a map in .hdr or .exr, got {suffix or 'no suffix'}; "
             "a picture of 8 or 16 bits does not hold radiance"
         )
-    if not path.is_file():
-        found = "a folder" if path.is_dir() else "no such file"
-        raise InvalidEnvironment(f"{path}: expected a radiance map, got {found}; check the path")
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(HEADER_BYTES)
-            _check_kind(start, suffix, path.name)
-            if suffix == ".hdr":
-                read_header(start, path.name, MAX_MAP_PIXELS)  # before all of it is read
-                return check_radiance(decode_hdr(start + stream.read(), path.name, MAX_MAP_PIXELS), path.name)
-    except OSError as error:
-        raise InvalidEnvironment(
-            f"{path}: cannot be read ({error.strerror}); check the permissions"
-        ) from error
-    rgba = read_exr(path, path.name, InvalidEnvironment, MAX_MAP_PIXELS, rec709=True)
-    return check_radiance(rgba[..., :3], path.name)
+    with open_regular(path, InvalidEnvironment, "a radiance map") as stream:
+        start = stream.read(HDR_HEADER_BYTES)
+        _check_kind(start, suffix, path.name)
+        if suffix == ".hdr":
+            read_header(start, path.name, max_pixels)  # before all of it is read
+        data = start + read_rest(stream)
+    if suffix == ".hdr":
+        return check_radiance(decode_hdr(data, path.name, max_pixels), path.name)
+    return check_radiance(
+        read_exr(data, path.name, InvalidEnvironment, max_pixels, rec709=True)[..., :3], path.name
+    )
+
+
+def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
+    """The radiance of an .exr or .hdr of any shape, known by its first bytes; None for any other source.
+
+    Args:
+        source: a path or bytes; anything else is none.
+    Returns:
+        [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
+    Raises:
+        InputError: damaged, too large, NaN.
+    """
+    if isinstance(source, str | os.PathLike):
+        name = Path(source).name
+        try:
+            with open_regular(source, InputError) as stream:
+                data = stream.read(len(EXR_MAGIC))
+                if data == EXR_MAGIC or data.startswith(HDR_MAGIC):
+                    data += read_rest(stream)
+        except InputError:  # read_image says what is wrong
+            return None
+    elif isinstance(source, bytes):
+        data, name = source, "bytes"
+    else:
+        return None
+    if data.startswith(EXR_MAGIC):
+        pixels = read_exr(data, name, InputError, max_pixels, rec709=True)
+    elif data.startswith(HDR_MAGIC):
+        pixels = decode_hdr(data, name, max_pixels)
+    else:
+        return None
+    if not np.isfinite(pixels).all():
+        raise InputError(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
+    cover = np.clip(pixels[..., 3:], 0.0, 1.0) if pixels.shape[2] == 4 else np.ones_like(pixels[..., :1])
+    return np.concatenate([np.maximum(pixels[..., :3], 0.0) * (cover > 0), cover], axis=-1)
 
 
 def write_hdr(
@@ -152,17 +182,11 @@ def write_exr(
         if energy > 0.0:
             clipped_share = float(((radiance - clamped) * weights).sum()) / energy
         pixels = clamped.astype(np.float16)
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "envmap": OpenEXR.ENVMAP_LATLONG,
-        "chromaticities": REC709_CHROMATICITIES,
-    }
-    header |= {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
+    said = {f"{ATTRIBUTE}{key}": str(value) for key, value in (attributes or {}).items()}
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
-    with atomic_path(path) as temporary, utf8_path(temporary) as plain:
+    with atomic_path(path) as temporary:
         try:
-            OpenEXR.File(header, channels).write(plain)
+            write_channels(temporary, channels, said)
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
@@ -170,144 +194,19 @@ def write_exr(
                 f"{path}: cannot be written (the file came out cut); free some space"
             ) from error
         except RuntimeError as error:  # its only report of a full disk or a closed folder
-            reason = " ".join(str(error).replace(plain, str(path)).split())
+            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
             raise OutputError(f"{path}: cannot be written ({reason})") from error
     return clipped_share
-
-
-def read_exr(
-    path: str | os.PathLike[str],
-    name: str,
-    fault: type[InputError],
-    max_pixels: int,
-    *,
-    rec709: bool = False,
-) -> np.ndarray:
-    """Read the colour of an .exr: channels R, G, B and perhaps A, or Y.
-
-    A data window smaller than the display window is set into it, black around.
-
-    Args:
-        fault: class of the error to raise.
-        max_pixels: refused above, before the pixels are decoded.
-        rec709: turn light of other chromaticities to linear Rec. 709; else the numbers as stored.
-    Returns:
-        [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
-    """
-    try:
-        with _quietly():
-            header = _exr_header(path)
-            low, high = (np.asarray(v, dtype=np.int64) for v in header["displayWindow"])
-            data_low, data_high = (np.asarray(v, dtype=np.int64) for v in header["dataWindow"])
-            width, height = (high - low + 1).tolist()
-            data_width, data_height = (data_high - data_low + 1).tolist()
-            if max(width * height, data_width * data_height) > max_pixels:
-                raise fault(
-                    f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, "
-                    f"got {max(width, data_width)} x {max(height, data_height)}; shrink it first"
-                )
-            with utf8_path(path) as plain, OpenEXR.File(plain, separate_channels=True) as file:
-                found = {key: channel.pixels for key, channel in file.channels().items()}
-    except (RuntimeError, ValueError, KeyError, TypeError) as error:
-        if isinstance(error, fault):
-            raise
-        raise fault(
-            f"{name}: expected an OpenEXR picture, got a damaged or empty file; save it again"
-        ) from error
-    order = "RGB" if all(key in found for key in "RGB") else "YYY"
-    layers = [found.get(key) for key in order]
-    if found.get("A") is not None:
-        layers.append(found["A"])
-    shape = (data_height, data_width)
-    if any(layer is None or layer.shape != shape for layer in layers):
-        listed = ", ".join(sorted(found)) or "none"
-        raise fault(
-            f"{name}: expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture"
-        )
-    pixels = np.stack(layers, axis=-1).astype(np.float32)
-    if rec709 and "chromaticities" in header:
-        pixels[..., :3] = _to_rec709(pixels[..., :3], header["chromaticities"], name, fault)
-    if (low == data_low).all() and (high == data_high).all():
-        return pixels
-    canvas = np.zeros((height, width, pixels.shape[2]), dtype=np.float32)
-    x0, y0 = np.maximum(low, data_low)
-    x1, y1 = np.minimum(high, data_high) + 1
-    if x1 > x0 and y1 > y0:
-        inside = pixels[y0 - data_low[1] : y1 - data_low[1], x0 - data_low[0] : x1 - data_low[0]]
-        canvas[y0 - low[1] : y1 - low[1], x0 - low[0] : x1 - low[0]] = inside
-    return canvas
-
-
-def exr_pixels(path: str | os.PathLike[str]) -> int:
-    """The larger of a header's two windows, width times height; 0 where there is no such header.
-
-    More than four channels count as more pixels, since all of them are decoded.
-    """
-    try:
-        with _quietly():
-            header = _exr_header(path)
-        windows = [np.asarray(header[name], dtype=np.int64) for name in ("displayWindow", "dataWindow")]
-        pixels = max(int(np.prod(high - low + 1)) for low, high in windows)
-        return pixels * max(1, -(-len(header["channels"]) // 4))
-    except (RuntimeError, ValueError, KeyError, TypeError):
-        return 0
 
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
     """The attributes that write_exr or write_hdr was given; none where there is no such header."""
     try:
-        with open(path, "rb") as stream:
+        with open_regular(path, InputError) as stream:
             start = stream.read(HEADER_BYTES)
-    except OSError:
+    except InputError:
         return {}
-    return read_comments(start, ATTRIBUTE) if start.startswith(HDR_MAGIC) else exr_attributes(path)
-
-
-def exr_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
-    """The attributes that write_exr was given; none where there is no such header."""
-    try:
-        with _quietly():
-            header = _exr_header(path)
-    except (RuntimeError, ValueError, TypeError):
-        return {}
-    ours = {key.removeprefix(ATTRIBUTE): v for key, v in header.items() if key.startswith(ATTRIBUTE)}
-    return {key: value for key, value in ours.items() if isinstance(value, str)}
-
-
-def _exr_header(path: str | os.PathLike[str]) -> dict[str, Any]:
-    with utf8_path(path) as plain, OpenEXR.File(plain, header_only=True) as file:
-        return dict(file.header())  # emptied when the file closes
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """Without what OpenEXR prints of damaged files. One thread at a time: stdout is the whole process's."""
-    with _QUIET, redirect_stdout(io.StringIO()):
-        yield
-
-
-def hdr_pixels(data: bytes) -> int:
-    """Width times height of a .hdr by its first bytes; 0 where they do not tell."""
-    size = RESOLUTION.search(data[:HEADER_BYTES])
-    return 0 if size is None else int(size[1]) * int(size[2])
-
-
-def _to_rec709(
-    rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]
-) -> np.ndarray:
-    """Linear colours [..., 3] in Rec. 709; none falls below 0 that did not before."""
-    try:
-        matrix = rec709_from_rgb(chromaticities)
-    except (TypeError, ValueError) as error:
-        raise fault(
-            f"{name}: expected x, y of red, green, blue and of a white between them, "
-            f"got {' '.join(str(chromaticities).split())} ({error}); save it as linear Rec. 709"
-        ) from error
-    if np.array_equal(matrix, np.eye(3)):
-        return rgb
-    with np.errstate(invalid="ignore", over="ignore"):  # infinity is the caller's to refuse
-        turned = rgb @ matrix.T.astype(np.float32)
-    return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
+    return (read_comments if start.startswith(HDR_MAGIC) else exr_attributes)(start, ATTRIBUTE)
 
 
 def _check_kind(start: bytes, suffix: str, name: str) -> None:
@@ -326,24 +225,22 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
     """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out, Rec. 709; or InvalidEnvironment."""
     header = read_header(data, name, max_pixels)
-    rows = _decode_rows(data[header.at :], header.height, header.width, name)
-    radiance = rgbe_to_float(rows) / np.float32(header.exposure)
-    return _to_rec709(radiance, header.primaries, name, InvalidEnvironment)
-
-
-def _decode_rows(data: bytes, height: int, width: int, name: str) -> np.ndarray:
-    """All rows, [H, W, 4] uint8."""
-    rows = np.empty((height, width, 4), dtype=np.uint8)
-    at = 0
+    if len(data) - header.at < header.height * least_bytes(header.width):
+        raise _cut(name, header.height)
+    radiance = np.empty((header.height, header.width, 3), dtype=np.float32)
+    at, exposure = header.at, np.float32(header.exposure)
     try:
-        for y in range(height):
-            rows[y], at = decode_row(data, at, width)
+        for y in range(header.height):
+            row, at = decode_row(data, at, header.width)
+            radiance[y] = rgbe_to_float(row) / exposure
     except EOFError as error:
-        raise InvalidEnvironment(
-            f"{name}: expected {height} whole rows of RGBE, got fewer; fetch it again"
-        ) from error
+        raise _cut(name, header.height) from error
     except ValueError as error:
         raise InvalidEnvironment(
             f"{name}: expected new run-length coding or none, got the old; save again"
         ) from error
-    return rows
+    return to_rec709(radiance, header.primaries, name, InvalidEnvironment)
+
+
+def _cut(name: str, height: int) -> InvalidEnvironment:
+    return InvalidEnvironment(f"{name}: expected {height} whole rows of RGBE, got fewer; fetch it again")

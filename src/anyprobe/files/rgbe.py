@@ -15,6 +15,9 @@ from anyprobe.errors import InvalidEnvironment
 HDR_MAGIC = b"#?"
 RESOLUTION = re.compile(rb"-Y (\d{1,9}) \+X (\d{1,9})")
 
+HDR_HEADER_BYTES = 1 << 16
+"""The header ends within these."""
+
 RGBE_MAX = 255.0 * 2.0**119
 """Largest value of a shared-exponent pixel: mantissa 255, exponent byte 255."""
 
@@ -48,7 +51,7 @@ class HdrHeader:
 
 def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     """The header of a .hdr from the file's first bytes; InvalidEnvironment if it cannot be read by it."""
-    header, blank, body = data.partition(b"\n\n")
+    header, blank, body = data[:HDR_HEADER_BYTES].partition(b"\n\n")
     if not data.startswith(HDR_MAGIC) or not blank:
         raise InvalidEnvironment(
             f"{name}: expected a Radiance .hdr file, got other or no data; save it again"
@@ -76,7 +79,7 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
         primaries = REC709_CHROMATICITIES
     if not (np.isfinite(exposure) and exposure > 0.0):
         raise InvalidEnvironment(f"{name}: expected EXPOSURE to be a number > 0; repair the header")
-    line, _, pixels = body.partition(b"\n")
+    line, _, _ = body.partition(b"\n")
     size = RESOLUTION.fullmatch(line.strip())
     if size is None:
         raise InvalidEnvironment(
@@ -88,9 +91,15 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
             f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, "
             f"got {width} x {height}; shrink it first"
         )
-    return HdrHeader(
-        height=height, width=width, exposure=exposure, primaries=primaries, at=len(data) - len(pixels)
-    )
+    at = len(header) + len(blank) + len(line) + 1
+    return HdrHeader(height=height, width=width, exposure=exposure, primaries=primaries, at=at)
+
+
+def hdr_pixels(data: bytes) -> int:
+    """Width times height by a file's first bytes, where its pixels begin; 0 where they do not say."""
+    body = data[:HDR_HEADER_BYTES].partition(b"\n\n")[2]
+    size = RESOLUTION.fullmatch(body.partition(b"\n")[0].strip())
+    return 0 if size is None else int(size[1]) * int(size[2])
 
 
 def comments(attributes: Mapping[str, str], begin: str) -> str:
@@ -110,7 +119,7 @@ def comments(attributes: Mapping[str, str], begin: str) -> str:
 def read_comments(data: bytes, begin: str) -> dict[str, str]:
     """The attributes that comments wrote, from a file's first bytes."""
     found: dict[str, str] = {}
-    for line in data.partition(b"\n\n")[0].decode("ascii", "replace").split("\n"):
+    for line in data[:HDR_HEADER_BYTES].partition(b"\n\n")[0].decode("ascii", "replace").split("\n"):
         key, equals, value = line.removeprefix(f"# {begin}").partition("=")
         if equals and line.startswith(f"# {begin}"):
             found[key] = f"{found[key]} {value}" if key in found else value
@@ -149,6 +158,11 @@ def encode_rows(rgbe: np.ndarray) -> list[bytes]:
         pieces.append(_start(width))
         pieces.extend(_encode_runs(channel) for channel in row)
     return pieces
+
+
+def least_bytes(width: int) -> int:
+    """Of a row: its start, and runs of 127 pixels in each channel; flat where it cannot be coded."""
+    return min(4 * width, 4 + 8 * -(-width // 127)) if width in RLE_WIDTHS else 4 * width
 
 
 def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:

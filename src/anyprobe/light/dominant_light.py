@@ -11,6 +11,7 @@ with L_ring the mean radiance just outside.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cap
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 BLUR_RADIUS = np.radians(5.0)
 """Radius of the cap [radians]; a source narrower than that is one lobe, not several."""
@@ -44,7 +48,7 @@ class DominantLight:
     confidence: float
 
 
-def dilate(mask: np.ndarray) -> np.ndarray:
+def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
     """Grow a mask [H, 2H] by one pixel up, down, left and right on the sphere.
 
     The columns wrap around, and a pole row that is touched is taken whole: all
@@ -62,14 +66,14 @@ def dilate(mask: np.ndarray) -> np.ndarray:
     return grown
 
 
-def connected(mask: np.ndarray, row: int, column: int) -> np.ndarray:
+def connected(mask: Bool[np.ndarray, "H 2*H"], row: int, column: int) -> Bool[np.ndarray, "H 2*H"]:
     """The part of a mask [H, 2H] that is connected to one of its pixels on the sphere."""
     region = np.zeros_like(mask)
     region[row, column] = True
     count = 1
     while True:
         region = dilate(region) & mask
-        last, count = count, np.count_nonzero(region)
+        last, count = count, int(np.count_nonzero(region))
         if count == last:
             return region
 
@@ -80,7 +84,7 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     height = len(bright)
     small = reduced(bright[..., None])
     blurred = blur_cap(small, BLUR_RADIUS)[..., 0]
-    row, column = np.unravel_index(np.argmax(blurred), blurred.shape)
+    row, column = map(int, np.unravel_index(np.argmax(blurred), blurred.shape))
     lobe = connected(blurred >= LOBE_LEVEL * blurred[row, column], row, column)
     source = dilate(lobe)
     ring = source
@@ -94,7 +98,7 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(mask[np.ix_(rows, columns)] for mask in (lobe, source, surroundings))
 
 
-def find_dominant_light(radiance: np.ndarray) -> DominantLight:
+def find_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> DominantLight:
     """The brightest lobe of a map [H, 2H, 3] as a directional light.
 
         E = sum over the lobe of (L - L_ring) cos(delta) dw, delta from the light's direction
@@ -106,7 +110,7 @@ def find_dominant_light(radiance: np.ndarray) -> DominantLight:
     return split_dominant_light(radiance)[0]
 
 
-def split_dominant_light(radiance: np.ndarray) -> tuple[DominantLight, np.ndarray]:
+def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[DominantLight, np.ndarray]:
     """The dominant light and the map [H, 2H, 3] without it, for renderers that are given both.
 
     What the dominant light counts is taken out, no more: its pixels become L_ring, so that on a

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from anyprobe.errors import InvalidMask
-from anyprobe.files.images import MAX_PIXELS
-from anyprobe.files.plain_path import utf8_path
+from anyprobe.files.exr import in_display, read_channels
+from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.masks.check import check_mask
 
 DepthSource = str | os.PathLike[str] | np.ndarray
-
-Window = tuple[np.ndarray, np.ndarray]
-"""x, y of an .exr's first pixel, and x, y just after its last."""
 
 ASPECT_TOLERANCE = 0.02
 """Relative difference of the sides' ratios above which depth and photo are not the same view."""
@@ -117,41 +113,13 @@ def _read_npy(path: Path) -> np.ndarray:
 
 
 def _read_exr(path: Path) -> np.ndarray:
-    import OpenEXR
-
-    with utf8_path(path) as plain, OpenEXR.File(plain, header_only=True) as file:
-        display, data = (_window(file.header()[name]) for name in ("displayWindow", "dataWindow"))
-    width, height = max((high - low for low, high in (display, data)), key=np.prod).tolist()
-    if width * height > MAX_PIXELS:
-        raise InvalidMask(
-            f"{path.name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-            f"got {width} x {height}; shrink it first"
-        )
-    with utf8_path(path) as plain, OpenEXR.File(plain, separate_channels=True) as file:
-        channels = {name.split(".")[-1]: channel.pixels for name, channel in file.channels().items()}
+    header, found = read_channels(path, path.name, InvalidMask, MAX_PIXELS)
+    channels = {name.split(".")[-1]: pixels for name, pixels in found.items()}
     for name in EXR_CHANNELS:
         if name in channels:
-            return _shown(channels[name], data, display)
+            if channels[name].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
+                raise ValueError("a channel of fewer pixels than its window")
+            return in_display(channels[name], header)
     raise InvalidMask(
         f"{path.name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}"
     )
-
-
-def _window(corners: Iterable[Sequence[int]]) -> Window:
-    low, high = (np.asarray(corner, dtype=np.int64) for corner in corners)
-    return low, high + 1
-
-
-def _shown(pixels: np.ndarray, data: Window, display: Window) -> np.ndarray:
-    """The data window's pixels in the display window [H, W]: overscan is cut, zero where there is no data."""
-    (data_low, data_high), (low, high) = data, display
-    if (data_low == low).all() and (data_high == high).all():
-        return pixels
-    if pixels.shape != tuple(data_high - data_low)[::-1]:
-        raise ValueError("a channel of fewer pixels than its window")
-    shown = np.zeros(tuple(high - low)[::-1], dtype=pixels.dtype)
-    (x0, y0), (x1, y1) = np.maximum(low, data_low), np.minimum(high, data_high)
-    if x1 > x0 and y1 > y0:
-        inside = pixels[y0 - data_low[1] : y1 - data_low[1], x0 - data_low[0] : x1 - data_low[0]]
-        shown[y0 - low[1] : y1 - low[1], x0 - low[0] : x1 - low[0]] = inside
-    return shown

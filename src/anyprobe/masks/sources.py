@@ -11,8 +11,10 @@ from PIL import Image
 
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.errors import InvalidMask, InvalidPhoto
-from anyprobe.files.images import EXR_MAGIC, MAX_PIXELS, exr_file, read_image
-from anyprobe.files.radiance import read_exr
+from anyprobe.files.exr import EXR_MAGIC, read_exr
+from anyprobe.files.headers import MAX_PIXELS
+from anyprobe.files.images import read_image
+from anyprobe.files.paths import open_regular
 from anyprobe.masks.check import check_mask
 
 MaskPicture = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
@@ -73,11 +75,8 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
 
 def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     """Luminance as stored, and alpha or None, both [H, W] in [0, 1]."""
-    if isinstance(source, (bytes, bytearray, memoryview)):
-        with exr_file(bytes(source)) as path:
-            values = read_exr(path, name, InvalidPhoto, MAX_PIXELS)
-    else:
-        values = read_exr(source, name, InvalidPhoto, MAX_PIXELS)
+    data = bytes(source) if isinstance(source, (bytearray, memoryview)) else source
+    values = read_exr(data, name, InvalidPhoto, MAX_PIXELS)
     if not np.isfinite(values).all():
         raise InvalidPhoto(f"{name}: expected finite values, got NaN or infinity; repair the picture first")
     alpha = np.clip(values[..., 3], 0.0, 1.0) if values.shape[2] == 4 else None
@@ -91,9 +90,9 @@ def _is_exr(source: MaskPicture) -> bool:
     if not isinstance(source, (str, os.PathLike)):
         return False
     try:
-        with Path(source).open("rb") as stream:
+        with open_regular(source, InvalidPhoto) as stream:
             return stream.read(len(EXR_MAGIC)) == EXR_MAGIC
-    except OSError:
+    except InvalidPhoto:
         return False
 
 

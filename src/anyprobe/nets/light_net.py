@@ -54,7 +54,7 @@ class SphereNet(nn.Module):
 
     Those at 64 rows have `fine` channels, all others `lifted`. Every scale sees the lifted
     pixels of its own size, so that gaps are filled from coarser ones; the pixels'
-    directions tell it where up and forward are.
+    directions give it up and forward.
     """
 
     def __init__(

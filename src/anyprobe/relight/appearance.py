@@ -1,4 +1,4 @@
-"""What the real object tells beside its light: its material, and how bright the light is at least.
+"""The real object's material, and a lower bound of the light's level, from its photo.
 
 A sphere of each of a few widths alpha is shaded under the estimate. As a dielectric (f0 0.045) its albedo,
 as a metal its f0 is the one whose sphere has the object's mean colour: the shading is linear in either, so

@@ -1,7 +1,7 @@
-"""Where things stand: the photo's camera over a horizontal plane, and a place on it beside the object.
+"""The photo's camera over a horizontal plane, and where on it the real object stands.
 
 Everything is in the camera's frame (+X right, +Y up, looking along -Z); the unit of length is the
-camera's height over the ground, whose true value a photo does not tell and nothing here needs.
+camera's height over the ground, which a photo does not determine and nothing here needs.
 """
 
 from __future__ import annotations
@@ -11,32 +11,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
 from anyprobe.estimate.photo import Photo, object_box
-from anyprobe.render.mesh import Mesh
 
 LEAST_SLOPE_DEG = 12.0
 """The ground at the real object's base is seen at least this far below the horizon."""
 
 UNKNOWN_LENS_DEG = 38.0
-"""Along the longer side, where neither EXIF nor the caller told. Of a cropped or zoomed photo the 65
+"""Along the longer side, where neither EXIF nor the caller gives it. Of a cropped or zoomed photo the 65
 degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
-
-GAP = 0.15
-"""Between the real object and the virtual one, in widths of the latter."""
-
-LEAST_SIZE = 0.35
-"""A virtual object is not made smaller than this share of what was asked to fit beside the real one."""
 
 STRIP_PIXELS = 1 << 18
 """Of the photo, whose places on the ground are worked out at once: some 200 bytes each."""
 
-MARGIN = 0.02
-"""Kept free at the picture's border, of its width."""
+LEAST_CONTACT, CONTACT_BAND = 0.03, 0.04
+"""Rows of the mask narrower than this, of the object's width, are not where it stands; and what counts as its lower
+border, of its height."""
 
-MOST_FITS, LEAST_STEP = 16, 0.5
-"""Tries to place an object wholly inside the picture, and how much smaller each may make it."""
+LEAST_ABOVE = 0.02
+"""Ground is used up to this far below the horizon, of the photo's height."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,6 +50,15 @@ class View:
         """Field of view of the longer side."""
         return float(np.degrees(2 * np.arctan(max(self.width, self.height) / 2 / self.focal)))
 
+    @property
+    def farthest_row(self) -> float:
+        """Of the ground that is used, a little below the horizon."""
+        return self.height / 2 - self.focal * float(self.up[2] / self.up[1]) + LEAST_ABOVE * self.height
+
+    def row_at_depth(self, depth: float) -> float:
+        """Where the ground that is so far away along the camera's axis is seen, in the photo's middle column."""
+        return self.height / 2 + self.focal * (1 / depth - float(self.up[2])) / float(self.up[1])
+
     def rays(self, x, y) -> np.ndarray:
         """Directions [..., 3] with z = -1 through points of the photo; pixel i covers [i, i + 1)."""
         x, y = np.asarray(x, float), np.asarray(y, float)
@@ -69,13 +72,33 @@ class View:
         down = -(rays @ self.up)
         return rays / np.where(down > 1e-4, down, np.nan)[..., None]
 
-    def ground_strips(self) -> Iterator[tuple[slice, np.ndarray]]:
-        """on_ground of all pixels' centres from the top down, a few rows at a time: which rows, and [R, W, 3]."""
-        step = max(1, STRIP_PIXELS // self.width)
-        for top in range(0, self.height, step):
-            strip = slice(top, min(top + step, self.height))
-            rows, columns = np.mgrid[strip, 0 : self.width] + 0.5
-            yield strip, self.on_ground(columns.ravel(), rows.ravel()).reshape(*rows.shape, 3)
+    def part_around(self, point: np.ndarray, reach: float) -> tuple[slice, slice]:
+        """Rows and columns of the photo that show the square of ground [-reach, reach] along orthonormal_basis(up).
+
+        All of them where that reaches the camera.
+        """
+        side, across = orthonormal_basis(self.up)
+        corners = point + reach * np.array([x * side + y * across for x in (-1, 1) for y in (-1, 1)])
+        if corners[:, 2].max() >= -1e-3:
+            return slice(0, self.height), slice(0, self.width)
+        pixels, sides = self.pixels(corners), np.array([self.width, self.height])
+        left, top = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
+        right, bottom = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
+        return slice(top, bottom), slice(left, right)
+
+    def ground_strips(
+        self, part: tuple[slice, slice] | None = None
+    ) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
+        """on_ground of all pixels' centres from the top down, a few rows at a time: which pixels, and [R, C, 3].
+
+        part: rows and columns; None for the whole photo.
+        """
+        lines, columns = part or (slice(0, self.height), slice(0, self.width))
+        step = max(1, STRIP_PIXELS // max(columns.stop - columns.start, 1))
+        for top in range(lines.start, lines.stop, step):
+            strip = slice(top, min(top + step, lines.stop)), columns
+            y, x = np.mgrid[strip] + 0.5
+            yield strip, self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """Where points [..., 3] in front of the camera appear, [..., 2] px."""
@@ -87,20 +110,6 @@ class View:
             ],
             axis=-1,
         )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Placement:
-    """A mesh on the ground.
-
-    mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
-    smallest sphere around it. pitch_deg: camera's, downwards.
-    """
-
-    mesh: Mesh
-    foot: np.ndarray
-    radius: float
-    pitch_deg: float
 
 
 def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
@@ -115,7 +124,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     height, width = photo.mask.shape
     long_fov_deg = UNKNOWN_LENS_DEG if photo.fov_source == "default" else photo.long_fov_deg
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    base = object_box(photo.mask)[3]
+    base = contact_of(photo.mask)[1]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
     if pitch_deg is None:
         pitch_deg = float(max(0.0, LEAST_SLOPE_DEG - below_axis))
@@ -129,83 +138,11 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     return View(width=width, height=height, focal=float(focal), up=up), pitch_deg
 
 
-def place_beside(
-    mesh: Mesh,
-    photo: Photo,
-    view: View,
-    pitch_deg: float,
-    size: float = 0.8,
-    at: tuple[float, float] | None = None,
-    turn_deg: float = 0.0,
-) -> Placement:
-    """Stand a mesh (+Y up) on the ground of a photo.
-
-    Args:
-        size: its largest extent over that of the real object, whose foot is at the mask's lower edge.
-        at: x, y of its foot [px]; unless given, it stands on the side with more room, its lowest
-            point on the row of the mask's, and is made smaller down to LEAST_SIZE of the size to fit there;
-            where that is too large yet, it stands in front of the real object, and is made smaller
-            until all of it is in the picture.
-        turn_deg: about its vertical axis.
-    """
-    x0, y0, x1, y1 = object_box(photo.mask)
-    base = view.on_ground((x0 + x1) / 2, y1)
-    extent = max(x1 - x0, y1 - y0) / view.focal * -base[2] * size
-    upright = rotation_x(np.radians(pitch_deg)) @ rotation_y(np.radians(turn_deg))
-    if at is not None:
-        foot = view.on_ground(*at)
-        if not np.isfinite(foot).all():
-            raise InputError(
-                f"--at: expected a point of the ground, got {at[0]:g},{at[1]:g} above the horizon; "
-                "point lower, or give --pitch"
-            )
-        return _standing(mesh, upright, foot, extent, pitch_deg)
-    right = view.width - x1 >= x0
-    room = max(view.width - x1, x0) - MARGIN * view.width
-    placed = _on_row(mesh, upright, view, extent, y1, (x0 + x1) / 2, pitch_deg)
-    wide = np.ptp(view.pixels(placed.mesh.positions)[:, 0]) * (1 + GAP)
-    extent *= float(np.clip(room / wide, LEAST_SIZE, 1.0))
-    placed = _on_row(mesh, upright, view, extent, y1, (x0 + x1) / 2, pitch_deg)
-    wide = np.ptp(view.pixels(placed.mesh.positions)[:, 0])
-    x = x1 + wide * (0.5 + GAP) if right else x0 - wide * (0.5 + GAP)
-    return _inside(mesh, upright, view, extent, y1, x, pitch_deg)
-
-
-def _inside(mesh, upright, view: View, extent: float, row: float, x: float, pitch_deg: float) -> Placement:
-    """Placed on a row, moved along it and made smaller until the picture's border cuts nothing off."""
-    edge = MARGIN * view.width
-    for _ in range(MOST_FITS):
-        placed = _on_row(mesh, upright, view, extent, row, x, pitch_deg)
-        pixels = view.pixels(placed.mesh.positions)
-        (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
-        share = min((view.width - 2 * edge) / (right - left), (row - edge) / (bottom - top), 1.0)
-        outside = max(edge - left, 0.0) - max(right - (view.width - edge), 0.0)
-        if share > 0.999 and abs(outside) < 0.5:
-            break
-        extent *= max(share, LEAST_STEP)
-        x += outside if share > LEAST_STEP else (view.width / 2 - x)
-    return placed
-
-
-def _on_row(mesh, upright, view: View, extent: float, row: float, x: float, pitch_deg: float) -> Placement:
-    """Placed so that its lowest visible point is on a row: its foot is a little further up the picture."""
-    foot_row = row
-    for _ in range(6):
-        placed = _standing(mesh, upright, view.on_ground(x, foot_row), extent, pitch_deg)
-        lowest = view.pixels(placed.mesh.positions)[:, 1].max()
-        horizon = view.height / 2 - view.focal * np.tan(np.radians(pitch_deg))
-        foot_row = max(foot_row + (row - lowest), horizon + 0.02 * view.height)
-    return placed
-
-
-def _standing(
-    mesh: Mesh, upright: np.ndarray, foot: np.ndarray, extent: float, pitch_deg: float
-) -> Placement:
-    low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
-    scale = extent / float((high - low).max())
-    bottom = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-    positions = (mesh.positions - bottom) * scale @ upright.T + foot
-    placed = Mesh(
-        positions=positions, faces=mesh.faces, normals=(mesh.normals @ upright.T).astype(np.float32)
-    )
-    return Placement(mesh=placed, foot=foot, radius=scale, pitch_deg=pitch_deg)
+def contact_of(mask: np.ndarray) -> tuple[float, int]:
+    """Pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and its row."""
+    x0, y0, x1, y1 = object_box(mask)
+    inside = mask[y0:y1, x0:x1] > 0.5
+    wide = np.flatnonzero(inside.sum(axis=1) >= LEAST_CONTACT * (x1 - x0))
+    row = int(wide[-1]) + 1 if len(wide) else 1
+    columns = np.nonzero(inside[max(int(row - CONTACT_BAND * (y1 - y0)), 0) : row])[1]
+    return (x0 + float(columns.mean()) + 0.5 if len(columns) else (x0 + x1) / 2), y0 + row

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground import Placement, View, place_beside, view_of
-from anyprobe.relight.path_traced import GROUND_RADII, Ground, open_mitsuba, trace_mesh
+from anyprobe.relight.ground import View, view_of
+from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
+from anyprobe.relight.placement import Placement, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -21,6 +23,12 @@ from anyprobe.scatter.materials import Material, material_named
 
 BORDER_PX = 2
 """Kept around the object's window for its soft edge."""
+
+MOST_DRAWN = 512
+"""Pixels that an object is drawn across; in larger photos it is enlarged, as their own pixels are hardly sharper."""
+
+MOST_PATHS = 1 << 25
+"""Of the path tracer for one object."""
 
 LEAST_SHADOW = 1 / 1024
 """A quarter of a display step; where less is missing the photo stays as it is."""
@@ -62,12 +70,14 @@ def window_surroundings(placement: Placement, view: View) -> Window | None:
 def cast_shadow(photo: Photo, view: View, shadow: GroundShadow) -> np.ndarray:
     """The photo [H, W, 3] with the shadow on its ground.
 
-    The real object and what lies above the horizon get none; pixels that lose nothing keep their bits.
+    The real object and what lies above the horizon get none; pixels that lose nothing keep their bits. Of the photo
+    only the part is looked at that shows the shadow's square.
     """
     picture = photo.rgb.copy()
-    for strip, ground in view.ground_strips():
+    part = view.part_around(shadow.foot, shadow.reach)
+    for strip, ground in view.ground_strips(part):
         ratio = shadow.at(ground.reshape(-1, 3)).reshape(ground.shape)
-        ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[strip, :, None])
+        ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[strip][..., None])
         touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
         under = picture[strip]
         under[touched] = response(inverse_response(under[touched]) * ratio[touched])
@@ -81,7 +91,7 @@ def lay_over(
     photo: Photo,
     behind: bool = False,
 ) -> np.ndarray:
-    """Lay an object [S, S, 4] (linear radiance, coverage) over a display picture [H, W, 3].
+    """Lay an object [S, S, 4] (linear radiance, coverage) over a display picture [H, W, 3], which is changed.
 
     Args:
         behind: whether the real object hides it.
@@ -95,29 +105,41 @@ def lay_over(
     coverage = part[..., 3:]
     if behind:
         coverage = coverage * (1.0 - photo.mask[top:bottom, left:right, None])
-    picture = picture.copy()
     under = picture[top:bottom, left:right]
     mixed = under + coverage * (response(part[..., :3]) - under)
     picture[top:bottom, left:right] = np.where(coverage > 0, mixed, under)
     return picture
 
 
+def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
+    """A drawn object [S, S, 4] (linear radiance, coverage) of more pixels, bilinearly; unchanged if it has them."""
+    if drawn.shape[0] == size:
+        return drawn
+    parts = np.concatenate([drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]], axis=-1).astype(np.float32)
+    channels = [Image.fromarray(np.ascontiguousarray(parts[..., k])) for k in range(4)]
+    larger = np.stack(
+        [np.asarray(one.resize((size, size), Image.Resampling.BILINEAR)) for one in channels], axis=-1
+    )
+    larger[..., :3] /= np.maximum(larger[..., 3:], 1e-6)
+    return larger
+
+
 RENDERERS = ("auto", "own", "mitsuba")
 
 PHOTO_MATERIAL = "photo"
-"""The real object's own, as far as the photo tells it (relight.appearance)."""
+"""The real object's own, as estimated from the photo (relight.appearance)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arrangement:
     """Where the virtual object stands, in the units of relight.ground.
 
-    size: its largest extent over the real object's. at: x, y of its foot in the photo [px], None for
+    size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
     down, None for level or as far as the object's base asks.
     """
 
-    size: float = 0.8
+    size: float = 0.5
     at: tuple[float, float] | None = None
     turn_deg: float = 0.0
     pitch_deg: float | None = None
@@ -129,7 +151,7 @@ class Stage:
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         arrangement = arrangement or Arrangement()
         if not 0.02 <= arrangement.size <= 20:
-            raise InputError(f"--size: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+            raise InputError(f"--scale: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg)
@@ -140,7 +162,7 @@ class Stage:
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
             raise InputError(
-                "--size: expected an object in front of the camera, got one that reaches behind it; make it smaller "
+                "--scale: expected an object in front of the camera, got one that reaches behind it; make it smaller "
                 "or stand it farther away with --at"
             )
         window = window_surroundings(self.placement, self.view)
@@ -151,6 +173,18 @@ class Stage:
                 f"{self.view.width} x {self.view.height} pixels; choose another"
             )
         self.window: Window = window
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line for what of the place is not as one would expect: hidden by the real object, or cut off."""
+        if self.placement.is_behind:
+            return ("no room beside the object: the inserted one stands behind it; choose a place with --at",)
+        pixels = self.view.pixels(self.placement.mesh.positions)
+        if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
+            return (
+                "part of the inserted object is outside the photo; choose another place or a smaller --scale",
+            )
+        return ()
 
     def on(self, photo: Photo) -> Stage:
         """The same place in another photo of the same camera, a frame of a video."""
@@ -189,9 +223,13 @@ class Stage:
         if isinstance(material, str):
             material = self.material(material, radiance)
         mesh, camera = self.placement.mesh, self.window.camera
+        camera = replace(camera, size=min(camera.size, MOST_DRAWN))
         if uses_mitsuba(renderer):
-            return trace_mesh(mesh, camera, radiance, material, self._ground(radiance))
-        return draw_mesh(mesh, camera, radiance, material)
+            paths = min(NUM_PATHS, MOST_PATHS // camera.size**2)
+            drawn = trace_mesh(mesh, camera, radiance, material, self._ground(radiance), paths)
+        else:
+            drawn = draw_mesh(mesh, camera, radiance, material)
+        return enlarged(drawn, self.window.size)
 
     def material(self, name: str, radiance: np.ndarray) -> Material:
         """A material of scatter.materials, or "photo": the real object's own under a map."""
@@ -208,10 +246,11 @@ class Stage:
     def _ground(self, radiance: np.ndarray) -> Ground:
         """A ground whose radiance under the map is what the photo shows around the object's foot."""
         foot, reach = self.placement.foot, 2 * self.placement.radius
-        near = self.photo.mask < 0.05
-        for strip, ground in self.view.ground_strips():
-            near[strip] &= np.linalg.norm(ground - foot, axis=-1) < reach
-        seen = self.photo.rgb[near] if near.any() else self.photo.rgb[-1]
+        colors = [self.photo.rgb[-1]]
+        for strip, ground in self.view.ground_strips(self.view.part_around(foot, reach)):
+            near = (np.linalg.norm(ground - foot, axis=-1) < reach) & (self.photo.mask[strip] < 0.05)
+            colors.append(self.photo.rgb[strip][near])
+        seen = np.concatenate(colors[1:]) if any(len(one) for one in colors[1:]) else colors[0]
         irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
         albedo = np.clip(np.pi * inverse_response(seen).mean(axis=0) / irradiance, 0.0, 0.95)
         radius = GROUND_RADII * self.placement.radius

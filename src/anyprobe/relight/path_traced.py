@@ -16,7 +16,6 @@ from anyprobe.core.frames import normalize, orthonormal_basis
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import MissingExtra
 from anyprobe.export.mitsuba_scene import pole_to_pole
-from anyprobe.relight import path_traced
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material
@@ -37,10 +36,11 @@ def register(mi) -> None:
 
         def __init__(self, props):
             super().__init__(props)
-            self.albedo = mi.ScalarColor3f(props["albedo"])
+            self.albedo = props["albedo"]  # a colour, or a texture
+            self.textured = isinstance(self.albedo, mi.Texture)
             self.f0 = mi.ScalarColor3f(props["f0"])
             self.alpha = props["alpha"]
-            self.cosine_share = 0.5 if max(self.albedo) > 0 else 0.0
+            self.cosine_share = 0.5 if self.textured or max(self.albedo) > 0 else 0.0
             kind = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [kind]
             self.m_flags = kind
@@ -77,7 +77,8 @@ def register(mi) -> None:
             g = dr.rcp(dr.rcp(g1_wi) + dr.rcp(g1_wo) - 1)
             fresnel = self.f0 + (1 - mi.Color3f(self.f0)) * (1 - wi_dot_h) ** 5
             coat = fresnel * normals.eval(h) * g / (4 * n_dot_wi)
-            base = (1 - fresnel) * mi.Color3f(self.albedo) * dr.inv_pi * n_dot_wo
+            albedo = self.albedo.eval(si, active) if self.textured else mi.Color3f(self.albedo)
+            base = (1 - fresnel) * albedo * dr.inv_pi * n_dot_wo
             pdf = self.cosine_share * mi.warp.square_to_cosine_hemisphere_pdf(wo)
             pdf += (1 - self.cosine_share) * normals.pdf(si.wi, h) / (4 * wi_dot_h)
             return dr.select(active, coat + base, 0), dr.select(active, pdf, 0)
@@ -96,6 +97,8 @@ NUM_PATHS = 256
 PATHS_AT_ONCE = 1 << 20
 MAX_DEPTH = 6
 GROUND_RADII = 30.0
+ALBEDO = "vertex_albedo"
+"""Mitsuba's name for albedos at the corners of the faces."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -124,7 +127,7 @@ def open_mitsuba():
 
     if mi.variant() != "llvm_ad_rgb":
         mi.set_variant("llvm_ad_rgb")
-    path_traced.register(mi)
+    register(mi)
     return mi
 
 
@@ -136,7 +139,9 @@ def mitsuba_runs() -> bool:
     """
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         versions = {int(m[1]): p for p in glob(LLVM) if (m := re.search(r"libLLVM-(\d+)\.so$", p))}
-        if versions and max(versions) >= OLDEST_LLVM:
+        if versions and max(versions) < OLDEST_LLVM:
+            return False  # the trial below would pass and the first scene abort
+        if versions:
             os.environ["DRJIT_LIBLLVM_PATH"] = versions[max(versions)]
     trial = (
         "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr; "
@@ -156,6 +161,7 @@ def trace_mesh(
     """render.picture.draw_mesh by paths: the same arguments and the same [S, S, 4].
 
     Args:
+        material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
         ground: what it stands on; it lights the mesh and is mirrored in it, but is not in the picture.
         num_paths: a pixel, rounded up to a power of two.
     """
@@ -204,8 +210,12 @@ def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
 
 
 def _bsdf(material: Material) -> dict:
-    albedo, f0 = ([float(c) for c in np.broadcast_to(part, 3)] for part in (material.albedo, material.f0))
-    return {"type": path_traced.NAME, "albedo": albedo, "f0": f0, "alpha": float(material.alpha)}
+    f0 = [float(c) for c in np.broadcast_to(material.f0, 3)]
+    if np.ndim(material.albedo) == 3:
+        albedo = {"type": "mesh_attribute", "name": ALBEDO}
+    else:
+        albedo = [float(c) for c in np.broadcast_to(material.albedo, 3)]
+    return {"type": NAME, "albedo": albedo, "f0": f0, "alpha": float(material.alpha)}
 
 
 def _shape(mi, mesh: Mesh, material: Material):
@@ -214,6 +224,8 @@ def _shape(mi, mesh: Mesh, material: Material):
     properties["bsdf"] = mi.load_dict(_bsdf(material))
     count = len(mesh.faces)
     made = mi.Mesh("mesh", 3 * count, count, has_vertex_normals=True, props=properties)
+    if np.ndim(material.albedo) == 3:
+        made.add_attribute(ALBEDO, 3, np.ascontiguousarray(material.albedo, np.float32).ravel())
     parameters = mi.traverse(made)
     parameters["vertex_positions"] = mesh.positions[mesh.faces].astype(np.float32).ravel()
     parameters["vertex_normals"] = mesh.normals.astype(np.float32).ravel()

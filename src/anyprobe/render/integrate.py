@@ -57,7 +57,7 @@ NUM_EMITTERS = 16
 
 PATCHES = ((0.3, 16, 128), (0.2, 32, 128), (0.1, 64, 128))
 """From which alpha on emitters are patches, how many along the unfolded sphere and how many emitters, and the
-pyramid's side: what such a lobe hardly tells from points.
+pyramid's side: which such a lobe hardly resolves from points.
 
 In a room with a square emitter 14 degrees wide (benchmarks/sphere.py), 64 samples of a conductor err by 12, 13 and
 10 % at alpha 0.1, 0.3 and 1 with emitters of a pixel, by 1.4, 0.6 and 0.7 % with patches; 512 samples by 3.3, 3.8

@@ -1,13 +1,17 @@
-"""Camera and Surface (nouns): which pixels see the object, with what normal, from where."""
+"""Camera and Surface: which pixels see the object, with which normal and view direction."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.frames import turn_towards
 from anyprobe.render.mesh import Mesh
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 CRACKS = 0.01
 """Share of an object's pixels that may show the back of a face without its being turned to the eye: through the
@@ -35,16 +39,21 @@ class Camera:
 class Surface:
     """The visible points of an object, in the camera's frame.
 
-    mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row.
+    mask: [S, S] bool; normals, wo: [P, 3] for the P pixels in the mask, row by row; depth, exit: [P], along the
+    camera's axis, of what is seen and of the next face behind it that is seen from its back, or of the first again.
     """
 
     mask: np.ndarray
     normals: np.ndarray
     wo: np.ndarray
     tan_half: float
+    depth: np.ndarray
+    exit: np.ndarray
 
 
-def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+def pixel_rays(
+    tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)
+) -> Float[np.ndarray, "S S 3"]:
     """wo [S, S, 3] of every pixel: from the point towards the eye, camera frame."""
     x = ((np.arange(size) + 0.5) / size * 2 - 1) * tan_half
     right, up = np.meshgrid(center[0] + x, center[1] - x)
@@ -53,7 +62,11 @@ def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0
 
 
 def frame_object(
-    mesh: Mesh, world_from_camera: np.ndarray, fov_deg: float, margin: float = 1.1, size: int = 128
+    mesh: Mesh,
+    world_from_camera: Float[np.ndarray, "3 3"],
+    fov_deg: float,
+    margin: float = 1.1,
+    size: int = 128,
 ) -> Camera:
     """Stand off so that the unit sphere fills fov_deg, turn to the object and crop to it.
 
@@ -103,10 +116,15 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
     nearest = np.full(size * size, -1, dtype=np.int64)
     nearest[pixel[order]] = order
     seen = np.nonzero(nearest >= 0)[0]
+    from_behind = _seen_from_behind(screen[mesh.faces])
+    backs = order[from_behind[triangle[order]]]
+    exit_key = np.zeros(size * size, depth_key.dtype)
+    exit_key[seen] = depth_key[nearest[seen]]
+    exit_key[pixel[backs]] = depth_key[backs]
     hit = nearest[seen]
     barycentric = weights[hit] / depth_key[hit][:, None]
     normals = (mesh.normals[triangle[hit]] * barycentric[:, :, None]).sum(axis=1) @ camera.world_from_camera
-    behind = _seen_from_behind(screen[mesh.faces[triangle[hit]]])
+    behind = from_behind[triangle[hit]]
     if behind.sum() > CRACKS * len(hit):
         normals[behind] *= -1.0
     wo = pixel_rays(camera.tan_half, size, camera.center).reshape(-1, 3)[seen]
@@ -121,6 +139,8 @@ def see(mesh: Mesh, camera: Camera) -> Surface:
         normals=normals.astype(np.float32),
         wo=wo,
         tan_half=camera.tan_half,
+        depth=(1.0 / depth_key[hit]).astype(np.float32),
+        exit=(1.0 / exit_key[seen]).astype(np.float32),
     )
 
 

@@ -7,6 +7,7 @@ With F = f0 + (1 - f0) s it is f0 E1 + (1 - f0) Es, two numbers of n.wo and alph
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from array_api_compat import array_namespace
@@ -15,13 +16,16 @@ from anyprobe.core.latlong import corners
 from anyprobe.core.sampling import ggx_visible_normal_xyz, hammersley
 from anyprobe.scatter.microfacet import schlick_weight, smith_visibility
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 COSINES, ROUGHNESSES = 64, 32
 """Entries from n.wo = 0 to 1 and from sqrt(alpha) = 0.1 to 1."""
 SAMPLES = 512
 
 
 @lru_cache(maxsize=1)
-def albedo_table() -> np.ndarray:
+def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
     """E1 and Es, [ROUGHNESSES, COSINES, 2] float32.
 
     Half vectors follow the normals that the eye sees; what is left is G / G1 of each.

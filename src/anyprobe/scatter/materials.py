@@ -64,22 +64,41 @@ def material_named(name: str, *also: str) -> Material:
     return MATERIALS[name]
 
 
-DULL = "matte"
-"""The material that has the albedo where only an albedo is told."""
+MATTE = "matte"
+"""The material that has the albedo or roughness where only these are given."""
+LEAST_ROUGHNESS = 0.1
+"""Below it a lobe is narrower than any pixel."""
 
 
-def given_material(name: str | None = None, albedo: float | Sequence[float] | None = None) -> Material | None:
-    """A material by its name, by its albedo, or by both; None where nothing is told.
+def alpha_from_roughness(roughness: float) -> float:
+    """GGX alpha of a roughness as glTF, USD and engines have it: its square (Burley 2012)."""
+    return float(roughness) ** 2
+
+
+def given_material(
+    name: str | None = None,
+    albedo: float | Sequence[float] | None = None,
+    roughness: float | None = None,
+) -> Material | None:
+    """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
 
     Args:
-        name: one of MATERIALS; none with an albedo is DULL.
-        albedo: linear, one number or three, in (0, 1]; takes the place of the named material's.
+        name: one of MATERIALS; None with an albedo or a roughness is MATTE.
+        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
+        roughness: 0.1 to 1; replaces the named material's.
     Raises:
-        InputError: another name or albedo, or an albedo for a metal, which has none.
+        InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
     """
-    if name is None and albedo is None:
+    if name is None and albedo is None and roughness is None:
         return None
-    material = material_named(DULL if name is None else name)
+    material = material_named(MATTE if name is None else name)
+    if roughness is not None:
+        if not LEAST_ROUGHNESS <= roughness <= 1:
+            raise InputError(
+                f"roughness: expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; "
+                "0.1 is polished, 1 is matte"
+            )
+        material = replace(material, alpha=alpha_from_roughness(roughness))
     if albedo is None:
         return material
     values = np.asarray(albedo, np.float64).reshape(-1)

@@ -51,22 +51,22 @@ def choose_type(request: Request, types: dict[str, str]) -> str:
     return ranked[0]
 
 
-def light_response(light: Light, media: str, include: frozenset[str], photo: Photo | None) -> Response:
+def light_response(light: Light, media: str, include: frozenset[str], mask: bytes | None) -> Response:
     """A light as JSON with what was asked to be included, or as a picture file."""
     if media != JSON:
         return Response(light_file(light, LIGHT_TYPES[media]), media_type=media)
-    return JSONResponse(light_json(light, include, photo))
+    return JSONResponse(light_json(light, include, mask))
 
 
-def light_json(light: Light, include: frozenset[str], photo: Photo | None) -> dict[str, Any]:
-    """The sidecar, and arrays as {shape, dtype, base64}: little-endian float32, row by row."""
+def light_json(light: Light, include: frozenset[str], mask: bytes | None) -> dict[str, Any]:
+    """The sidecar, and arrays as {shape, dtype, base64}: little-endian float32, row by row; mask: as PNG."""
     answer = light.sidecar()
     if "radiance" in include:
         answer["radiance"] = packed(light.radiance)
     if "stages" in include:
         answer["stages"] = {name: packed(values) for name, values in light.stages.items()}
-    if "mask" in include and photo is not None:
-        picture = base64.b64encode(mask_png(photo.mask)).decode("ascii")
+    if "mask" in include and mask is not None:
+        picture = base64.b64encode(mask).decode("ascii")
         answer["mask"] = {**answer.get("mask", {}), "media_type": "image/png", "base64": picture}
     return answer
 

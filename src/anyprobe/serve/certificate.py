@@ -15,7 +15,7 @@ DAYS = 30
 def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
     """Make a key and a certificate for the hosts (names or addresses), valid for DAYS.
 
-    Browsers warn of it once, since nobody vouches for it; the traffic is encrypted all the same.
+    Browsers warn once, since no authority signed it; the traffic is encrypted all the same.
 
     Returns:
         Paths of certificate and key, PEM; the key is readable by its owner alone.

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import ipaddress
+import secrets
+import time
 from collections.abc import Collection
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.responses import JSONResponse
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 SECURITY_HEADERS = {
@@ -25,31 +29,48 @@ SECURITY_HEADERS = {
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
+RECEIVED = "anyprobe.received"
+"""Where a request's scope counts the bytes of its body."""
+
+COOKIE = "anyprobe_token"
+
+OPEN_PATHS = ("/healthz",)
+"""What no token is asked for."""
+
 
 def too_large(max_bytes: int) -> str:
     return f"expected a body of at most {max_bytes / 2**20:g} MiB; shrink the photo first"
 
 
 class BodyLimit:
-    """Refuses a body by its Content-Length, or when that many bytes have come."""
+    """Refuses a body by its Content-Length, when that many bytes have come, or when they come too slowly."""
 
-    def __init__(self, app: ASGIApp, max_bytes: int) -> None:
-        self._app, self._max_bytes = app, max_bytes
+    def __init__(self, app: ASGIApp, max_bytes: int, grace_s: float, least_rate: float) -> None:
+        self._app, self._max_bytes, self._grace_s, self._least_rate = app, max_bytes, grace_s, least_rate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        given = Headers(scope=scope).get("content-length", "0")
-        if given.isdigit() and int(given) > self._max_bytes:
+        length = Headers(scope=scope).get("content-length", "0")
+        if length.isdigit() and int(length[:20]) > self._max_bytes:
             answer = JSONResponse({"error": too_large(self._max_bytes)}, 413, {"Connection": "close"})
             return await answer(scope, receive, send)
-        num_bytes = 0
+        scope[RECEIVED], start, more = 0, time.monotonic(), True
 
         async def counted() -> Message:
-            nonlocal num_bytes
-            message = await receive()
-            num_bytes += len(message.get("body", b""))
-            if num_bytes > self._max_bytes:
+            nonlocal more
+            if not more:  # the body is there; what follows is that the client leaves
+                return await receive()
+            allowed = self._grace_s + scope[RECEIVED] / self._least_rate
+            try:
+                async with asyncio.timeout(max(0.0, start + allowed - time.monotonic())):
+                    message = await receive()
+            except TimeoutError as error:
+                text = f"expected at least {self._least_rate / 1024:g} KiB of the body a second; send a smaller photo"
+                raise HTTPException(408, text, {"Connection": "close"}) from error
+            more = message.get("more_body", False)
+            scope[RECEIVED] += len(message.get("body", b""))
+            if scope[RECEIVED] > self._max_bytes:
                 raise HTTPException(413, too_large(self._max_bytes), {"Connection": "close"})
             return message
 
@@ -59,26 +80,78 @@ class BodyLimit:
 class OwnNamesOnly:
     """Refuses names that the server does not go by, so that a foreign one pointed at this machine opens nothing.
 
-    Which those are says Starlette; what they are told is a line like our others.
+    Where addresses are let in, any IP address is: no DNS name can point one elsewhere.
     """
 
-    def __init__(self, app: ASGIApp, names: Collection[str]) -> None:
-        self._app, self._names = app, list(dict.fromkeys(names))
+    def __init__(self, app: ASGIApp, names: Collection[str], addresses: bool = False) -> None:
+        self._app, self._names, self._addresses = app, list(dict.fromkeys(names)), addresses
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def own(scope: Scope, receive: Receive, _: Send) -> None:
-            await self._app(scope, receive, send)
+        if scope["type"] == "lifespan":
+            return await self._app(scope, receive, send)
+        host = Headers(scope=scope).get("host", "")
+        if self._is_own(host):
+            return await self._app(scope, receive, send)
+        text = (
+            f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; a server answers to no other name, "
+            "start it with --allow-host NAME to add one"
+        )
+        return await JSONResponse({"error": text}, 400)(scope, receive, send)
 
-        async def foreign(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                got = Headers(scope=scope).get("host", "")[:60]
-                text = (
-                    f"host: expected {' or '.join(self._names)}, got {got!r}; a server on the loopback answers to no "
-                    "other name, start it with --host to open it to others"
-                )
-                await JSONResponse({"error": text}, 400)(scope, receive, send)
+    def _is_own(self, host: str) -> bool:
+        name = host[: host.find("]") + 1] if host.startswith("[") else host.partition(":")[0]
+        return "*" in self._names or name.lower() in self._names or (self._addresses and _is_address(name))
 
-        await TrustedHostMiddleware(own, self._names, www_redirect=False)(scope, receive, foreign)
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.strip("[]"))
+    except ValueError:
+        return False
+    return True
+
+
+class TokenOnly:
+    """Asks for a token, by Authorization: Bearer, by a cookie, or once in an address, which sets the cookie."""
+
+    def __init__(self, app: ASGIApp, token: str) -> None:
+        self._app, self._token = app, token.encode()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["path"] in OPEN_PATHS:
+            return await self._app(scope, receive, send)
+        request = Request(scope)
+        scheme, _, bearer = request.headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer" and self._fits(bearer) or self._fits(request.cookies.get(COOKIE, "")):
+            return await self._app(scope, receive, send)
+        if scope["method"] in SAFE_METHODS and self._fits(request.query_params.get("token", "")):
+            answer: Response = RedirectResponse(request.url.remove_query_params("token").path, 303)
+            secure = scope["scheme"] == "https"
+            answer.set_cookie(COOKIE, self._token.decode(), httponly=True, samesite="strict", secure=secure)
+            return await answer(scope, receive, send)
+        text = "expected the server's token, got none or another; open the address that it printed, or send "
+        headers = {"WWW-Authenticate": "Bearer", "Connection": "close"}
+        refusal = JSONResponse({"error": text + "Authorization: Bearer TOKEN"}, 401, headers)
+        return await refusal(scope, receive, send)
+
+    def _fits(self, given: str) -> bool:
+        return secrets.compare_digest(given.strip().encode(), self._token)
+
+
+class HeadAsGet:
+    """Answers HEAD as GET, without the body."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            return await self._app(scope, receive, send)
+
+        async def headers_only(message: Message) -> None:
+            await send(message | {"body": b""} if message["type"] == "http.response.body" else message)
+
+        return await self._app(scope | {"method": "GET"}, receive, headers_only)
 
 
 class OwnPagesOnly:

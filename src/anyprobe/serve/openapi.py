@@ -15,8 +15,8 @@ _OPTIONS: dict[str, str] = {
     "fov": "field of view of the photo's longer side, degrees; else EXIF's, else 65",
 }
 
-_KNOWN = {
-    "normals": "sphere, if the object is one; normals that are known come as a file part",
+_PRIORS = {
+    "normals": "sphere, if the object is one; a normal map comes as a file part",
     "surroundings": "photo, if what it shows beside the object lights it; a panorama comes as a file part",
     "material": "the object's, where known: chrome, gold, plastic or matte",
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
@@ -29,8 +29,8 @@ _EXPORT = {
 }
 
 _ANSWER = {
-    "emitters": "drawn, where they most likely are, for shadows and highlights; or spread over all places as likely as "
-    "they are, which lights dull objects better",
+    "emitters": "mode, light sources at their most likely places, sharp, for shadows and highlights; or expected, the "
+    "mean radiance, soft, which lights dull objects better",
     "include": "any of radiance, stages, mask, with commas: carried by the JSON answer besides",
 }
 
@@ -41,6 +41,7 @@ def _error(text: str) -> dict[str, Any]:
 
 
 _ERRORS = {
+    "401": _error("the server asks for its token: Authorization: Bearer TOKEN"),
     "406": _error("Accept names nothing this can be sent as"),
     "408": _error("the body took too long"),
     "413": _error("too many bytes or pixels"),
@@ -88,7 +89,7 @@ _ANY: dict[str, Any] = {"schema": {"type": "object"}}
 _BYTES = {"schema": _FILE}
 
 ESTIMATE = _upload(
-    _OPTIONS | _KNOWN | _ANSWER,
+    _OPTIONS | _PRIORS | _ANSWER,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
     files=_MASK | _NORMALS | _SURROUNDINGS,
@@ -97,7 +98,7 @@ ESTIMATE = _upload(
 
 def _multiview() -> dict[str, Any]:
     """As ESTIMATE, of several photos in a form."""
-    texts = {"fov": _OPTIONS["fov"], **_KNOWN, **_ANSWER}
+    texts = {"fov": _OPTIONS["fov"], **_PRIORS, **_ANSWER}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     fields: dict[str, Any] = {
         "photo": {"type": "array", "items": _FILE, "description": "1 to 16 photos of one object"},
@@ -128,3 +129,7 @@ def form_names(address: dict[str, Any]) -> list[str]:
 def query_names(address: dict[str, Any]) -> list[str]:
     """What it reads behind the question mark."""
     return [one["name"] for one in address["parameters"]]
+
+
+OLD_NAMES = {"lamps": "emitters"}
+"""Names of older clients that are still read, and what they are called now."""

@@ -1,6 +1,6 @@
 """The built page: its files, the networks it runs and the example it opens with.
 
-page/ is made from web/ (docs/serve.md) and holds large files as .gz: a server sends them as they
+page/ is made from web/ (CONTRIBUTING.md) and holds large files as .gz: a server sends them as they
 are, write_static unpacks them for hosts that cannot.
 """
 

@@ -1,17 +1,52 @@
-"""A bounded number of workers: who comes too many is sent away at once, who leaves is not computed."""
+"""A bounded queue: a request beyond the bound is refused at once, one whose client left is not computed."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import threading
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
-from anyprobe.serve.limits import Limits
+from starlette.exceptions import HTTPException
+
+from anyprobe.serve.processes import Lane, TooSlow
 
 Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Limits:
+    """Bounds that keep memory flat and answers prompt.
+
+    Attributes:
+        max_bytes: largest body of a request; beyond it 413.
+        max_pixels: largest photo or mask, judged by its header before it is decoded; beyond it 413.
+        workers: photos computed at the same time.
+        waiting: requests that may wait for a worker, read bodies included; beyond them 429.
+        upload_s: seconds in which a body must have arrived; later it is 408.
+        grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
+        retry_after_s: what a 429 asks for.
+        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
+        decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
+        decode_mb: memory for that, beyond the idle process's own; beyond it 422.
+    """
+
+    max_bytes: int = 32 * 2**20
+    max_pixels: int = 25_000_000
+    workers: int = 2
+    waiting: int = 30
+    upload_s: float = 60.0
+    grace_s: float = 5.0
+    least_rate: float = 16_384.0
+    retry_after_s: int = 1
+    quick_s: float = 2.5
+    decode_s: float = 8.0
+    decode_mb: int = 900
 
 
 class Busy(Exception):
@@ -31,26 +66,47 @@ class Job:
     def cancel(self) -> None:
         self._gone.set()
 
-    @property
-    def cancelled(self) -> bool:
-        return self._gone.is_set()
-
     def step(self) -> None:
         """Called between the steps of the work.
 
         Raises:
-            Cancelled: nobody waits for the answer any more.
+            Cancelled: the client no longer waits for the answer.
         """
-        if self.cancelled:
+        if self._gone.is_set():
             raise Cancelled
 
 
+@dataclass(kw_only=True, slots=True, eq=False)
+class _Upload:
+    """A body that is arriving: what ends it, since when, and how many bytes have come."""
+
+    timeout: asyncio.Timeout
+    since: float
+    received: Callable[[], int]
+
+    def rate(self) -> float:
+        return self.received() / max(time.monotonic() - self.since, 1e-3)
+
+
 class WorkerPool:
-    """Threads around the networks, which let go of Python's lock while they compute."""
+    """Places, threads that compute, and processes that decode.
+
+    Decoding has two lanes, so that a plain photo never waits behind a file that takes seconds.
+    """
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="anyprobe")
+        slow = max(1, limits.workers // 2)
+        self._threads = {
+            "compute": ThreadPoolExecutor(limits.workers, thread_name_prefix="anyprobe"),
+            "quick": ThreadPoolExecutor(limits.workers, thread_name_prefix="anyprobe-quick"),
+            "slow": ThreadPoolExecutor(slow, thread_name_prefix="anyprobe-slow"),
+        }
+        self._lanes = {
+            "quick": Lane(seconds=limits.quick_s, memory_mb=limits.decode_mb),
+            "slow": Lane(seconds=limits.decode_s, memory_mb=limits.decode_mb, niceness=5),
+        }
+        self._uploads: list[_Upload] = []
         self._taken = 0
 
     @property
@@ -65,7 +121,7 @@ class WorkerPool:
         Raises:
             Busy: there is none.
         """
-        if self._taken >= self._limits.workers + self._limits.waiting:
+        if self._is_full() and not await self._make_room():
             raise Busy
         self._taken += 1
         try:
@@ -73,17 +129,71 @@ class WorkerPool:
         finally:
             self._taken -= 1
 
-    async def run(self, work: Callable[[Job], Answer], gone: Callable[[], Awaitable[None]]) -> Answer:
+    def _is_full(self) -> bool:
+        return self._taken >= self._limits.workers + self._limits.waiting
+
+    async def _make_room(self) -> bool:
+        """End the slowest body that has had its time of grace, so that slow senders do not lock others out."""
+        slow = [one for one in self._uploads if time.monotonic() - one.since > self._limits.grace_s / 2]
+        if not slow:
+            return False
+        worst = min(slow, key=_Upload.rate)
+        self._uploads.remove(worst)
+        worst.timeout.reschedule(asyncio.get_running_loop().time())
+        for _ in range(20):
+            await asyncio.sleep(0.01)
+            if not self._is_full():
+                return True
+        return False
+
+    @asynccontextmanager
+    async def upload(self, received: Callable[[], int]) -> AsyncIterator[None]:
+        """Time in which a body arrives; received: bytes so far.
+
+        Raises:
+            HTTPException: 408, it was too slow, or others needed its place.
+        """
+        try:
+            async with asyncio.timeout(self._limits.upload_s) as timeout:
+                one = _Upload(timeout=timeout, since=time.monotonic(), received=received)
+                self._uploads.append(one)
+                try:
+                    yield
+                finally:
+                    with contextlib.suppress(ValueError):
+                        self._uploads.remove(one)
+        except TimeoutError as error:
+            raise HTTPException(
+                408,
+                f"expected the whole body within {self._limits.upload_s:g} seconds, sooner where others wait; "
+                "send a smaller photo",
+                {"Connection": "close"},
+            ) from error
+
+    async def decode(
+        self, task: str, *arguments: Any, quick: bool, gone: Callable[[], Awaitable[None]]
+    ) -> Any:
+        """What serve.tasks's function returns, computed in a process; raises as Lane.call and run do."""
+        if quick:
+            try:
+                return await self.run(lambda _: self._lanes["quick"].call(task, *arguments), gone, "quick")
+            except TooSlow:
+                pass
+        return await self.run(lambda _: self._lanes["slow"].call(task, *arguments), gone, "slow")
+
+    async def run(
+        self, work: Callable[[Job], Answer], gone: Callable[[], Awaitable[None]], kind: str = "compute"
+    ) -> Answer:
         """Compute work(job) in a thread, unless gone() returns first.
 
-        The place is held until a started step has ended, so that those who leave and
+        The place is held until a started step has ended, so that clients that leave and
         come again cannot pile up work.
 
         Raises:
             Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
         """
         job = Job()
-        future = asyncio.get_running_loop().run_in_executor(self._threads, _run, work, job)
+        future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, job)
         leaving = asyncio.ensure_future(gone())
         try:
             await asyncio.wait({future, leaving}, return_when=asyncio.FIRST_COMPLETED)
@@ -93,9 +203,17 @@ class WorkerPool:
                 job.cancel()
         return await asyncio.shield(future)
 
+    def warm(self) -> None:
+        """Have a process of each kind ready, in threads of their own."""
+        for name, lane in self._lanes.items():
+            self._threads[name].submit(lane.warm)
+
     def close(self) -> None:
         """Let the running work end; drop what waits."""
-        self._threads.shutdown(wait=True, cancel_futures=True)
+        for threads in self._threads.values():
+            threads.shutdown(wait=True, cancel_futures=True)
+        for lane in self._lanes.values():
+            lane.close()
 
 
 def _run(work: Callable[[Job], Answer], job: Job) -> Answer:

@@ -6,59 +6,41 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
-from pathlib import PurePosixPath
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
 from typing import Any
 
+import numpy as np
 from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.normals_prior import SPHERE
+from anyprobe.estimate.runtime import EXPECTED, MODE
 from anyprobe.estimate.surroundings import PHOTO
-from anyprobe.files.images import declared_pixels
-from anyprobe.serve.limits import Limits
-from anyprobe.serve.openapi import FORM, form_names, query_names
+from anyprobe.files.poses import parse_poses
+from anyprobe.serve.guards import RECEIVED
+from anyprobe.serve.openapi import FORM, FUSE, OLD_NAMES, form_names, query_names
+from anyprobe.serve.pool import WorkerPool
+from anyprobe.serve.tasks import Upload
+
+MOST_PHOTOS = 16
+"""Photos in one request."""
+
+SHAPES = {"sphere": SPHERE, "ball": SPHERE}
+EMITTERS = {"mode": MODE, "expected": EXPECTED, "drawn": MODE, "spread": EXPECTED}
+"""Words of requests, those of older clients last, and what they stand for."""
 
 UNREAD_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Upload:
-    """A photo and what was said about it.
+class Views:
+    """Photos of one object, and world_from_camera [N, 3, 3] of each."""
 
-    Attributes:
-        photo: the file's bytes, as sent.
-        name: file name without folders, for messages; "photo" where none came.
-        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "sphere";
-        surroundings: of a panorama in the camera's frame, or "photo".
-        box: X0, Y0, X1, Y1 in pixels of the upright photo.
-        clicks: x, y on the object, in pixels of the upright photo.
-        clicks_off: likewise beside it.
-        fov_deg: field of view of the longer side.
-        material: name of the object's; albedo: its linear albedo, one number or three.
-        emitters: how they are asked for, of estimate.runtime.EMITTERS.
-        include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
-        exposure: stops that an export is brightened by.
-        world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
-    """
-
-    photo: bytes
-    name: str = "photo"
-    mask: bytes | None = None
-    normals: bytes | str | None = None
-    surroundings: bytes | str | None = None
-    box: tuple[float, ...] | None = None
-    clicks: tuple[tuple[float, float], ...] = ()
-    clicks_off: tuple[tuple[float, float], ...] = ()
-    fov_deg: float | None = None
-    material: str | None = None
-    albedo: tuple[float, ...] | None = None
-    emitters: str | None = None
-    include: frozenset[str] = frozenset()
-    exposure: float | None = None
-    world_from_camera: tuple[float, ...] | None = None
+    uploads: tuple[Upload, ...]
+    world_from_camera: np.ndarray
 
 
 async def take_unread(request: Request) -> None:
@@ -72,24 +54,24 @@ async def take_unread(request: Request) -> None:
                 pass
 
 
-async def read_upload(request: Request, limits: Limits, address: dict[str, Any]) -> Upload:
+async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any]) -> Upload:
     """Read a photo and its options; options of the form win over those of the address.
 
     Args:
         address: what serve.openapi says of it; what it does not name is refused.
     Raises:
-        HTTPException: 408 too slow, 413 too many pixels.
-        InputError: no photo came, or an option that is unknown or cannot be read.
+        HTTPException: 408 too slow.
+        InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
-    name, mask, normals, surroundings_map = "photo", b"", b"", b""
-    async with read_form(request, limits, max_files=4) as form:
+    name, mask, normals, surroundings = "photo", b"", b"", b""
+    async with _read_form(request, pool, max_files=4) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
             mask, _ = await _file(form, "mask")
             if not isinstance(form.get("normals"), str):
                 normals, _ = await _file(form, "normals")
             if not isinstance(form.get("surroundings"), str):
-                surroundings_map, _ = await _file(form, "surroundings")
+                surroundings, _ = await _file(form, "surroundings")
         else:
             photo = await request.body()
     refuse_unknown(form, request.query_params, address)
@@ -97,20 +79,13 @@ async def read_upload(request: Request, limits: Limits, address: dict[str, Any])
         raise InvalidPhoto(
             "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
         )
-    for picture, called in (
-        (photo, name),
-        (mask, "mask"),
-        (normals, "normals"),
-        (surroundings_map, "surroundings"),
-    ):
-        await check_pixels(picture, called, limits)
     option = Options(form, request.query_params)
     return Upload(
         photo=photo,
         name=name,
         mask=mask or None,
-        normals=normals or option.word("normals", SPHERE),
-        surroundings=surroundings_map or option.word("surroundings", PHOTO),
+        normals=normals or option.word("normals", SHAPES),
+        surroundings=surroundings or option.word("surroundings", {PHOTO: PHOTO}),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
@@ -120,8 +95,65 @@ async def read_upload(request: Request, limits: Limits, address: dict[str, Any])
     )
 
 
+async def read_views(request: Request, pool: WorkerPool) -> Views:
+    """Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
+
+    Raises:
+        HTTPException: 408 too slow.
+        InputError: no photos or too many, no poses or not theirs, or an option that is unknown or cannot be read.
+    """
+    async with _read_form(request, pool, max_files=2 * MOST_PHOTOS + 1) as form:
+        photos = [await read_part(part, "photo") for part in form.getlist("photo")]
+        masks = [(await read_part(part, "mask"))[0] for part in form.getlist("mask")]
+        _refuse_twice(form, "poses")
+        given = form.get("poses", "null")
+        poses = given.encode() if isinstance(given, str) else await given.read()
+        files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
+    option = Options(form, request.query_params)
+    unused = [name for name in files if name in ("normals", "surroundings")]
+    unused += [name for name in ("click", "click_off") if option.texts(name)]
+    if unused:
+        raise InvalidPhoto(
+            f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have"
+        )
+    refuse_unknown(form, request.query_params, FUSE)
+    if not 1 <= len(photos) <= MOST_PHOTOS:
+        raise InvalidPhoto(f"photo: expected 1 to {MOST_PHOTOS} file parts of this name, got {len(photos)}")
+    boxes = [parse_numbers("box", text, 4) for text in option.texts("box")]
+    for name, each in (("mask", masks), ("box", boxes)):
+        if len(each) not in (0, len(photos)):
+            raise InvalidMask(
+                f"{name}: expected none or one a photo, got {len(each)} for {len(photos)} photos"
+            )
+    turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
+    common = Upload(
+        photo=b"",
+        normals=option.word("normals", SHAPES),
+        surroundings=option.word("surroundings", {PHOTO: PHOTO}),
+        **option.of_light(),
+    )
+    uploads = tuple(
+        replace(
+            common,
+            photo=data,
+            name=name,
+            mask=masks[k] if masks else None,
+            box=boxes[k] if boxes else None,
+            fov_deg=fovs[k] if common.fov_deg is None else common.fov_deg,
+        )
+        for k, (data, name) in enumerate(photos)
+    )
+    return Views(uploads=uploads, world_from_camera=turns)
+
+
+def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
+    """world_from_camera [N, 3, 3] of photos (their data and names), and what Poses.fovs_deg says of them."""
+    given, names = parse_poses(poses, "poses", len(photos)), [Path(name) for _, name in photos]
+    return given.of(names), given.fovs_deg(names, [data for data, _ in photos])
+
+
 @asynccontextmanager
-async def read_form(request: Request, limits: Limits, max_files: int) -> AsyncIterator[FormData]:
+async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> AsyncIterator[FormData]:
     """The request's form, an empty one where it has another body; what is read within is timed too.
 
     Raises:
@@ -129,14 +161,10 @@ async def read_form(request: Request, limits: Limits, max_files: int) -> AsyncIt
     """
     form = FormData()
     try:
-        async with asyncio.timeout(limits.upload_s):
+        async with pool.upload(lambda: request.scope.get(RECEIVED, 0)):
             if request.headers.get("content-type", "").startswith(FORM):
                 form = await request.form(max_files=max_files, max_fields=32)
             yield form
-    except TimeoutError as error:
-        raise HTTPException(
-            408, f"expected the whole body within {limits.upload_s:g} seconds; send a smaller photo"
-        ) from error
     finally:
         await form.close()
 
@@ -149,25 +177,22 @@ def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) 
     )
     for kind, given, known in read:
         for name in given:
-            if name not in known:
+            if OLD_NAMES.get(name, name) not in known:
                 wanted = f"one of {', '.join(known)}" if known else "none here"
                 raise InputError(f"{kind}: expected {wanted}, got {name[:60]!r}")
 
 
-async def check_pixels(picture: bytes, called: str, limits: Limits) -> None:
-    """HTTPException 413 where a picture's header tells of too many pixels.
-
-    In a thread: of an .exr it waits for those that are being decoded.
-    """
-    if picture and await asyncio.to_thread(declared_pixels, picture) > limits.max_pixels:
-        raise HTTPException(
-            413, f"{called}: expected at most {limits.max_pixels / 1e6:g} million pixels; shrink it first"
-        )
-
-
 async def _file(form: FormData, field: str) -> tuple[bytes, str]:
+    _refuse_twice(form, field)
     part = form.get(field)
     return (b"", field) if part is None else await read_part(part, field)
+
+
+def _refuse_twice(form: FormData, field: str) -> None:
+    """InputError where a part that counts once came more often."""
+    count = len(form.getlist(field))
+    if count > 1:
+        raise InputError(f"{field}: expected one part of this name, got {count}; send one")
 
 
 async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
@@ -186,8 +211,8 @@ class Options:
         self._form, self._query = form, query
 
     def texts(self, name: str) -> list[str]:
-        hints = [text for text in self._form.getlist(name) if isinstance(text, str)]
-        return [text.strip() for text in hints or self._query.getlist(name) if text.strip()]
+        given = [text for text in self._form.getlist(name) if isinstance(text, str)]
+        return [text.strip() for text in given or self._query.getlist(name) if text.strip()]
 
     def number(self, name: str) -> float | None:
         found = self.numbers(name, 1)
@@ -195,13 +220,15 @@ class Options:
 
     def text(self, name: str) -> str | None:
         texts = self.texts(name)
-        return texts[-1] if texts else None
+        if len(texts) > 1:
+            raise InputError(f"{name}: expected one value, got {len(texts)}; send one")
+        return texts[0] if texts else None
 
-    def word(self, name: str, known: str) -> str | None:
+    def word(self, name: str, known: dict[str, str]) -> str | None:
         text = self.text(name)
-        if text not in (None, known):
-            raise InvalidPhoto(f"{name}: expected a file part or {known}, got {text[:60]!r}")
-        return text
+        if text not in (None, *known):
+            raise InvalidPhoto(f"{name}: expected a file part or {next(iter(known))}, got {text[:60]!r}")
+        return known.get(text)
 
     def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
         text = self.text(name)
@@ -227,9 +254,15 @@ class Options:
             "fov_deg": self.number("fov"),
             "material": self.text("material"),
             "albedo": self.numbers("albedo", 1, 3),
-            "emitters": self.text("emitters"),
+            "emitters": self._emitters(),
             "include": self.words("include", {"radiance", "stages", "mask"}),
         }
+
+    def _emitters(self) -> str | None:
+        text = self.text("emitters") or self.text("lamps")  # as older clients call it
+        if text not in (None, *EMITTERS):
+            raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
+        return EMITTERS.get(text)
 
 
 def parse_numbers(name: str, text: str, *counts: int, shape: str | None = None) -> tuple[float, ...]:

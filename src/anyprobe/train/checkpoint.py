@@ -1,4 +1,4 @@
-"""Checkpoint (noun): what a run keeps of itself; a damaged file or another run's is one clear line."""
+"""Checkpoints: reading them, and resuming the run they are of and no other."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torch import nn
 from anyprobe.errors import InputError, ModelError
 
 RENAMED = (
-    ("light.emitters.power.", "light.emitters.power."),
+    ("light.lamps.flux.", "light.emitters.power."),
     ("light.object.around.", "light.object.surroundings."),
     (".rise.", ".up."),
 )
@@ -25,7 +25,7 @@ EXPLAINED = {
     "pairs.lanes": "pairs.lanes (processes times --workers, 2 without workers) of",
     "processes": "as many processes as",
     "assets": "--data with",
-    "start": "--start with",
+    "start": "--init-weights with",
 }
 
 
@@ -43,7 +43,7 @@ def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
     if "optimizer" not in stored:
         raise ModelError(
             f"{path}: expected a run's checkpoint, got weights that were kept to be scored; train in another "
-            "folder with --start"
+            "folder with --init-weights"
         )
     for name, then, now in differing(config, json.loads(stored["config"])):
         if name not in FREE:

@@ -1,4 +1,4 @@
-"""Supply (noun): the pairs that a run learns from, by its assets, its surfaces and as many processes as it is given."""
+"""Batches of pairs made on the fly, here or ahead in worker processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Team (noun): the processes that train one run together, started by torchrun; usually just this one."""
+"""The processes that train one run together, started by torchrun; usually just one."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LE
 
 
 def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
-    """What a checkpoint tells of its weights beside its own steps, each as far as it is known:
+    """Provenance of a checkpoint's weights besides its own steps, as far as known:
 
     start           identity of the file of weights that the run began from, or "nothing"
     assets          the maps and shapes of its data, as supply.name_assets has them
@@ -208,9 +208,9 @@ def store_half(model) -> None:
         model.graph.node.insert(0, node)
 
 
-EXACT = ("/head/", "/sphere/rise.2/", "/object/first/", "/object/rise.3/")
-"""Parts of the names of convolutions that stay as they are: the heads, and the scales beside the map and the irradiance
-image, where 256 steps are seen (SSIM -.005, irradiance 1 %; docs/ablation.md)."""
+EXACT = ("/head/", "/sphere/up.2/", "/object/first/", "/object/up.3/")
+"""Parts of the names of convolutions that stay in float: the heads, and the scales beside the environment map and the
+irradiance image, where 256 steps show (LDR SSIM -.005, irradiance RMSE +1 %)."""
 INT8_TOLERANCE = 0.03
 """In display values: how much the steps may change a map on the mean; those of the shipped weights by .0125."""
 CHECKED = 24
@@ -218,7 +218,7 @@ CHECKED = 24
 
 
 def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
-    """What the lifting model's graph is given for pairs: nothing told, normals, surroundings, both, in turn."""
+    """What the lifting model's graph is given for pairs: no prior, normals, surroundings, both, in turn."""
     for k, pair in enumerate(pairs):
         normals = true_normals(pair) if k % 2 else None
         surroundings_map = surroundings(pair) if k % 4 > 1 else None

@@ -1,4 +1,4 @@
-"""Start (noun): a finished run's weights alone, small enough to keep, to be scored or begun from."""
+"""A run's weights alone, in half floats, to begin another run from or to average with."""
 
 from __future__ import annotations
 
@@ -100,6 +100,4 @@ def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]
 
 
 def _not_of_this_run(path: Path, found: str) -> ModelError:
-    return ModelError(
-        f"{path}: expected weights of this run, kept by `anyprobe weights --start`, got {found}"
-    )
+    return ModelError(f"{path}: expected weights of this run, kept by `anyprobe weights --keep`, got {found}")

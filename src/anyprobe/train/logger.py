@@ -1,4 +1,4 @@
-"""Journal (noun): what a run tells while it goes: a progress bar, log.csv, TensorBoard events and pictures."""
+"""Progress bar, log.csv, TensorBoard events and pictures of a run."""
 
 from __future__ import annotations
 

@@ -25,6 +25,7 @@ from anyprobe.train.distributed import ProcessGroup
 from anyprobe.train.init_weights import init_weights_id, load_init_weights
 from anyprobe.train.lift import Lift, Normals
 from anyprobe.train.logger import RunLogger, run_folder
+from anyprobe.train.shard_source import ShardSource
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -100,7 +101,7 @@ def train(
     compiled: bool = True,
     workers: int = 0,
     stop_after: int | None = None,
-    pairs: PairSource | None = None,
+    pairs: PairSource | ShardSource | None = None,
     start: Path | None = None,
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
@@ -113,7 +114,7 @@ def train(
         workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
             so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
-        pairs: the batches, when they are at hand already.
+        pairs: the batches, when they are at hand already, for instance rendered ones.
         start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
@@ -156,6 +157,8 @@ def train(
         first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size
     )
     if pairs is not None:
+        if isinstance(pairs, ShardSource):
+            origin = agreed(path, origin, {"assets": pairs.identity})
         batches = map(pairs.batch, steps)
     else:
         store = load_assets(config.light, data)

@@ -14,6 +14,7 @@ import numpy as np
 
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.headers import MAX_PIXELS
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "medium"}
@@ -61,16 +62,30 @@ def open_clip(path: Path) -> Clip:
         found = "a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: expected a video file, got {found}; check the path")
     try:
-        with av.open(str(path)) as container:
+        with _open(path) as container:
             if not container.streams.video:
                 raise InputError(f"{path}: expected a video, got a file without pictures; check the path")
             stream = container.streams.video[0]
+            if stream.codec_context is None:
+                raise InputError(
+                    f"{path}: expected a codec that FFmpeg knows, got another; convert it to mp4"
+                )
             rate = stream.average_rate or stream.guessed_rate or 30
             return Clip(path=path, num_frames=stream.frames or 0, fps=float(rate))
-    except av.error.FFmpegError as error:
-        raise InputError(
-            f"{path}: expected a video that FFmpeg can read, got {error.strerror}; convert it to mp4"
-        ) from error
+    except (av.error.FFmpegError, ValueError, OSError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise _unreadable(path, error) from error
+
+
+def _open(path: Path):
+    """The file, opened by its content; its title may be of any encoding."""
+    return _av().open(str(path), metadata_errors="replace")
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120] or type(error).__name__
+    return InputError(f"{path}: expected a video that FFmpeg can read, got {reason}; convert it to mp4")
 
 
 def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
@@ -78,10 +93,13 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
 
     Packets that cannot be decoded are left out; damaged gets the index of the frame before which each
     was. A file that is cut off ends early.
+
+    Raises:
+        InputError: not one picture can be decoded, because of its codec, say.
     """
     av = _av()
     index, first_s, last_s = 0, None, -1.0
-    with av.open(str(clip.path)) as container:
+    with _open(clip.path) as container:  # open_clip has seen that it can be
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
         packets = container.demux(stream)
@@ -90,20 +108,33 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                 packet = next(packets, None)
                 if packet is None:
                     return
-                pictures = packet.decode()
-            except av.error.InvalidDataError:
-                damaged.append(index)
-                continue
+                pictures = [(picture.time, _upright(picture, clip.path)) for picture in packet.decode()]
+            except InputError:
+                raise
             except av.error.EOFError:
                 return
-            for picture in pictures:
-                time_s = index / clip.fps if picture.time is None else float(picture.time)
+            except (av.error.FFmpegError, ValueError, OSError) as error:
+                if not index and not isinstance(error, av.error.InvalidDataError):
+                    raise _unreadable(clip.path, error) from error
+                damaged.append(index)
+                continue
+            for shown_s, rgb in pictures:
+                time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
-                rgb = picture.to_ndarray(format="rgb24")
-                turns = round((picture.rotation or 0) / 90) % 4
-                yield Frame(index=index, time_s=last_s, rgb=np.ascontiguousarray(np.rot90(rgb, turns)))
+                yield Frame(index=index, time_s=last_s, rgb=rgb)
                 index += 1
+
+
+def _upright(picture, path: Path) -> np.ndarray:
+    """[H, W, 3] uint8, turned by the file's rotation."""
+    if picture.width * picture.height > MAX_PIXELS:
+        raise InputError(
+            f"{path}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {picture.width} x {picture.height}; shrink it first"
+        )
+    turns = round((picture.rotation or 0) / 90) % 4
+    return np.ascontiguousarray(np.rot90(picture.to_ndarray(format="rgb24"), turns))
 
 
 def upright_size(clip: Clip) -> tuple[int, int]:

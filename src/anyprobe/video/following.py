@@ -6,20 +6,21 @@ Each frame's mask owes nothing to the last one's edge, so that no error grows fr
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings
-from anyprobe.files.names import visible_files
+from anyprobe.files.paths import visible_files
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
-"""The box that the network is told is the last mask's, grown by this share on every side."""
+"""The box prompt is the last mask's, grown by this share on every side."""
 
 MOST_CHANGE = 1.4
 """An object that is so many times larger or smaller than in the last frame is another."""
@@ -28,6 +29,9 @@ COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
+DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
+SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPTH_SUFFIXES}
+"""Of the files of one frame each."""
 
 
 class MaskFollower:
@@ -39,35 +43,39 @@ class MaskFollower:
 
     def __init__(
         self,
-        masks: Path | None,
-        where: dict,
-        fov_deg: float | None,
+        folders: Mapping[str, Path | None],
+        hints: dict,
+        every_frame: Mapping[str, Any],
         surroundings: SurroundingsSource | None = None,
     ) -> None:
-        """masks: a folder of one mask a frame, sorted by name. where: of load_photo, for the first frame.
+        """folders: of one file a frame, sorted by name, by the keyword of load_photo ("mask", "depth", "normals").
 
+        hints: of load_photo, for the first frame: clicks and a box. every_frame: of load_photo, for every frame.
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
-        self._files: list[Path] | None = None
-        if masks is not None:
-            if not masks.is_dir():
-                raise InputError(f"{masks}: expected a folder with one mask for each frame, got none")
-            self._files = visible_files(masks, MASK_SUFFIXES)
-        self.hints = where
+        given = {kind: folder for kind, folder in folders.items() if folder is not None}
+        for kind, folder in given.items():
+            if not folder.is_dir():
+                raise InputError(f"--{kind}: expected a folder with one file for each frame, got {folder}")
+        self._files = {kind: visible_files(folder, SUFFIXES[kind]) for kind, folder in given.items()}
+        self.finds = not {"mask", "depth"} & self._files.keys()
+        if hints and not self.finds:
+            raise InputError("--mask or --depth, and a box or clicks: expected one of them, got both")
+        self.hints = hints
         shown = isinstance(surroundings, str) and surroundings == PHOTO
-        self._every = {"fov_deg": fov_deg, "surroundings": PHOTO if shown else None}
+        self._every = {**every_frame, "surroundings": PHOTO if shown else None}
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
         if surroundings is not None and not shown:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None
 
-    def content(self) -> dict[str, str | None]:
-        """What masks and surroundings hold, wherever their files lie: a digest each, or "photo"; None for none."""
+    def content(self) -> dict[str, Any]:
+        """What files and surroundings hold, wherever they lie: a digest each, or "photo"; None for none."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
             surroundings = _digest([self._panorama.tobytes()])
-        masks = None if self._files is None else _digest(_bytes_of(path) for path in self._files)
-        return {"masks": masks, "surroundings": surroundings}
+        files = {kind: _digest(_bytes_of(path) for path in paths) for kind, paths in self._files.items()}
+        return {"files": files, "surroundings": surroundings}
 
     def photo(self, frame: Frame) -> Photo:
         """The frame as a photo with its mask and what is known around it; InvalidMask where there is no mask."""
@@ -76,19 +84,22 @@ class MaskFollower:
 
     def _marked(self, frame: Frame) -> Photo:
         name = f"frame {frame.index}"
-        if self._files is not None:
-            if frame.index >= len(self._files):
+        own = {}
+        for kind, paths in self._files.items():
+            if frame.index >= len(paths):
                 raise InvalidMask(
-                    f"{name}: expected one mask a frame, got {len(self._files)} masks; make the others"
+                    f"{name}: expected one {kind} a frame, got {len(paths)} files; make the others"
                 )
-            return load_photo(frame.rgb, mask=self._files[frame.index], **self._every)
+            own[kind] = paths[frame.index]
+        if not self.finds:
+            return load_photo(frame.rgb, **self._every, **own)
         where = self.hints if self.last is None else self._surroundings_last(frame.rgb.shape)
-        photo = load_photo(frame.rgb, **self._every, **where)
+        photo = load_photo(frame.rgb, **self._every, **own, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
             raise InvalidMask(
                 f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass --masks"
+                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass --mask FOLDER"
             )
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
@@ -100,7 +111,7 @@ class MaskFollower:
 
 
 def _digest(parts: Iterable[bytes]) -> str:
-    """16 hexadecimal digits that tell these parts in this order from others."""
+    """16 hexadecimal digits that identify these parts in this order."""
     whole = hashlib.sha256()
     for part in parts:
         whole.update(hashlib.sha256(part).digest())

@@ -91,6 +91,7 @@ class ClipRun:
         exr: bool = False,
         virtual: VirtualObject | None = None,
         poses: np.ndarray | None = None,
+        material: Material | None = None,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a folder goes on only with the same.
@@ -99,8 +100,10 @@ class ClipRun:
         poses: world_from_camera [N, 3, 3] of the frames. The filter then works in the world, where light stands still
             while the camera turns, and the surroundings that frames show are gathered; what is written is in each
             frame's camera all the same.
+        material: the real object's, if given.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
+        self.material = material
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
         self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
@@ -150,7 +153,7 @@ class ClipRun:
     def _one(self, frame: Frame) -> dict:
         """The record of one frame; a frame that gives no light keeps the last one and says why.
 
-        The first is refused where the caller told where its object is.
+        The first is refused where the caller gave its object.
         """
         done = self.progress
         record = {"index": frame.index, "time_s": round(frame.time_s, 5)}
@@ -178,7 +181,7 @@ class ClipRun:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
             write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady, attributes=header)
         if self.virtual is not None:
-            done.gain = least_scale(self._photo, steady)
+            done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
             self._set_up(self._photo)
             done.stage_index, done.stage_last = frame.index, before
@@ -192,7 +195,7 @@ class ClipRun:
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
         if self.poses is None or photo.surroundings_map is None:
-            return self.estimator.from_photo(photo)
+            return self.estimator.from_photo(photo, material=self.material)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
@@ -203,7 +206,7 @@ class ClipRun:
         if crop.surroundings_map is not None:
             done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
         known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
-        return self.estimator.from_crop(photo, crop, merged_surroundings=known)
+        return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""

@@ -14,10 +14,26 @@ let lastTurn = { height: 0, rotation: [], lookup: null };
  * @returns {Float32Array}
  */
 export function rotate(radiance, height, rotation) {
+  return readMap(radiance, lookupOfTurn(height, rotation), new Float32Array(radiance.length));
+}
+
+/** The same of one number a pixel. */
+export function rotateOne(values, height, rotation) {
+  const { pixels, shares } = lookupOfTurn(height, rotation);
+  const turned = new Float32Array(values.length);
+  for (let to = 0, at = 0; to < turned.length; to++, at += 4) {
+    const [a, b, c, d] = [pixels[at] / 3, pixels[at + 1] / 3, pixels[at + 2] / 3, pixels[at + 3] / 3];
+    turned[to] =
+      shares[at] * values[a] + shares[at + 1] * values[b] + shares[at + 2] * values[c] + shares[at + 3] * values[d];
+  }
+  return turned;
+}
+
+function lookupOfTurn(height, rotation) {
   if (height !== lastTurn.height || rotation.some((value, i) => value !== lastTurn.rotation[i])) {
     lastTurn = { height, rotation: [...rotation], lookup: lookupOf(height, turnedBack(height, rotation)) };
   }
-  return readMap(radiance, lastTurn.lookup, new Float32Array(radiance.length));
+  return lastTurn.lookup;
 }
 
 /** rotation^T d of every pixel's direction d. */

@@ -1,23 +1,53 @@
-/** Light (noun): what an estimate returns, as anyprobe.infer.result.Light. */
+/** Light (noun): what an estimate returns, as anyprobe's Light in Python. */
 
 import { MAP_HEIGHT } from "../core/latlong.js";
-import { rotate } from "./environment.js";
+import { rotate, rotateOne } from "./environment.js";
+import { findDominantLight } from "./dominantLight.js";
 import { prefilter } from "./prefilter.js";
 import { project } from "./harmonics.js";
-import { findMainLight } from "./mainLight.js";
 
 /**
- * @typedef {object} Light
- * @property {Float32Array} radiance [64, 128, 3] linear Rec. 709 in the photo's exposure units, camera frame
- * @property {Float32Array[]} prefiltered the same blurred for each roughness, as prefilter gives it
- * @property {Float32Array} sh9 27 radiance coefficients in the order of WebXR and three.js
- * @property {ReturnType<typeof findMainLight>} mainLight
+ * The light around an object in the frame of the photo's camera: right-handed, +X right, +Y up, looking along -Z.
+ *
+ * Plain arrays, which move between threads; `environment` is made when it is asked for.
  */
+export class Light {
+  /** @param {ReturnType<typeof describe>} parts */
+  constructor(parts) {
+    Object.assign(this, parts);
+  }
+
+  /** The map as a picture of four floats a pixel, for a float texture: row 0 is +Y, the centre column -Z. */
+  get environment() {
+    const { radiance } = this;
+    const data = new Float32Array((radiance.length / 3) * 4).fill(1);
+    for (let from = 0, to = 0; from < radiance.length; from += 3, to += 4) {
+      data[to] = radiance[from];
+      data[to + 1] = radiance[from + 1];
+      data[to + 2] = radiance[from + 2];
+    }
+    return { width: 2 * MAP_HEIGHT, height: MAP_HEIGHT, data };
+  }
+}
 
 /** What the networks said of a crop, as radiance in the photo's camera frame, never below zero. */
 export function cameraRadiance({ radiance }, cameraFromCrop) {
   const turned = rotate(radiance, MAP_HEIGHT, cameraFromCrop);
   for (let i = 0; i < turned.length; i++) if (turned[i] < 0) turned[i] = 0;
+  return turned;
+}
+
+/**
+ * How likely each pixel's display value is within 0.1 of the truth, [64, 128] in the camera's frame.
+ *
+ * @param {{confidence: Float32Array | null}} stages of Models.light; a chain that does not say is worth wellExposed everywhere
+ * @param {number[]} cameraFromCrop
+ * @param {number} wellExposed share of the object's pixels that are neither black nor clipped
+ */
+export function cameraConfidence({ confidence }, cameraFromCrop, wellExposed) {
+  if (!confidence) return new Float32Array(2 * MAP_HEIGHT * MAP_HEIGHT).fill(wellExposed);
+  const turned = rotateOne(confidence, MAP_HEIGHT, cameraFromCrop);
+  for (let i = 0; i < turned.length; i++) turned[i] = Math.min(Math.max(turned[i], 0), 1);
   return turned;
 }
 
@@ -27,6 +57,6 @@ export function describe(radiance) {
     radiance,
     prefiltered: prefilter(radiance),
     sh9: project(radiance, MAP_HEIGHT),
-    mainLight: findMainLight(radiance, MAP_HEIGHT),
+    dominant: findDominantLight(radiance, MAP_HEIGHT),
   };
 }

@@ -1,12 +1,12 @@
 /** One video frame after the other to a light that stays still on a still scene. */
 
-import { drawBalls } from "../light/balls.js";
-import { cameraRadiance, describe } from "../light/light.js";
+import { drawSpheres } from "../light/spheres.js";
+import { describe } from "../light/light.js";
+import { lightOfObject } from "../networks/lightOfObject.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
-import { seeAround, shareOf, useSurroundings } from "../photo/surroundings.js";
-import { readFrame } from "./frames.js";
+import { readFrame } from "./videoFrames.js";
 import { blockMeans, hasMoved } from "./motion.js";
 
 /** The mask is found anew every so many frames: objects move slower than light is wanted. */
@@ -15,7 +15,7 @@ const MASK_EVERY = 4;
 /** And every so many while the picture is the one it was found in. */
 const MASK_EVERY_STILL = 32;
 
-/** The balls, and half as many frames later the networks' stages, are sent every so many frames. */
+/** The spheres, and half as many frames later the networks' stages, are sent every so many frames. */
 const REST_EVERY = 8;
 
 export class FrameLight {
@@ -24,10 +24,12 @@ export class FrameLight {
    * @param {(picture: object, hints: object) => Promise<Float32Array>} findMask
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
-   * @param {import("../networks/worker.js").Asked} asked
+   * @param {import("../networks/lightOfObject.js").LightOptions} [options]
+   * @param {boolean} [withViews] whether spheres and the networks' stages are wanted now and then
    */
-  constructor(models, findMask, hints, longFovDeg, asked = { surroundings: false, spread: false }) {
-    this.asked = asked;
+  constructor(models, findMask, hints, longFovDeg, options = {}, withViews = true) {
+    this.options = options;
+    this.withViews = withViews;
     this.models = models;
     this.findMask = findMask;
     this.hints = hints;
@@ -48,7 +50,7 @@ export class FrameLight {
   /**
    * @param {object} frame of takeFrame
    * @param {number} time seconds
-   * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then balls and stages,
+   * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then spheres and stages,
    *   and the mask when it is a new one; {lost: true} while no object is marked or seen
    */
   async next(frame, time) {
@@ -70,28 +72,23 @@ export class FrameLight {
     if (!box || Math.max(box[2] - box[0], box[3] - box[1]) < MIN_OBJECT_PX) return { lost: true, ...size };
     const crop = cropObject(picture, mask, this.longFovDeg, box);
     lap("crop");
-    const { surroundings, spread } = this.asked;
-    const around = surroundings ? seeAround(picture, this.longFovDeg, crop) : null;
-    lap("around");
-    const phase = this.count++ % REST_EVERY;
+    const phase = this.withViews ? this.count++ % REST_EVERY : -1;
     const withStages = phase === REST_EVERY / 2;
-    const guess = await this.models.light(crop.image, crop.tanHalf, { withStages, around, spread });
+    const found = await lightOfObject(this.models, picture, this.longFovDeg, crop, { ...this.options, withStages });
+    const { radiance, stages, ...rest } = found;
     lap("network");
-    const stages = around ? useSurroundings(guess, around) : guess;
-    const radiance = cameraRadiance(stages, crop.cameraFromCrop);
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
     this.state = step(this.state, radiance, dt);
     const steady = shown(this.state);
     lap("filter");
-    const light = describe(steady);
+    const light = { ...describe(steady), ...rest };
     lap("describe");
-    const balls = phase === 0 ? drawBalls(light.radiance) : null;
-    lap("balls");
+    const spheres = phase === 0 ? drawSpheres(light.radiance) : null;
+    lap("spheres");
     ms.all = performance.now() - start;
-    const known = { surroundings: around ? shareOf(around) : 0 };
     const isOfThese = isNew && this.masked !== null; // else clicked meanwhile: it may be another object's
-    return { light, known, spread, stages: withStages ? stages : null, balls, mask: isOfThese ? mask : null, box, ...size, ms };
+    return { light, stages: withStages ? stages : null, spheres, mask: isOfThese ? mask : null, box, ...size, ms };
   }
 
   /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */

@@ -1,11 +1,11 @@
 /**
- * The networks of anyprobe through onnxruntime-web, as anyprobe.infer.runtime runs them.
+ * The networks of anyprobe through onnxruntime-web, as anyprobe.estimate.runtime runs them.
  *
  * A model is one graph that lifts pixels to the map, or the paper's chain of three; the mask
  * network is optional.
  */
 
-import { CROP_SIZE } from "../photo/crop.js";
+import { CROP_SIZE, NORMALS_SIZE } from "../photo/crop.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { response } from "../core/response.js";
 import { LN_MAX, reconstruct } from "../light/reconstruct.js";
@@ -16,12 +16,15 @@ export const MASK_SIZE = 160;
 const LIFT = ["light"];
 const CHAIN = ["irradiance", "illumination", "hdr"];
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
-const NORMALS_SHAPE = [1, 3, CROP_SIZE / 2, CROP_SIZE / 2];
-/** Zero: no normals are known beforehand. */
-const NO_NORMALS = new Float32Array((3 * CROP_SIZE * CROP_SIZE) / 4);
-const AROUND_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
-/** Zero: nothing of the map is known beforehand. */
-const NOTHING_AROUND = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
+const NORMALS_SHAPE = [1, 3, NORMALS_SIZE, NORMALS_SIZE];
+/** Zero: no normals are given. */
+const NO_NORMALS = new Float32Array(3 * NORMALS_SIZE * NORMALS_SIZE);
+const MAP_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
+/** Zero: nothing of the map is given. */
+const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
+
+/** What the lifting graph's parts are called by contract 2, and by contract 1. */
+const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };
 
 export class Models {
   /**
@@ -39,7 +42,8 @@ export class Models {
    * Open a model, and the mask network where there is one.
    *
    * @param {object} ort
-   * @param {Record<string, string | Uint8Array>} weights address or bytes of each graph
+   * @param {Record<string, string | {url: string, integrity: string} | Uint8Array>} weights address of each graph, alone
+   *   or with its hash, or its bytes
    * @param {{providers?: string[], onProgress?: (done: number, of: number) => void}} [options]
    */
   static async open(ort, weights, { providers = ["wasm"], onProgress = () => {} } = {}) {
@@ -65,34 +69,39 @@ export class Models {
    *
    * @param {Float32Array} image [4, 128, 128] display RGB times mask, and mask
    * @param {number} tanHalf tangent of half the angle that the crop's side takes in
-   * @param {{withStages?: boolean, around?: Float32Array | null, spread?: boolean}} [options] without stages only the
-   *   radiance need be told; around: [4, 64, 128] what is known of the map, in the crop's frame; spread: lamps over all
-   *   places as likely as they are, rather than drawn where they most likely are. The paper's chain makes no use of both
-   * @returns {Promise<{radiance: Float32Array, irradiance: Float32Array, ldr: Float32Array, lnRadiance: Float32Array}>}
-   *   row by row, channel last: maps [64, 128, 3] in the crop's frame, irradiance [128, 128, 3] in [0, 1]
+   * @param {object} [options] the paper's chain takes none of them but withStages
+   * @param {boolean} [options.withStages] else only radiance and confidence are returned
+   * @param {Float32Array | null} [options.surroundings] [4, 64, 128] what is seen of the map, in the crop's frame
+   * @param {"mode" | "expected"} [options.emitters] light sources at their most likely positions (sharp shadows), or their
+   *   mean radiance (soft)
+   * @param {Float32Array | null} [options.normals] [3, 64, 64] given ones in the crop's frame, unit, zero where unknown
+   * @returns {Promise<{radiance: Float32Array, confidence: Float32Array | null, irradiance: Float32Array,
+   *   ldr: Float32Array, lnRadiance: Float32Array}>} row by row, channel last: maps [64, 128, 3] in the crop's frame,
+   *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain
    */
-  async light(image, tanHalf, { withStages = true, around = null, spread = false } = {}) {
-    return this.lifts ? this.#lift(image, tanHalf, withStages, around, spread) : this.#chain(image);
+  async light(image, tanHalf, options = {}) {
+    return this.lifts ? this.#lift(image, tanHalf, options) : this.#chain(image);
   }
 
-  /** Whether it can be told what is around the object, and asked how likely lamps are. */
+  /** Whether it takes surroundings and normals, and gives confidence and both kinds of light sources. */
   get lifts() {
     return "light" in this.sessions;
   }
 
-  async #lift(image, tanHalf, withStages, around, spread) {
-    const inputs = [
-      [image, PHOTO_SHAPE],
-      [Float32Array.of(tanHalf), [1, 1]],
-      [NO_NORMALS, NORMALS_SHAPE],
-      [around ?? NOTHING_AROUND, AROUND_SHAPE],
-    ];
-    const [irradiance, drawn, , , expected] = await this.#run("light", ...inputs);
-    const lnRadiance = channelLast(spread ? expected : drawn);
+  async #lift(image, tanHalf, { withStages = true, surroundings = null, emitters = "mode", normals = null }) {
+    const outputs = await this.#runByName("light", {
+      photo: [image, PHOTO_SHAPE],
+      tan_half: [Float32Array.of(tanHalf), [1, 1]],
+      given_normals: [normals ?? NO_NORMALS, NORMALS_SHAPE],
+      surroundings: [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
+    });
+    const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
-    if (!withStages) return { radiance };
-    return { radiance, irradiance: clipped(channelLast(irradiance)), ldr: radiance.map((x) => response(x)), lnRadiance };
+    const { confidence } = outputs;
+    if (!withStages) return { radiance, confidence };
+    const irradiance = clipped(channelLast(outputs.irradiance));
+    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance };
   }
 
   async #chain(image) {
@@ -104,7 +113,7 @@ export class Models {
     const [planes] = await this.#run("illumination", [withMask, PHOTO_SHAPE]);
     const [ln] = await this.#run("hdr", [planes, [1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT]]);
     const [ldr, lnRadiance] = [channelLast(planes), channelLast(ln)];
-    return { radiance: reconstruct(ldr, lnRadiance), irradiance: clipped(channelLast(irradiance)), ldr, lnRadiance };
+    return { radiance: reconstruct(ldr, lnRadiance), confidence: null, irradiance: clipped(channelLast(irradiance)), ldr, lnRadiance };
   }
 
   /**
@@ -117,6 +126,19 @@ export class Models {
     return (await this.#run("mask", [input, [1, 4, MASK_SIZE, MASK_SIZE]]))[0];
   }
 
+  /** The same by the names of contract 2, whichever the graph has. */
+  async #runByName(stage, inputs) {
+    const session = this.sessions[stage];
+    const nameIn = (names, name) => (names.includes(name) ? name : FORMER_NAMES[name]);
+    const feeds = {};
+    for (const [name, [values, shape]] of Object.entries(inputs)) {
+      feeds[nameIn(session.inputNames, name)] = new this.ort.Tensor("float32", values, shape);
+    }
+    const outputs = await session.run(feeds);
+    const wanted = ["irradiance", "ln_radiance", "confidence", "ln_radiance_expected"];
+    return Object.fromEntries(wanted.map((name) => [name, outputs[nameIn(session.outputNames, name)].data]));
+  }
+
   /** Values and shape of each input, to the values of each output, in the graph's order. */
   async #run(stage, ...inputs) {
     const session = this.sessions[stage];
@@ -127,15 +149,16 @@ export class Models {
   }
 }
 
-/** Bytes of a graph, fetched where its address is given; what cannot be fetched is named. */
+/** Bytes of a graph, fetched where its address is given; what cannot be fetched, or is not what its hash says, is named. */
 async function graphOf(weights) {
-  if (typeof weights !== "string") return weights;
+  if (weights instanceof Uint8Array) return weights;
+  const { url, integrity } = typeof weights === "string" ? { url: weights } : weights;
   try {
-    const answer = await fetch(weights);
+    const answer = await fetch(url, { integrity });
     if (!answer.ok) throw new Error(`answer ${answer.status}`);
     return new Uint8Array(await answer.arrayBuffer());
   } catch (error) {
-    const name = new URL(weights).pathname.split("/").at(-1);
+    const name = new URL(url).pathname.split("/").at(-1);
     throw new Error(`${name} could not be fetched (${error.message})`);
   }
 }

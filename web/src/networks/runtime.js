@@ -1,4 +1,4 @@
-/** onnxruntime-web, served beside the page: WASM with threads, or WebGPU where that is asked for. */
+/** onnxruntime-web in the networks' thread: WASM with threads, or WebGPU where that is asked for. */
 
 /** More threads than this gain nothing on networks of this size. */
 const MAX_THREADS = 4;
@@ -7,28 +7,23 @@ const MAX_THREADS = 4;
 const MODULES = { wasm: "ort.wasm.min.mjs", webgpu: "ort.jspi.min.mjs" };
 
 /**
- * Which engine: WASM, unless WebGPU is asked for. The graph that ships computes in whole numbers of 8 bits, made for
- * processors; it has not been measured on a GPU.
- *
- * @param {string | null} asked "wasm" or "webgpu"; null chooses
- * @returns {string}
- */
-export function chooseEngine(asked) {
-  return asked in MODULES ? asked : "wasm";
-}
-
-/**
- * @param {string} base address of the page's folder
- * @param {string} engine "wasm" or "webgpu"
+ * @param {Runtime} runtime
+ * @param {"wasm" | "webgpu"} engine
  * @param {number} most threads
  * @returns {Promise<{ort: object, threads: number}>}
+ * @typedef {string | {module: string, wasm: string}} Runtime address of the folder of onnxruntime-web's files, or of its
+ *   module (with the glue in it) and its .wasm for this engine
  */
-export async function openRuntime(base, engine, most) {
-  const folder = new URL("ort/", base).href;
-  const ort = await import(/* @vite-ignore */ `${folder}${MODULES[engine]}`);
+export async function openRuntime(runtime, engine, most) {
+  if (!(engine in MODULES)) throw new Error(`engine: expected wasm or webgpu, got ${engine}`);
+  if (engine === "webgpu" && !(await navigator.gpu?.requestAdapter())) {
+    throw new Error("engine webgpu: expected a browser with WebGPU, got none; use wasm");
+  }
+  const isFolder = typeof runtime === "string";
+  const ort = await import(/* @vite-ignore */ /* webpackIgnore: true */ isFolder ? runtime + MODULES[engine] : runtime.module);
   // threads share memory, which a browser allows to isolated pages only (COOP and COEP)
   const threads = self.crossOriginIsolated ? Math.min(most, MAX_THREADS) : 1;
-  ort.env.wasm.wasmPaths = folder;
+  ort.env.wasm.wasmPaths = isFolder ? runtime : { wasm: runtime.wasm };
   ort.env.wasm.numThreads = threads;
   ort.env.logLevel = "error";
   return { ort, threads };

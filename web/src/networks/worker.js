@@ -2,22 +2,23 @@
  * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
  *
  * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}. A camera's frames have no id:
- * lights are told as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
+ * lights come as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
  */
 
-import { describe, cameraRadiance } from "../light/light.js";
-import { drawBalls } from "../light/balls.js";
-import { cropObject } from "../photo/crop.js";
+import { describe } from "../light/light.js";
+import { drawSpheres } from "../light/spheres.js";
+import { cropNormals, cropObject } from "../photo/crop.js";
+import { agreement } from "../photo/agreement.js";
 import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { propose } from "../photo/propose.js";
 import { resize } from "../photo/resize.js";
-import { seeAround, shareOf, useSurroundings } from "../photo/surroundings.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
+import { lightOfObject } from "./lightOfObject.js";
 import { Models } from "./models.js";
-import { chooseEngine, openRuntime } from "./runtime.js";
+import { openRuntime } from "./runtime.js";
 
 /** Between two tries while no object is seen. */
 const LOST_MS = 100;
@@ -26,43 +27,41 @@ let models = null;
 let live = null;
 
 const tasks = {
-  async open({ base, weights, engine, threads: most }) {
+  async open({ runtime, weights, engine, threads: most }) {
     const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
-    const provider = chooseEngine(engine);
     try {
-      const { ort, threads } = await openRuntime(base, provider, most);
-      models = await Models.open(ort, weights, { providers: [provider], onProgress });
-      return { provider, threads, hasMask: models.hasMask };
+      const { ort, threads } = await openRuntime(runtime, engine, most);
+      models = await Models.open(ort, weights, { providers: [engine], onProgress });
+      return { engine, threads, hasMask: models.hasMask };
     } catch (error) {
       throw new Error(`The networks could not be opened, try again: ${error.message ?? error}.`);
     }
   },
 
-  /** The mask of a still picture from clicks or a box; without any, the network's own proposal. */
+  /**
+   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With its confidence: the
+   * IoU that the network expects or that it finds when it is asked in other ways, the less; null where it was not asked.
+   */
   mask({ picture, hints }) {
     return findMask(picture, hints);
   },
 
-  async estimate({ picture, mask, longFovDeg, asked }) {
+  /** The light, and for a page that shows them its stages and three spheres. */
+  async estimate({ picture, mask, longFovDeg, normals, options, withViews }) {
     const start = performance.now();
     checkObject(mask, picture.width);
     const crop = cropObject(picture, mask, longFovDeg);
-    const { surroundings, spread } = usable(asked);
-    const around = surroundings ? seeAround(picture, longFovDeg, crop) : null;
-    const guess = await models.light(crop.image, crop.tanHalf, { around, spread });
-    const stages = around ? useSurroundings(guess, around) : guess;
-    const light = describe(cameraRadiance(stages, crop.cameraFromCrop));
-    const { cameraFromCrop, centerPx, sidePx } = crop;
+    const given = normals && cropNormals(normals, mask, picture.width, crop);
+    const { radiance, stages, ...rest } = await lightOfObject(models, picture, longFovDeg, crop, { ...options, normals: given });
+    const light = { ...describe(radiance), ...rest };
     const seconds = (performance.now() - start) / 1000;
-    const known = { surroundings: around ? shareOf(around) : 0 };
-    const balls = drawBalls(light.radiance);
-    return { light, stages, known, spread, balls, cameraFromCrop, centerPx, sidePx, seconds };
+    return withViews ? { light, stages, spheres: drawSpheres(radiance), seconds } : { light, seconds };
   },
 
-  startLive({ hints, longFovDeg, asked }) {
-    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, usable(asked));
+  startLive({ hints, longFovDeg, options, withViews }) {
+    const lights = new FrameLight(models, findMaskQuickly, hints, longFovDeg, options, withViews);
     const frames = new Newest(
-      (given) => tellLight(lights, given),
+      (given) => sendLight(lights, given),
       ({ frame }) => letGo(frame),
     );
     live = { lights, frames };
@@ -76,24 +75,13 @@ const tasks = {
     live.lights.mark(hints);
   },
 
-  askLive({ asked }) {
-    live.lights.asked = usable(asked);
+  setLive({ options }) {
+    live.lights.options = options;
   },
 };
 
-/**
- * What may be asked of the light, as far as this model can do it.
- *
- * @param {Asked} asked
- * @typedef {{surroundings: boolean, spread: boolean}} Asked surroundings: what is seen beside the object is part of the
- *   light; spread: its lamps lie over all places as likely as they are
- */
-function usable({ surroundings, spread }) {
-  return { surroundings: surroundings && models.lifts, spread: spread && models.lifts };
-}
-
-/** The light of a frame to the page, unless it has begun anew meanwhile. */
-async function tellLight(lights, { frame, time }) {
+/** The light of a frame to the caller, unless it has begun anew meanwhile. */
+async function sendLight(lights, { frame, time }) {
   let answer;
   try {
     answer = await lights.next(frame, time);
@@ -106,8 +94,8 @@ async function tellLight(lights, { frame, time }) {
 }
 
 /** What of a light is given away with it instead of copied. */
-function memoryOf({ radiance, prefiltered }) {
-  return [radiance, ...prefiltered].map(({ buffer }) => buffer);
+function memoryOf({ radiance, confidence, prefiltered }) {
+  return [radiance, confidence, ...prefiltered].map(({ buffer }) => buffer);
 }
 
 /** Close a frame that is done with, or give its memory back for another. */
@@ -118,10 +106,12 @@ function letGo(frame) {
 
 /** The mask of a picture, cut out along the photo's own edges. */
 async function findMask(picture, hints) {
-  if (hints.box) return cutOutOfBox(picture, hints);
-  if (!models.hasMask) return flood(picture, hints);
-  const cover = await propose((input) => models.mask(input), picture, hints);
-  return cutOut(picture, cover, hints);
+  if (hints.box) return { mask: cutOutOfBox(picture, hints), confidence: null };
+  if (!models.hasMask) return { mask: flood(picture, hints), confidence: null };
+  const run = (input) => models.mask(input);
+  const cover = await propose(run, picture, hints);
+  const mask = cutOut(picture, cover, hints);
+  return { mask, confidence: Math.min(cover.confidence, await agreement(run, picture, mask, hints)) };
 }
 
 /** The same at one look and without refining, for video. */
@@ -134,7 +124,7 @@ async function findMaskQuickly(picture, hints) {
 
 function checkObject(mask, width) {
   const box = objectBox(mask, width);
-  if (box === null) throw new Error("No object is marked. Click on it in the picture “Object”.");
+  if (box === null) throw new Error("No object is marked. Click on it.");
   const across = Math.max(box[2] - box[0], box[3] - box[1]);
   if (across < MIN_OBJECT_PX) {
     throw new Error(`The object is ${across} pixels across; ${MIN_OBJECT_PX} are needed. Go closer.`);

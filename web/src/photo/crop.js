@@ -1,10 +1,16 @@
-/** The square crop around the object that the networks see, as anyprobe.infer.photo.crop_object. */
+/** The square crop around the object that the networks see, as anyprobe.estimate.photo.crop_object. */
 
 import { turnTowards } from "../core/frames.js";
 import { objectBox } from "./picture.js";
 
 /** Side of the window in samples: what the networks take. */
 export const CROP_SIZE = 128;
+
+/** Side of the window in which normals are given. */
+export const NORMALS_SIZE = 64;
+
+/** A mean of normals shorter than this is none. */
+const SHORTEST_NORMAL = 0.5;
 
 /** Field of view [degrees] of the longer side where nothing else is known: a phone's main camera. */
 export const DEFAULT_LONG_FOV_DEG = 65;
@@ -75,6 +81,41 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
   return { image, cameraFromCrop: turnTowards(ray), sidePx, centerPx, tanHalf };
 }
 
+/**
+ * Normals of a picture in the crop's window and frame.
+ *
+ * @param {Float32Array} normals [height, width, 3] in the camera's frame, unit, zero where they are not known
+ * @param {Float32Array} mask
+ * @param {number} width of the picture
+ * @param {ReturnType<typeof cropObject>} crop
+ * @returns {Float32Array} [3, 64, 64] unit or zero
+ */
+export function cropNormals(normals, mask, width, { cameraFromCrop, centerPx, sidePx }) {
+  const columns = resampling(centerPx[0] - sidePx / 2, sidePx, width, NORMALS_SIZE);
+  const rows = resampling(centerPx[1] - sidePx / 2, sidePx, mask.length / width, NORMALS_SIZE);
+  const plane = NORMALS_SIZE * NORMALS_SIZE;
+  const cropped = new Float32Array(3 * plane);
+  const [a, b, c, d, e, f, g, h, i] = cameraFromCrop;
+  for (let row = 0; row < NORMALS_SIZE; row++) {
+    for (let column = 0; column < NORMALS_SIZE; column++) {
+      let [x, y, z] = [0, 0, 0];
+      for (let k = rows.start[row], line = rows.from[row]; k < rows.start[row + 1]; k++, line++) {
+        for (let l = columns.start[column], at = line * width + columns.from[column]; l < columns.start[column + 1]; l++, at++) {
+          const weight = rows.weights[k] * columns.weights[l] * mask[at];
+          x += weight * normals[3 * at];
+          y += weight * normals[3 * at + 1];
+          z += weight * normals[3 * at + 2];
+        }
+      }
+      const length = Math.hypot(x, y, z);
+      if (length <= SHORTEST_NORMAL) continue;
+      const turned = [a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z]; // by the inverse
+      turned.forEach((value, axis) => (cropped[axis * plane + row * NORMALS_SIZE + column] = value / length));
+    }
+  }
+  return cropped;
+}
+
 /** Focal length of a pinhole picture in pixels. */
 export function focalPx(width, height, longFovDeg) {
   return Math.max(width, height) / 2 / Math.tan((longFovDeg * Math.PI) / 360);
@@ -90,14 +131,14 @@ export function pixelDirection([x, y], width, height, longFovDeg) {
  * Which pixels every sample of the window [begin, begin + side) reads, of those from first to last: `from` the first
  * of them, with the weights from start[sample] on.
  */
-function resampling(begin, side, length) {
+function resampling(begin, side, length, size = CROP_SIZE) {
   const first = Math.max(0, Math.floor(begin) - 1);
   const last = Math.min(length, Math.ceil(begin + side) + 1);
-  const step = side / CROP_SIZE;
-  const from = new Int32Array(CROP_SIZE);
-  const start = new Int32Array(CROP_SIZE + 1);
-  const weights = new Float32Array(CROP_SIZE * (Math.ceil(Math.max(step, 3)) + 2));
-  for (let sample = 0, at = 0; sample < CROP_SIZE; sample++) {
+  const step = side / size;
+  const from = new Int32Array(size);
+  const start = new Int32Array(size + 1);
+  const weights = new Float32Array(size * (Math.ceil(Math.max(step, 3)) + 2));
+  for (let sample = 0, at = 0; sample < size; sample++) {
     const low = begin + step * sample;
     const middle = low + step / 2;
     const [reach, end] = step >= 1 ? [low, low + step] : [middle - 1.5, middle + 1.5];

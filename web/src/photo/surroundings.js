@@ -1,4 +1,4 @@
-/** What a picture shows beside its object, as a part of the map, as anyprobe.infer.surroundings. */
+/** What a picture shows beside its object, as a part of the map, as anyprobe.estimate.surroundings. */
 
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
@@ -14,19 +14,22 @@ const GROW = 4;
 const FINE = 2;
 
 /** Display value from which on a place is at least as bright as it looks. */
-const BURNT = 0.97;
+const CLIPPED = 0.97;
 
 /** The radiance that looks so. */
-const WHITE = inverseResponse(BURNT);
+const WHITE = inverseResponse(CLIPPED);
 
 /** Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place. */
 const PLAIN = 2 / 255;
 
-/** How much of the colour by which what is seen differs from the guess there is taken for the light's own. */
+/** How much of the colour by which what is seen differs from the prediction there is taken for the light's own. */
 const TINT = 0.5;
 
 /** Added to radiance before its logarithm is compared. */
 const TINT_FLOOR = 0.05;
+
+/** Confidence of a place that is seen. */
+const SEEN = 0.9;
 
 /** Shallowest -z of a direction that still meets the picture's plane. */
 const AHEAD = 0.05;
@@ -39,12 +42,12 @@ const AHEAD = 0.05;
  * @param {ReturnType<typeof import("./crop.js").cropObject>} crop
  * @returns {Float32Array | null} [4, 64, 128] display RGB times cover, and cover; null where it shows one colour
  */
-export function seeAround(picture, longFovDeg, { cameraFromCrop, image, tanHalf }) {
+export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, tanHalf }) {
   const { width, height } = picture;
   const focal = focalPx(width, height, longFovDeg);
   const small = shrink(picture, Math.min(1, (FINE * MAP_HEIGHT) / Math.PI / focal));
   const object = grown(image.subarray(3 * CROP_SIZE * CROP_SIZE));
-  const around = new Float32Array(4 * PIXELS);
+  const surroundings = new Float32Array(4 * PIXELS);
   const [a, b, c, d, e, f, g, h, i] = cameraFromCrop;
   const directions = pixelDirections(MAP_HEIGHT);
   const colors = new Float64Array(3);
@@ -61,84 +64,85 @@ export function seeAround(picture, longFovDeg, { cameraFromCrop, image, tanHalf 
     if (cover <= 0) continue;
     sample(small.values, 3, small.width, small.height, column, row, colors);
     for (let channel = 0; channel < 3; channel++) {
-      around[channel * PIXELS + pixel] = colors[channel] * cover;
+      surroundings[channel * PIXELS + pixel] = colors[channel] * cover;
       sums[channel] += colors[channel];
       sums[3 + channel] += colors[channel] ** 2;
     }
-    around[3 * PIXELS + pixel] = cover;
+    surroundings[3 * PIXELS + pixel] = cover;
     count++;
   }
   const variance = (channel) => sums[3 + channel] / count - (sums[channel] / count) ** 2;
-  return count > 0 && Math.max(variance(0), variance(1), variance(2)) > PLAIN ** 2 ? around : null;
+  return count > 0 && Math.max(variance(0), variance(1), variance(2)) > PLAIN ** 2 ? surroundings : null;
 }
 
 /**
- * A model's answer with what is known of the map in the place of its guess, which takes on some of the colour that it
+ * A model's answer with what is known of the map in the place of its prediction, which takes on some of the colour that it
  * misses there.
  *
  * @param {object} stages of Models.light
- * @param {Float32Array} around of seeAround
+ * @param {Float32Array} surroundings of seeSurroundings
  */
-export function useSurroundings(stages, around) {
-  const tint = tintOf(stages.radiance, around);
+export function useSurroundings(stages, surroundings) {
+  const tint = tintOf(stages.radiance, surroundings);
   const radiance = new Float32Array(stages.radiance.length);
-  const guessed = new Float64Array(3);
+  const predicted = new Float64Array(3);
   const display = new Float64Array(3);
   const seen = new Float64Array(3);
   for (let pixel = 0, to = 0; pixel < PIXELS; pixel++, to += 3) {
-    const cover = around[3 * PIXELS + pixel];
+    const cover = surroundings[3 * PIXELS + pixel];
     for (let channel = 0; channel < 3; channel++) {
-      guessed[channel] = stages.radiance[to + channel] * tint[channel];
-      display[channel] = around[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
+      predicted[channel] = stages.radiance[to + channel] * tint[channel];
+      display[channel] = surroundings[channel * PIXELS + pixel] / Math.max(cover, 1e-3);
       seen[channel] = inverseResponse(display[channel]);
     }
-    const gain = burntGain(display, seen, guessed);
+    const gain = clippedGain(display, seen, predicted);
     for (let channel = 0; channel < 3; channel++) {
-      radiance[to + channel] = guessed[channel] + cover * (seen[channel] * gain - guessed[channel]);
+      radiance[to + channel] = predicted[channel] + cover * (seen[channel] * gain - predicted[channel]);
     }
   }
-  if (!stages.lnRadiance) return { ...stages, radiance };
+  const confidence = stages.confidence?.map((value, i) => value + surroundings[3 * PIXELS + i] * (SEEN - value)) ?? null;
+  if (!stages.lnRadiance) return { ...stages, radiance, confidence };
   const lnRadiance = radiance.map((value) => Math.log(Math.max(value, 1e-6)));
-  return { ...stages, radiance, ldr: radiance.map((value) => response(value)), lnRadiance };
+  return { ...stages, radiance, confidence, ldr: radiance.map((value) => response(value)), lnRadiance };
 }
 
 /**
- * What makes a burnt-out place as bright as the guess, if that is brighter: one gain, so that no channel alone takes a
- * lamp on; and none that would burn out a channel which is not.
+ * What makes a clipped place as bright as the prediction, if that is brighter: one gain, so that no channel alone takes a
+ * light source on; and none that would clip a channel which is not.
  */
-function burntGain(display, seen, guessed) {
+function clippedGain(display, seen, predicted) {
   let room = Infinity;
-  let burnt = false;
+  let clipped = false;
   for (let channel = 0; channel < 3; channel++) {
-    if (display[channel] >= BURNT) burnt = true;
+    if (display[channel] >= CLIPPED) clipped = true;
     else room = Math.min(room, WHITE / Math.max(seen[channel], 1e-6));
   }
-  if (!burnt) return 1;
-  return Math.min(Math.max(luminance(...guessed) / luminance(...seen), 1), Math.max(room, 1));
+  if (!clipped) return 1;
+  return Math.min(Math.max(luminance(...predicted) / luminance(...seen), 1), Math.max(room, 1));
 }
 
 /** How much of the sphere is known. */
-export function shareOf(around) {
+export function coverageOf(surroundings) {
   const angles = pixelSolidAngles(MAP_HEIGHT);
   let sum = 0;
   for (let pixel = 0; pixel < PIXELS; pixel++) {
-    sum += around[3 * PIXELS + pixel] * angles[Math.floor(pixel / (2 * MAP_HEIGHT))];
+    sum += surroundings[3 * PIXELS + pixel] * angles[Math.floor(pixel / (2 * MAP_HEIGHT))];
   }
   return sum / (4 * Math.PI);
 }
 
-/** Shares of geometric mean 1 that bring the guess's colour nearer to that of what is seen. */
-function tintOf(radiance, around) {
+/** Shares of geometric mean 1 that bring the prediction's colour nearer to that of what is seen. */
+function tintOf(radiance, surroundings) {
   const missed = [0, 0, 0];
   let weights = 0;
   for (let pixel = 0; pixel < PIXELS; pixel++) {
-    const cover = around[3 * PIXELS + pixel];
+    const cover = surroundings[3 * PIXELS + pixel];
     if (cover <= 0.5) continue;
     weights += cover;
     for (let channel = 0; channel < 3; channel++) {
-      const seen = inverseResponse(around[channel * PIXELS + pixel] / cover);
-      const guessed = Math.min(radiance[3 * pixel + channel], 1);
-      missed[channel] += cover * Math.log((seen + TINT_FLOOR) / (guessed + TINT_FLOOR));
+      const seen = inverseResponse(surroundings[channel * PIXELS + pixel] / cover);
+      const predicted = Math.min(radiance[3 * pixel + channel], 1);
+      missed[channel] += cover * Math.log((seen + TINT_FLOOR) / (predicted + TINT_FLOOR));
     }
   }
   if (weights === 0) return [1, 1, 1];

@@ -25,7 +25,7 @@ CLEAR_LEAD = 1.4
 """Without a prompt the first object must weigh so much more than the second, or it would be anybody's guess."""
 
 MIN_TARGET_PX = 60
-"""Area below which an object is nobody's target."""
+"""Area below which an object is no target."""
 
 CENTRE_SIGMA = 0.35
 """Of the weight around the picture's centre, in sides."""

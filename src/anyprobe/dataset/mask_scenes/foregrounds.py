@@ -33,7 +33,7 @@ JOINED_SHARE = 0.25
 """So many objects are two shapes of different materials, grown together: a pot and its plant, a figure and its base."""
 
 FLASH_SHARE = 0.12
-"""So many views are lit by a lamp at the camera as well."""
+"""So many views are lit by a flash at the camera as well."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -172,7 +172,7 @@ def _join(rng: np.random.Generator, one: torch.Tensor, others: list[torch.Tensor
 
 
 def _flash(rng: np.random.Generator, normals: torch.Tensor, ground: np.ndarray) -> torch.Tensor:
-    """What a lamp at the camera adds to matt objects [N, 3, S, S], more than the room's light gives them."""
+    """What a flash at the camera adds to matt objects [N, 3, S, S], more than the room's light gives them."""
     power = float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))) * float(ground.mean())
     albedo = torch.from_numpy(rng.uniform(0.05, 0.9, (len(normals), 3, 1, 1)).astype(np.float32))
     return power * albedo * normals[:, 2:].clip(min=0.0)

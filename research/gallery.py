@@ -1,0 +1,187 @@
+"""Draw docs/gallery.md and docs/gallery/*.jpg: photos of known light, the light estimated, an object relit by both.
+
+    python -m research.gallery       # Mitsuba 3 (pip install '.[relight]', libllvm19)
+
+Each photo is path traced: an object on a textured table under a map of 512 x 1024 pixels, both of anyprobe's own
+making, through a phone's lens and curve with its noise. The estimate gets the photo and the object's mask alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from anyprobe.core.color import luminance, to_bytes
+from anyprobe.core.response import response
+from anyprobe.dataset.textures import draw_texture
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import Photo
+from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops
+from anyprobe.files.objects import open_object
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.relight.appearance import least_scale
+from anyprobe.relight.insert import Stage
+from anyprobe.relight.path_traced import _environment, _shape, open_mitsuba
+from anyprobe.render.spheres import diffuse
+from anyprobe.scatter.materials import Material
+from research.detail_library.outdoors import detailed_outdoor
+from research.detail_library.rooms import detailed_room, detailed_studio
+
+DOCS = Path(__file__).parent.parent / "docs"
+WIDTH, HEIGHT, FOV_DEG = 480, 360, 30.0
+PATHS, MAP_ROWS = 100, 512
+NOISE, WHITE = 0.006, 0.35
+"""Of display values; and the mean luminance that the exposure gives the photo."""
+TILE, GAP, LABEL = 300, 4, 22
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scene:
+    """name; the object, its material and turn; which light, by a maker of maps and a seed; camera's pitch [degrees]."""
+
+    name: str
+    shape: str
+    material: Material
+    light: object
+    seed: int
+    inserted: str
+    pitch_deg: float = 16.0
+
+
+def surface(albedo: tuple[float, float, float], f0: float | tuple = 0.045, alpha: float = 0.3) -> Material:
+    """A Material of plain numbers."""
+    return Material(albedo=np.array(albedo), f0=np.broadcast_to(np.asarray(f0, float), 3), alpha=alpha)
+
+
+SCENES = (
+    Scene(name="glazed vase, room", shape="vase", material=surface((0.62, 0.60, 0.55), alpha=0.15), light=detailed_room,
+          seed=3, inserted="chrome"),
+    Scene(name="brass solid, room", shape="solid", material=surface((0, 0, 0), (0.89, 0.79, 0.43), 0.25),
+          light=detailed_room, seed=8, inserted="matte"),
+    Scene(name="yellow plastic, outdoors", shape="pebble", material=surface((0.75, 0.48, 0.05), alpha=0.3),
+          light=detailed_outdoor, seed=5, inserted="matte"),
+    Scene(name="grey stone, studio", shape="block", material=surface((0.4, 0.4, 0.4), alpha=0.7), light=detailed_studio,
+          seed=2, inserted="chrome"),
+)  # fmt: skip
+
+
+def main() -> None:
+    """All rows, and the page that shows them."""
+    (DOCS / "gallery").mkdir(exist_ok=True)
+    estimator, lines = Estimator(), [HEAD]
+    for scene in SCENES:
+        photo, truth = photograph(scene)
+        light = estimator.from_photo(photo).radiance
+        light = light * np.float32(least_scale(photo, light))
+        stage = Stage(photo, open_object("sphere"))
+        relit = [stage.relit(one, scene.inserted, "own") for one in (light, truth)]
+        path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"
+        sheet(photo.rgb, light, truth, relit).save(path, quality=82, optimize=True)
+        lines.append(
+            SECTION.format(
+                name=scene.name, inserted=scene.inserted, path=path.name, errors=errors(light, truth)
+            )
+        )
+        print(path, flush=True)
+    (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+HEAD = """# Gallery
+
+`python -m research.gallery` makes this page and its pictures: path-traced photos of scenes whose light is known,
+with textured tables and surroundings of our own. Each row: the photo, the estimated environment map above the true one,
+a sphere inserted in the estimated light, the same in the true light. Nothing was chosen by how well it came out.
+"""
+SECTION = """## {name}
+
+![Photo, light, {inserted} sphere relit by the estimate and by the truth](gallery/{path})
+
+{errors}
+"""
+
+
+def photograph(scene: Scene) -> tuple[Photo, np.ndarray]:
+    """The photo with its mask, and the true map [64, 128, 3] in its camera's frame and exposure."""
+    mi = open_mitsuba()
+    rng = np.random.default_rng(scene.seed)
+    radiance = scene.light(rng, MAP_ROWS)
+    tilt = np.radians(scene.pitch_deg)
+    eye = np.array([0.0, 1.0 + 7.0 * np.sin(tilt), 7.0 * np.cos(tilt)])
+    look = mi.ScalarTransform4f().look_at(origin=eye.tolist(), target=[0.55, 0.75, 0.0], up=[0, 1, 0])
+    mesh = open_object(scene.shape)
+    mesh = type(mesh)(
+        positions=mesh.positions - [0, mesh.positions[:, 1].min(), 0], faces=mesh.faces, normals=mesh.normals
+    )
+    described = {"type": "scene", "integrator": {"type": "path", "max_depth": 6},
+                 "light": _environment(mi, radiance), "table": table(mi, rng),
+                 "object": _shape(mi, mesh, scene.material),
+                 "sensor": {"type": "perspective", "fov": FOV_DEG, "fov_axis": "x", "to_world": look,
+                            "film": {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "rfilter": {"type": "box"}},
+                            "sampler": {"type": "multijitter", "sample_count": PATHS}}}  # fmt: skip
+    picture = np.array(mi.render(mi.load_dict(described)))
+    mask = object_share(mi, described)
+    gain = WHITE / luminance(picture[..., :3]).mean()
+    display = response(picture[..., :3] * gain) + NOISE * rng.standard_normal((HEIGHT, WIDTH, 3))
+    world_from_camera = np.array(look.matrix)[:3, :3] @ np.diag([-1.0, 1.0, -1.0])
+    truth = np.maximum(rotate(shrink(radiance, 4 * MAP_HEIGHT), world_from_camera.T), 0.0)
+    photo = Photo(rgb=np.clip(display, 0, 1).astype(np.float32), mask=mask, long_fov_deg=FOV_DEG, fov_source="given",
+                  name=scene.name, warnings=())  # fmt: skip
+    return photo, shrink(truth, MAP_HEIGHT).astype(np.float32) * np.float32(gain)
+
+
+def object_share(mi, described: dict) -> np.ndarray:
+    """How much of every pixel shows the object, [H, W]: rays that meet it in a scene of nothing else."""
+    alone = {key: described[key] for key in ("type", "object", "sensor")}
+    alone["integrator"] = {"type": "aov", "aovs": "d:depth"}
+    depth = np.array(mi.render(mi.load_dict(alone)))[..., -1]
+    return (depth > 0).astype(np.float32)
+
+
+def table(mi, rng: np.random.Generator) -> dict:
+    """A wide plane at height 0 with a texture repeated on it."""
+    bitmap = {"type": "bitmap", "bitmap": mi.Bitmap(draw_texture(rng, 512)), "raw": True,
+              "to_uv": mi.ScalarTransform4f().scale([2, 2, 1])}  # fmt: skip
+    to_world = mi.ScalarTransform4f().rotate([1, 0, 0], -90).scale(4)
+    return {"type": "rectangle", "to_world": to_world, "bsdf": {"type": "diffuse", "reflectance": bitmap}}
+
+
+def errors(light: np.ndarray, truth: np.ndarray) -> str:
+    """One line for this estimate."""
+    angle = direction_error_deg(find_dominant_light(light).direction, find_dominant_light(truth).direction)
+    spheres = diffuse(light, MAP_HEIGHT), diffuse(truth, MAP_HEIGHT)
+    color = color_angle_deg(*spheres, spheres[1].sum(axis=-1) > 0)
+    stops = power_ratio_stops(light, truth)
+    return (
+        f"Dominant light {angle:.0f} degrees off, colour of a white sphere {color:.0f} degrees, "
+        f"total power {stops:+.1f} stops."
+    )
+
+
+def sheet(photo: np.ndarray, light: np.ndarray, truth: np.ndarray, relit: list[np.ndarray]) -> Image.Image:
+    """Four tiles in a row with their titles."""
+    height = round(TILE * HEIGHT / WIDTH)
+    maps = Image.new("RGB", (TILE, height), "white")
+    for index, one in enumerate((light, truth)):
+        tile = Image.fromarray(to_bytes(response(one))).resize((round(height - GAP), (height - GAP) // 2))
+        maps.paste(tile, ((TILE - tile.width) // 2, index * (height + GAP) // 2))
+    tiles = [fitted(photo, height), maps, *(fitted(one, height) for one in relit)]
+    titles = ("photo", "light: estimated, true", "relit, estimated light", "relit, true light")
+    result = Image.new("RGB", (4 * TILE + 3 * GAP, LABEL + height), "white")
+    draw, font = ImageDraw.Draw(result), ImageFont.load_default(14)
+    for index, (tile, title) in enumerate(zip(tiles, titles, strict=True)):
+        result.paste(tile, (index * (TILE + GAP), LABEL))
+        draw.text((index * (TILE + GAP) + 2, 3), title, fill="black", font=font)
+    return result
+
+
+def fitted(picture: np.ndarray, height: int) -> Image.Image:
+    """A display picture at the tile's size."""
+    return Image.fromarray(to_bytes(picture)).resize((TILE, height), Image.Resampling.LANCZOS)
+
+
+if __name__ == "__main__":
+    main()

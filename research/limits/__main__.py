@@ -1,0 +1,136 @@
+"""python -m research.limits: a model beside the mean map, more given inputs and what a perfect sphere allows."""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from anyprobe.dataset.asset_store import load_asset_store
+from anyprobe.errors import InputError
+from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.evaluate.methods import PRIORS, mean_map, run_with_priors
+from anyprobe.evaluate.scoring import ALPHA_EDGES
+from anyprobe.evaluate.test_sets import FROZEN as LIST
+from anyprobe.evaluate.test_sets import kept_pairs, read_recipes
+from research.limits.figures import MEAN_MAP, Limits, alpha_bin
+from research.limits.sphere import SphereLimit, Views, is_world, paper_draw, world_draw
+from research.results import commit, write_result
+from research.world.pairs import PARTS, world_pairs
+
+FROZEN = "frozen"
+SPHERES = {"sphere": False, "sphere, material": True}
+"""Rows of the linear limit, and whether the material is given."""
+GIVEN = ("normals", "material", "normals and material")
+WIDTH = 200
+
+
+def limits(
+    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes, train and test.")],
+    part: Annotated[
+        str, typer.Option(help="Pairs: frozen, or a part of the world test set, test or left-out.")
+    ] = "test",
+    pairs: Annotated[int, typer.Option(min=1, help="The first so many.")] = 1000,
+    kept: Annotated[
+        Path | None, typer.Option(help="Folder that keeps rendered pairs, a folder for each part.")
+    ] = None,
+    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    sphere: Annotated[bool, typer.Option(help="Also the linear limit of a perfect sphere.")] = True,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for limits-PART.json.")] = Path("runs"),
+) -> None:
+    """Score a model by kind of material and alpha, with nothing, normals, material and both given."""
+    chosen = _pairs(data, part, pairs, kept)
+    models, title = Models(model), Path(model).name
+    maps = {
+        MEAN_MAP: lambda pair: mean_map(),
+        title: lambda pair: run_with_priors(models, pair, set()).radiance,
+    }
+    for name in GIVEN:
+        maps[f"+ {name}"] = partial(
+            lambda pair, given: run_with_priors(models, pair, given).radiance, given=PRIORS[name]
+        )
+    spheres = _Spheres(data) if sphere else None
+    scores = Limits()
+    for pair in chosen:
+        scores.add(pair, maps)
+        if spheres is not None:
+            for name, ldr in spheres(pair).items():
+                scores.add_ldr(name, pair, ldr)
+    table = scores.table()
+    content = {
+        "commit": commit(),
+        "command": f"python -m research.limits --data DATA --part {part} --pairs {len(scores.groups)}"
+        + ("" if sphere else " --no-sphere")
+        + ("" if model == DEFAULT_MODEL else f" --model {title}"),
+        "model": model_id(model),
+        "groups": table,
+    }
+    write_result(out / f"limits-{part}.json", content)
+    show(table)
+
+
+def _pairs(data: Path, part: str, count: int, kept: Path | None):
+    if part not in (FROZEN, *PARTS):
+        raise InputError(
+            f"--part {part}: expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them"
+        )
+    if part != FROZEN:
+        return islice(world_pairs(data, part, kept), count)
+    store = load_asset_store(data, "test", commercial_only=False)
+    return kept_pairs(read_recipes(LIST)[:count], store, kept and kept / FROZEN)
+
+
+class _Spheres:
+    """The linear limit of any pair; one regression for each kind and bin, learned when it is first asked for."""
+
+    def __init__(self, data: Path) -> None:
+        store = load_asset_store(data, "train", commercial_only=False, with_shapes=False)
+        self._views = Views([one.radiance for one in store.maps.values() if not one.lifted])
+        self._learned: dict = {}
+
+    def __call__(self, pair) -> dict:
+        """LDR maps by the names of SPHERES."""
+        number, metal, world = alpha_bin(pair), not pair.material.albedo.any(), is_world(pair)
+        alpha = (ALPHA_EDGES[number] + min(ALPHA_EDGES[number + 1], 1.0)) / 2
+        draw = (world_draw if world else paper_draw)(metal)
+        result = {}
+        for name, given in SPHERES.items():
+            key = number, metal, world, given
+            if key not in self._learned:
+                self._learned[key] = SphereLimit(self._views, alpha, draw, world, given)
+            result[name] = self._learned[key](pair)
+        return result
+
+
+def show(table: dict[str, dict[str, dict]]) -> None:
+    """Print the groups, then total power and explained variance."""
+    console = Console(highlight=False, width=WIDTH)
+    rows = list(table["all"])
+    sheet = Table("LDR RMSE (after the best gain)", "pairs", *rows)
+    for group, scores in table.items():
+        cells = [
+            f"{one['rmse']:.3f}" + (f" ({one['gain_rmse']:.3f})" if "gain_rmse" in one else "")
+            for one in scores.values()
+        ]
+        sheet.add_row(group, str(scores[rows[0]]["pairs"]), *cells)
+    console.print(sheet)
+    full = [row for row in rows if "explained" in table["all"][row]]
+    sheet = Table("total power, stops: median, mean absolute", *full)
+    for group, scores in table.items():
+        cells = [f"{scores[row]['power_median']:+.2f} {scores[row]['power_mae']:.2f}" for row in full]
+        sheet.add_row(group, *cells)
+    console.print(sheet)
+    sheet = Table("explained variance of ln radiance, order", *map(str, range(9)), "LDR SSIM")
+    for row in full[1:]:
+        one = table["all"][row]
+        sheet.add_row(row, *(f"{value:.2f}" for value in one["explained"]), f"{one['ssim']:.3f}")
+    console.print(sheet)
+
+
+if __name__ == "__main__":
+    typer.run(limits)

@@ -1,0 +1,27 @@
+"""python -m research.world: render the pairs of a part of the world test set that a folder lacks, one file each.
+
+Needs Mitsuba 3 (`.[judge]`) and an LLVM of 17 or newer.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from research.world.pairs import PARTS, world_pairs
+
+
+def world(
+    data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
+    kept: Annotated[Path, typer.Option(help="Folder for the pairs.")],
+    part: Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")] = "test",
+) -> None:
+    """Render what is missing and print one line a pair."""
+    for count, pair in enumerate(world_pairs(data, part, kept), 1):
+        typer.echo(f"{count} {pair.recipe.key} {pair.map_name} {pair.shape_name}")
+
+
+if __name__ == "__main__":
+    typer.run(world)

@@ -1,0 +1,56 @@
+"""The world test set: path-traced pairs under the priors of dataset.priors; objects shade and mirror themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
+from anyprobe.dataset.pair import Pair, Trace
+from anyprobe.dataset.plan import world_recipes
+from anyprobe.dataset.recipe import Recipe
+from anyprobe.errors import InputError
+from anyprobe.evaluate.test_sets import kept_pairs, read_recipes, write_recipes
+from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
+
+PATHS = 128
+"""Through each pixel; the noise that is left is a camera's in a dim room."""
+COUNT, SEED = 200, 2026
+PARTS = {"test": "test.txt", "left-out": "left_out.txt"}
+"""Of held-out maps and shapes; of the training assets that no shipped weights learn from, to choose models by."""
+
+
+def recipes_of(part: str) -> list[Recipe]:
+    """The recipes of a part, which never change."""
+    if part not in PARTS:
+        raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}; choose one of them")
+    return read_recipes(Path(__file__).parent / PARTS[part])
+
+
+def store_of(data: Path, part: str) -> AssetStore:
+    """The maps and shapes of a part, from a data folder with hdri and meshes."""
+    return (
+        load_left_out(data) if part == "left-out" else load_asset_store(data, "test", commercial_only=False)
+    )
+
+
+def world_pairs(data: Path, part: str, kept: Path | None, trace: Trace | None = None) -> Iterator[Pair]:
+    """The pairs of a part in order; those that kept / part lacks are rendered and put there.
+
+    trace: in the place of Mitsuba.
+    Raises:
+        MissingExtra: some have to be rendered, and Mitsuba cannot run.
+    """
+    folder = None if kept is None else kept / part
+    yield from kept_pairs(recipes_of(part), store_of(data, part), folder, trace=trace or _trace)
+
+
+def _trace(mesh, camera, radiance, material):
+    open_mitsuba()
+    return trace_mesh(mesh, camera, radiance, material, num_paths=PATHS)
+
+
+def write_lists(data: Path, folder: Path) -> None:
+    """The lists of recipes as they were drawn, once."""
+    for part, name in PARTS.items():
+        write_recipes(folder / name, world_recipes(store_of(data, part), COUNT, SEED))

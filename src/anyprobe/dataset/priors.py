@@ -1,0 +1,228 @@
+"""Priors of the real world: what objects reflect, how phones expose them, what white they choose.
+
+Each distribution is given by its quantiles at PROBABILITIES, between which the logarithm is linear, so that drawing
+from it and its density are both exact. They are ours; the measurements that they follow are
+
+- the 100 measured materials of MERL (Matusik et al., A Data-Driven Reflectance Model, SIGGRAPH 2003), as fitted by
+  Bagher, Soler and Holzschuch (Accurate fitting of measured reflectances using a Shifted Gamma micro-facet
+  distribution, EGSR 2012, Table 2): quantiles .1 .25 .5 .75 .9 of the diffuse part's luminance, of 39 dull dielectrics
+  .014 .051 .116 .207 .246, of 31 glossy ones .013 .031 .060 .129 .223; of the lobe's width, the square root of their
+  alpha: dull .22 .27 .37 .46 .53, glossy .012 .022 .035 .075 .13, 21 metals and metallic paints .009 .016 .079 .17 .33;
+- light reflectance values of finished surfaces (SLL/CIBSE Lighting Guide 11, 2001; DIAL evo and Osram's tables): white
+  paint, plaster and tiles .7-.8, light wood .3-.6, concrete .2-.3, brick .1-.2, dark wood .1-.2, black .04-.1.
+
+The two disagree on whites: MERL's white paint has .35 and its Teflon .27, where spectrophotometers have .8 and .95. So
+the middle of what is dull follows MERL together with its sheen, and the upper tenths follow the tables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.dataset.material import METALS
+from anyprobe.scatter.materials import Material
+from anyprobe.scatter.microfacet import f0_from_ior
+
+KINDS = ("metal", "smooth", "rough", "painted")
+"""Bare metal; glossy plastic, glaze, varnish, polished stone; unglazed clay, wood, stone, rubber, matte plastic;
+paint."""
+SHARES = (0.2, 0.25, 0.35, 0.2)
+"""How often each kind is met, our own estimate: nobody has counted what people photograph."""
+
+PROBABILITIES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+ALPHA = np.array(
+    [
+        (0.01, 0.02, 0.04, 0.10, 0.22, 0.40, 0.80),
+        (0.01, 0.015, 0.025, 0.045, 0.10, 0.18, 0.30),
+        (0.25, 0.32, 0.40, 0.52, 0.68, 0.82, 1.00),
+        (0.05, 0.12, 0.22, 0.32, 0.45, 0.60, 0.90),
+    ]
+)
+"""Quantiles of the GGX width, a row for each kind."""
+ALBEDO = np.array(
+    [
+        (1e-9,) * 7,
+        (0.005, 0.03, 0.08, 0.16, 0.30, 0.55, 0.85),
+        (0.02, 0.08, 0.14, 0.23, 0.36, 0.60, 0.88),
+        (0.03, 0.08, 0.20, 0.42, 0.66, 0.80, 0.88),
+    ]
+)
+"""Quantiles of the diffuse albedo's luminance; metals have none."""
+MOST_ALBEDO = 0.92
+"""Of a channel: fresh snow, barium sulphate aside, nothing reflects more."""
+
+IOR, IOR_SPREAD, IOR_RANGE = 1.5, 0.06, (1.35, 1.75)
+"""Mean, standard deviation and bounds of a dielectric's index of refraction: plastics 1.46-1.59, glazes and glass
+1.5-1.6, resins 1.5 (Polyanskiy, refractiveindex.info)."""
+METAL_SHARES = (0.08, 0.10, 0.10, 0.22, 0.20, 0.15, 0.15)
+"""Of the metals of dataset.material, in their order; a polished surface loses up to a fifth of the table's f0."""
+
+TINTS = (0.25, 0.5, 0.25)
+"""Shares of nearly grey, of natural and of pigmented colours among dielectrics. Natural reflectance rises with the
+wavelength: MERL's dull materials have ln R/G of .05 .28 .93 and ln B/G of -.58 -.12 -.02 at their quartiles."""
+
+KEY, KEY_SPREAD = 0.18, 0.35
+"""Median of the radiance that the meter brings its mean to, and the deviation of its logarithm, half a stop: 18 %
+grey (ISO 2720's K of 12.5 is 12.7 %), and a photo's display mean is near .42 by it."""
+OBJECT_WEIGHT = (0.2, 0.8)
+"""Weight of the object in the meter's mean: centre-weighted meters give their middle 60-80 % (Nikon: 75), which an
+object fills in part."""
+OBJECT_RANGE = (0.01, 0.9)
+"""Bounds of the object's mean radiance: a photo beyond is taken again."""
+FRAME_DEG = 33.0
+"""Half the angle that a phone's frame takes in: 26 mm equivalent, 65 x 51 degrees."""
+FRAME_POWER = 0.45
+"""Meters average display values: light sources in the frame count as display values, not as radiance."""
+
+ADAPTED = (0.3, 0.9)
+"""Share of the light's colour that the camera's white balance takes out of a map, whose photographer took out a part
+before."""
+BALANCE_ERROR = (0.06, 0.03, 0.08)
+"""Standard deviation of the logarithm of its gains: 3 degrees, as methods of colour constancy are off in the mean by
+1.8 (Barron and Tsai, Fast Fourier Color Constancy, CVPR 2017) to 6 (grey world)."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Materials:
+    """N materials: kind [N] (of KINDS), albedo and f0 [N, 3], alpha [N]."""
+
+    kind: np.ndarray
+    albedo: np.ndarray
+    f0: np.ndarray
+    alpha: np.ndarray
+
+
+def draw_kinds(rng: np.random.Generator, count: int) -> np.ndarray:
+    """[N] numbers of KINDS, by SHARES."""
+    return rng.choice(len(KINDS), count, p=SHARES)
+
+
+def draw_alphas(rng: np.random.Generator, kind: np.ndarray) -> np.ndarray:
+    """GGX widths [N] of kinds [N]."""
+    return _quantile(ALPHA, kind, rng.random(len(kind)))
+
+
+def draw_colors(
+    rng: np.random.Generator, kind: np.ndarray, rank: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Albedo and f0, [N, 3] each, of kinds [N].
+
+    Args:
+        rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
+    """
+    count = len(kind)
+    rank = rng.random(count) if rank is None else rank
+    value = _quantile(ALBEDO, kind, rank)
+    albedo = _tinted(value, _draw_tints(rng, value))
+    order = np.argsort(luminance(np.array(METALS)))
+    upto = np.cumsum(np.array(METAL_SHARES)[order])
+    which = order[np.minimum(np.searchsorted(upto, rank, side="right"), len(METALS) - 1)]
+    metal = np.array(METALS)[which] * rng.uniform(0.8, 1.0, (count, 1))
+    ior = np.clip(rng.normal(IOR, IOR_SPREAD, (count, 1)), *IOR_RANGE)
+    bare = (kind == 0)[:, None]
+    f0 = np.where(bare, metal, f0_from_ior(ior))
+    return np.where(bare, 0.0, albedo).astype(np.float32), f0.astype(np.float32)
+
+
+def draw_materials(rng: np.random.Generator, count: int) -> Materials:
+    """N materials as they are met."""
+    kind = draw_kinds(rng, count)
+    alpha = draw_alphas(rng, kind)
+    albedo, f0 = draw_colors(rng, kind)
+    return Materials(kind=kind, albedo=albedo, f0=f0, alpha=alpha.astype(np.float32))
+
+
+def draw_one(rng: np.random.Generator, kind: int, alpha: float, rank: float | None = None) -> Material:
+    """One material of a kind and a width; rank as in draw_colors."""
+    ranks = None if rank is None else np.array([rank])
+    albedo, f0 = draw_colors(rng, np.array([kind]), ranks)
+    return Material(albedo=albedo[0], f0=f0[0], alpha=alpha)
+
+
+def kind_given_alpha(alpha: np.ndarray) -> np.ndarray:
+    """P(kind | alpha) [N, 4] by Bayes' rule: SHARES times the density of ln alpha; even where no kind has such."""
+    density = np.stack([share * _density(row, alpha) for share, row in zip(SHARES, ALPHA, strict=True)], -1)
+    density = density + 1e-12
+    return density / density.sum(axis=-1, keepdims=True)
+
+
+def total_reflectance(albedo: np.ndarray, f0: np.ndarray) -> np.ndarray:
+    """What a material reflects of an even light in all, [..., 3].
+
+    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
+    coat loses between its facets is left out.
+    """
+    fresnel = f0 + (1.0 - f0) / 21.0
+    return fresnel + (1.0 - fresnel) * albedo
+
+
+def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weight of the object in the meter's mean and the radiance that this mean is brought to, [N] each."""
+    return rng.uniform(*OBJECT_WEIGHT, count), KEY * np.exp(rng.normal(0.0, KEY_SPREAD, count))
+
+
+def frame_weights(height: int) -> np.ndarray:
+    """Share of each pixel of a map [H, 2H] of the camera's frame in what a phone's frame shows, sum 1."""
+    inside = -pixel_directions(height)[..., 2] > np.cos(np.radians(FRAME_DEG))
+    weights = inside * pixel_solid_angles(height)
+    return (weights / weights.sum()).astype(np.float32)
+
+
+def frame_level(seen: np.ndarray) -> np.ndarray:
+    """What a meter makes of the frame around an object: luminance [..., H, 2H] of a camera's map to [...]."""
+    weights = frame_weights(seen.shape[-2])
+    return ((np.asarray(seen) ** FRAME_POWER) * weights).sum(axis=(-2, -1)) ** (1.0 / FRAME_POWER)
+
+
+def metered_gain(object_mean, frame, weight, key):
+    """From radiance to exposure units, [...]: the mean of object and frame is brought to the key.
+
+    Args:
+        object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
+    """
+    power = FRAME_POWER
+    mean = weight * np.maximum(object_mean, 1e-6) ** power + (1.0 - weight) * np.maximum(frame, 1e-6) ** power
+    return key / mean ** (1.0 / power)
+
+
+def draw_white_balance(rng: np.random.Generator, ambient: np.ndarray) -> np.ndarray:
+    """Gains [N, 3], of luminance 1 for a white, of cameras in lights of mean colours ambient [N, 3]."""
+    grey = np.maximum(ambient / np.maximum(luminance(ambient), 1e-9)[:, None], 0.05)
+    adapted = rng.uniform(*ADAPTED, (len(ambient), 1))
+    gains = np.exp(rng.normal(0.0, BALANCE_ERROR, ambient.shape)) * grey**-adapted
+    return (gains / luminance(gains)[:, None]).astype(np.float32)
+
+
+def _quantile(table: np.ndarray, kind: np.ndarray, rank: np.ndarray) -> np.ndarray:
+    rows = np.stack([np.interp(rank, PROBABILITIES, row) for row in np.log(table)])
+    return np.exp(rows[kind, np.arange(len(kind))])
+
+
+def _density(row: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Of ln value, [N]."""
+    edges = np.log(row)
+    heights = np.diff(PROBABILITIES) / np.diff(edges)
+    place = np.searchsorted(edges, np.log(value), side="right") - 1
+    inside = (place >= 0) & (np.log(value) <= edges[-1])
+    return np.where(inside, heights[np.clip(place, 0, len(heights) - 1)], 0.0)
+
+
+def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:
+    """Factors [N, 3] of any luminance; what is nearly white is nearly grey."""
+    count = len(value)
+    which = rng.choice(3, count, p=TINTS)[:, None]
+    warm = np.abs(rng.normal(0.0, 0.45, (count, 1)))
+    natural = np.concatenate([warm, np.zeros_like(warm), -warm], axis=1) + rng.normal(0.0, 0.08, (count, 3))
+    spread = np.where(which == 0, 0.04, 0.6) * rng.normal(0.0, 1.0, (count, 3))
+    paler = np.clip(1.3 - 1.3 * value, 0.2, 1.0)[:, None]
+    return np.exp(paler * np.where(which == 1, natural, spread))
+
+
+def _tinted(value: np.ndarray, tint: np.ndarray) -> np.ndarray:
+    """Colours [N, 3] of luminance value [N], as far as no channel exceeds MOST_ALBEDO."""
+    color = tint * (value / luminance(tint))[:, None]
+    return color * np.minimum(1.0, MOST_ALBEDO / color.max(axis=1, keepdims=True))

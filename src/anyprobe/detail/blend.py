@@ -1,0 +1,264 @@
+"""Detail of a candidate on the light of an estimate.
+
+    L = m (E' + e) exp(sum over bands of a_b h_b) - e + disc
+
+E' is the estimate without its dominant light, h the candidate's ln radiance, at the estimate's exposure and cut off
+above white, without the orders that an estimate holds, split into bands; a_b^2 is the share of a band's power that the
+estimate lacks, so that what a mirror showed is not drawn twice. m is smooth: it keeps blurred display values as near
+to the estimate's as they can be while the nine spherical harmonics of radiance are exactly the estimate's. What the
+photo shows of the surroundings replaces all this; the dominant light is a disc where the estimate has it.
+
+Arrays here are planar, [3, H, 2H].
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.response import inverse_response, response
+from anyprobe.detail.library import decode
+from anyprobe.light.dominant_light import DominantLight, split_dominant_light
+from anyprobe.light.environment import MAP_HEIGHT, reduced
+from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.light.harmonics import project, sh_basis
+
+HELD = 9.0
+"""Sharpness of the blur b_l = exp(-l (l + 1) / 18) of order l; an estimate holds 1 - (1 - b)^3: of order 3 .88, of
+order 4 .70, of order 6 .26, of order 8 .05."""
+BANDS = (192.0, 768.0)
+"""Of the blurs between bands: a half at orders 16 and 32."""
+CONTRAST = (0.26, 0.115, 0.14)
+"""Deviation of ln radiance in each band that a candidate is brought to: on training maps about two thirds of real
+power. Made-up detail adds its own variance to the error, so that more costs more."""
+CONTRAST_GAIN = 1.6
+"""By this factor, or its inverse, at most."""
+CEILING = 1.5
+"""Radiance in units of white above which a candidate's is cut off: its light sources are not the estimate's."""
+FLOOR = 0.02
+"""e: added to radiance before its logarithm; the black of a candidate is no deeper."""
+FINE = 16
+"""Steps between two codes of a picture."""
+STEP = 2.0
+"""Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
+STEPS = 5
+CLIPPED = 0.97
+"""Display value of what is seen from which on it is at least as bright as it looks."""
+LEAST_COVER = 1e-3
+"""What display values are divided by at least, where next to nothing is covered."""
+LEAST_RADIUS = np.radians(1.0)
+"""Of the disc."""
+
+
+def blend(
+    estimate: np.ndarray,
+    codes: np.ndarray,
+    candidate_from_estimate: np.ndarray,
+    ln_gain: np.ndarray,
+    rows: int,
+    seen: np.ndarray | None = None,
+) -> np.ndarray:
+    """The estimate [h, 2h, 3] with the detail of a candidate: [rows, 2 rows, 3] float32, the same SH9.
+
+    Args:
+        codes: [H, 2H, 3] of library.Library.candidate.
+        candidate_from_estimate, ln_gain: of match.Match.
+        rows: a multiple of 64.
+        seen: [rows, 2 rows, 4] display values times cover, and cover, of what the photo shows around the object.
+    """
+    small = reduced(estimate, MAP_HEIGHT)
+    light, rest = split_dominant_light(small)
+    if luminance(small).max() <= 1:  # nothing above white
+        light, rest = None, small
+    rest = _planar(rest)
+    detailed = _detailed(rest, _candidate(codes, candidate_from_estimate, ln_gain, rows))
+    goal = project(estimate)
+    shown, cover = _shown(seen, rest, rows)
+    fixed = shown * cover + (0.0 if light is None else _disc(light, rows))
+    free = detailed * (1 - cover)
+    free *= _enlarge(_towards(free, fixed, rest, goal), rows)
+    # once more, for what reducing to 64 rows left
+    lack = goal - project(_interleaved(free + fixed))
+    free *= _enlarge(_harmonics_step(_shrunk(free), lack), rows)
+    return _interleaved(free + fixed)
+
+
+def _planar(radiance: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.moveaxis(radiance, -1, 0), np.float32)
+
+
+def _interleaved(planes: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.moveaxis(planes, 0, -1), np.float32)
+
+
+def _detailed(rest: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """The estimate's light [3, 64, 128] with the detail of ln radiance phi [3, H, 2H]."""
+    ln_rest = np.log(np.maximum(rest, 0.0) + FLOOR)
+    low, *bands = _bands(_shrunk(phi))
+    shares = [
+        _share(own, theirs, contrast)
+        for own, theirs, contrast in zip(_bands(ln_rest)[1:], bands, CONTRAST, strict=True)
+    ]
+    # phi itself carries what 64 rows do not hold, by the share of the finest band
+    field = ln_rest - shares[-1] * low
+    for share, band in zip(shares, bands, strict=True):
+        field = field + (share - shares[-1]) * band
+    ln_all = shares[-1] * phi
+    ln_all += _enlarge(field, phi.shape[1])
+    np.exp(ln_all, out=ln_all)
+    ln_all -= FLOOR
+    return np.maximum(ln_all, 0.0, out=ln_all)
+
+
+def _bands(values: np.ndarray) -> list[np.ndarray]:
+    """[3, 64, 128] as what an estimate holds, two bands, and the rest; their sum is the whole."""
+    blurred = [_held(values), *(_blur(values, sharpness) for sharpness in BANDS), values]
+    return [blurred[0], *(fine - coarse for coarse, fine in zip(blurred, blurred[1:], strict=False))]
+
+
+def _blur(values: np.ndarray, sharpness: float) -> np.ndarray:
+    return np.moveaxis(blur_cosine_power(np.moveaxis(values, 0, -1), sharpness), -1, 0)
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """What an estimate holds of values [3, 64, 128]."""
+    high = values
+    for _ in range(3):
+        high = high - _blur(high, HELD)
+    return values - high
+
+
+def _share(own: np.ndarray, theirs: np.ndarray, contrast: float) -> float:
+    """The factor at which a candidate's band, brought to a contrast, fills an estimate's up to its own power."""
+    weights = pixel_solid_angles(own.shape[1]) / (4 * np.pi * len(own))
+    mine, whole = (float(np.sqrt((weights * band**2).sum())) for band in (own, theirs))
+    gain = float(np.clip(contrast / max(whole, 1e-6), 1 / CONTRAST_GAIN, CONTRAST_GAIN))
+    return gain * float(np.sqrt(max(0.0, 1.0 - (mine / max(gain * whole, 1e-6)) ** 2)))
+
+
+def _candidate(codes: np.ndarray, turn: np.ndarray, ln_gain: np.ndarray, rows: int) -> np.ndarray:
+    """ln(radiance + FLOOR) of a candidate, turned and exposed: [3, rows, 2 rows] float32."""
+    x, y, z = turn.astype(np.float32) @ _directions(rows)
+    height, width = codes.shape[:2]
+    column = (0.5 + np.arctan2(x, -z) / np.float32(2 * np.pi)) * width - 0.5
+    row = np.clip(np.arccos(np.clip(y, -1.0, 1.0)) * np.float32(height / np.pi) - 0.5, 0.0, height - 1.001)
+    left, top = np.floor(column), np.floor(row)
+    right, down = (column - left)[:, None], (row - top)[:, None]
+    left, top = left.astype(np.int32) % width, top.astype(np.int32) * width
+    after = (left + 1) % width
+    flat = codes.reshape(-1, 3)
+    upper, lower = (_between(flat, line + left, line + after, right) for line in (top, top + width))
+    steps = ((upper + (lower - upper) * down) * FINE).astype(np.uint16)
+    ln = np.interp(np.arange(255 * FINE + 1) / FINE, np.arange(256), np.log(decode()))
+    table = np.log(np.minimum(np.exp(ln[:, None] + ln_gain), CEILING) + FLOOR).astype(np.float32)
+    return np.stack([table[steps[:, k], k] for k in range(3)]).reshape(3, rows, 2 * rows)
+
+
+def _between(pixels: np.ndarray, left: np.ndarray, after: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """[P, 3] float32 between pixels [N, 3] at two indices [P], right [P, 1] of the way."""
+    one, other = (np.take(pixels, index, axis=0).astype(np.float32) for index in (left, after))
+    other -= one
+    other *= right
+    other += one
+    return other
+
+
+@lru_cache(maxsize=2)
+def _directions(rows: int) -> np.ndarray:
+    """Of every pixel, [3, rows * 2 rows] float32."""
+    return np.ascontiguousarray(pixel_directions(rows).reshape(-1, 3).T)
+
+
+def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Radiance [3, rows, 2 rows] of what is seen and cover [1, rows, 2 rows]; where it is clipped, as bright as the
+    estimate [3, 64, 128] if that is brighter, its hue kept."""
+    if seen is None:
+        return np.zeros((3, 1, 1), np.float32), np.zeros((1, 1, 1), np.float32)
+    cover = _planar(seen[..., 3:])
+    display = _planar(seen[..., :3]) / np.maximum(cover, LEAST_COVER)
+    radiance = inverse_response(display)
+    gain = np.maximum(_enlarge(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), LEAST_COVER), 1.0)
+    return np.where((display >= CLIPPED).any(axis=0), radiance * gain, radiance), cover
+
+
+def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """The factor m [3, 64, 128] of what is free beside what is fixed: blurred display values nearer to those of rest,
+    then harmonics [9, 3] those of the goal."""
+    free, fixed = _shrunk(free), _shrunk(fixed)
+    m = _ratio(_held(response(rest)), _held(response(free)))
+    for _ in range(STEPS):
+        m = m * _harmonics_step(m * free, goal - project(_interleaved(m * free + fixed)))
+    return m
+
+
+def _ratio(wanted: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """The factor of radiance that brings display values to those that are wanted."""
+    a, b = (inverse_response(np.clip(values, 0.02, 0.95)) for values in (wanted, shown))
+    return np.clip(a / b, 1 / STEP, STEP)
+
+
+def _harmonics_step(free: np.ndarray, lack: np.ndarray) -> np.ndarray:
+    """1 + sum of c_i Y_i [3, 64, 128] that adds the lacking harmonics [9, 3] to what is free."""
+    y = sh_basis(pixel_directions(MAP_HEIGHT)).reshape(-1, 9).astype(np.float64)
+    weights = np.repeat(pixel_solid_angles(MAP_HEIGHT), 2 * MAP_HEIGHT, axis=1).reshape(-1)
+    factor = np.empty_like(free)
+    for plane, missing, out in zip(free, lack.T, factor, strict=True):
+        gram = (y * (weights * plane.reshape(-1))[:, None]).T @ y
+        ridge = 1e-6 * np.trace(gram) + 1e-9
+        out[:] = 1.0 + (y @ np.linalg.solve(gram + ridge * np.eye(9), missing)).reshape(plane.shape)
+    return np.clip(factor, 1 / STEP, STEP)
+
+
+def _disc(light: DominantLight, rows: int) -> np.ndarray:
+    """The dominant light [3, rows, 2 rows] as a disc of the lobe's size, edges a pixel and a half wide."""
+    radius = max(float(np.arccos(np.clip(1.0 - light.solid_angle / (2 * np.pi), -1.0, 1.0))), LEAST_RADIUS)
+    angle = np.arccos(np.clip(light.direction @ _directions(rows), -1.0, 1.0)).reshape(rows, 2 * rows)
+    share = np.clip((radius - angle) / (1.5 * np.pi / rows) + 0.5, 0.0, 1.0)
+    facing = (share * np.cos(angle) * pixel_solid_angles(rows)).sum()
+    return share * (light.irradiance / facing)[:, None, None]
+
+
+def _shrunk(planes: np.ndarray) -> np.ndarray:
+    """Means over blocks, [3, H, 2H] to [3, 64, 128], by solid angle."""
+    rows = planes.shape[1]
+    if rows in (1, MAP_HEIGHT):
+        return planes
+    down, across = _blocks(rows)
+    return down @ planes @ across
+
+
+@lru_cache(maxsize=4)
+def _blocks(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights [64, rows] by solid angle, and [2 rows, 128], of means over blocks."""
+    k = rows // MAP_HEIGHT
+    areas = pixel_solid_angles(rows)[:, 0].astype(np.float64)
+    down = np.repeat(np.eye(MAP_HEIGHT), k, axis=1) * areas
+    across = np.repeat(np.eye(2 * MAP_HEIGHT), k, axis=0) / k
+    return (down / down.sum(axis=1, keepdims=True)).astype(np.float32), across.astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _spline(old: int, new: int) -> np.ndarray:
+    """Weights [new, old + 4] of the cubic B-spline on values with two more at both ends."""
+    at = (np.arange(new) + 0.5) * old / new - 0.5
+    first = np.floor(at).astype(int)
+    t = at - first
+    parts = ((1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3)
+    weights = np.zeros((new, old + 4), np.float32)
+    for k, part in enumerate(parts):
+        weights[np.arange(new), first + 1 + k] = part / 6
+    return weights
+
+
+def _enlarge(planes: np.ndarray, rows: int) -> np.ndarray:
+    """Smooth values [3, h, 2h] at more rows, [3, rows, 2 rows]; over a pole lies the other side."""
+    height, width = planes.shape[1:]
+    if rows == height:
+        return planes
+    beyond = np.roll(planes, width // 2, axis=2)
+    tall = np.concatenate([beyond[:, 1::-1], planes, beyond[:, :-3:-1]], axis=1)
+    padded = np.concatenate([tall[:, :, -2:], tall, tall[:, :, :2]], axis=2)
+    return _spline(height, rows) @ padded @ _spline(width, 2 * rows).T

@@ -1,0 +1,72 @@
+"""Plausible detail: the structure of a library's best match under the light of an estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.detail.blend import blend
+from anyprobe.detail.library import Library, open_library
+from anyprobe.detail.match import find_match
+from anyprobe.errors import InputError
+from anyprobe.light.environment import MAP_HEIGHT, check_radiance
+
+DETAILS = ("none", "plausible")
+SIZES = (64, 128, 256, 512)
+"""Rows of a map with detail."""
+ROWS = SIZES[-1]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Detailed:
+    """radiance: [rows, 2 rows, 3]; name: of the candidate that lent the detail; seed: as given."""
+
+    radiance: np.ndarray
+    name: str
+    seed: int
+
+    def info(self) -> dict[str, str | int]:
+        """For a sidecar."""
+        return {"kind": "plausible", "from": self.name, "seed": self.seed}
+
+
+def add_detail(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None = None,
+    *,
+    library: Library | str | Path | None = None,
+    rows: int = ROWS,
+    seed: int = 0,
+    seen: np.ndarray | None = None,
+) -> Detailed:
+    """An estimate's map with the detail of a real place; the same input gives the same bits.
+
+    Args:
+        radiance: [H, 2H, 3] linear, in the photo's exposure units.
+        confidence: [H, 2H] in [0, 1]: how much each direction counts in the choice.
+        library: of library.open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
+        rows: one of SIZES.
+        seed: 0 takes the candidate that agrees best, 1 the next, and so on.
+        seen: [rows, 2 rows, 4] display values times cover, and cover, see detail.seen.
+    Raises:
+        InvalidEnvironment, InputError: one line that says what to do.
+    """
+    if rows not in SIZES:
+        raise InputError(
+            f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another"
+        )
+    if seed < 0:
+        raise InputError(f"seed: expected 0 or more, got {seed}; 0 takes the best match")
+    radiance = check_radiance(radiance, "estimate")
+    if len(radiance) < MAP_HEIGHT:
+        raise InputError(
+            f"estimate: expected at least {MAP_HEIGHT} rows, got {len(radiance)}; take the map as it was estimated"
+        )
+    library = library if isinstance(library, Library) else open_library(library)
+    match = find_match(radiance, confidence, library, seed)
+    detailed = blend(
+        radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen
+    )
+    return Detailed(radiance=detailed, name=match.name, seed=seed)

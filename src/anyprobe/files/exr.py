@@ -1,0 +1,330 @@
+"""OpenEXR pictures: their headers, read here before the library sees the file, and their pixels.
+
+The limits hold for everything that the library would decode: all parts, all channels. It gets the file with the
+attributes that it needs and no others, since some are compressed and text may be of any encoding.
+OpenEXR file layout: openexr.com, "OpenEXR File Layout".
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+
+from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
+from anyprobe.errors import InputError
+from anyprobe.files.paths import read_regular, utf8_path
+
+EXR_MAGIC = b"\x76\x2f\x31\x01"
+
+HEADER_BYTES = 1 << 24
+"""Longest header that is read; a manifest of object names takes some MB."""
+
+MAX_CHANNELS = 1024
+MAX_PARTS = 256
+
+MULTIPART, DEEP = 0x1000, 0x800
+"""Flags of the version field."""
+
+NEEDED = {
+    *("channels", "compression", "dataWindow", "displayWindow", "lineOrder", "pixelAspectRatio"),
+    *("screenWindowCenter", "screenWindowWidth", "tiles", "name", "type", "version", "chunkCount"),
+}
+"""Attributes without which the pixels cannot be decoded."""
+
+CHUNK_ROWS = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)
+"""Rows of a chunk by the number of its compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+
+FILLER = 13
+"""Bytes of an attribute x, a string, with nothing in it."""
+
+quiet: Callable[[], AbstractContextManager] = nullcontext
+"""Held around the library, which prints of damaged files; a program that owns its process may set it."""
+
+Window = tuple[np.ndarray, np.ndarray]
+"""x, y of the first pixel, and x, y just after the last, int64."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExrHeader:
+    """What a file's header holds.
+
+    Attributes:
+        display, data: windows of the first part.
+        attributes: raw values of the first part by name: type, bytes.
+        decoded: pixels of all parts together; more than four channels count as more pixels, since all are decoded.
+        plain: the header's bytes with the NEEDED attributes alone, as long as they were.
+    """
+
+    display: Window
+    data: Window
+    attributes: Mapping[str, tuple[bytes, bytes]]
+    decoded: int
+    plain: bytes
+
+
+def parse_header(data: bytes) -> ExrHeader:
+    """The header from a file's first bytes; ValueError where it is none, or one of a deep picture."""
+    if data[:4] != EXR_MAGIC or len(data) < 8:
+        raise ValueError("no OpenEXR file")
+    flags = int.from_bytes(data[4:8], "little")
+    at, parts, plain = 8, [], [data[:8]]
+    while True:
+        attributes, end = _parse_part(data, at)
+        if flags & MULTIPART and not attributes:
+            plain.append(b"\0")
+            break
+        kind = attributes.get("type", (b"", b""))[1]
+        if flags & DEEP or kind.startswith(b"deep"):
+            raise ValueError("a deep picture")
+        plain.append(_without_rest(data[at:end], attributes))
+        parts.append(attributes)
+        at = end
+        if not flags & MULTIPART:
+            break
+        if len(parts) > MAX_PARTS:
+            raise ValueError("too many parts")
+    if not parts:
+        raise ValueError("no parts")
+    return ExrHeader(
+        display=_window(parts[0], "displayWindow"),
+        data=_window(parts[0], "dataWindow"),
+        attributes=parts[0],
+        decoded=sum(map(_decoded, parts)),
+        plain=b"".join(plain),
+    )
+
+
+def _parse_part(data: bytes, at: int) -> tuple[dict[str, tuple[bytes, bytes]], int]:
+    """Attributes of one part that begin at a byte, and where the next part begins."""
+    found: dict[str, tuple[bytes, bytes]] = {}
+    while True:
+        if at >= min(len(data), HEADER_BYTES):
+            raise ValueError("a header without end")
+        name, at = _name(data, at)
+        if not name:
+            return found, at
+        kind, at = _name(data, at)
+        size = int.from_bytes(data[at : at + 4], "little", signed=True)
+        at += 4
+        if size < 0 or at + size > len(data):
+            raise ValueError("a header that is cut")
+        found[name.decode("latin-1")] = kind, data[at : at + size]
+        at += size
+
+
+def _name(data: bytes, at: int) -> tuple[bytes, int]:
+    """A string that ends with 0, and where it has ended."""
+    end = data.find(b"\0", at, at + 256)
+    if end < 0:
+        raise ValueError("a name without end")
+    return data[at:end], end + 1
+
+
+def _without_rest(part: bytes, attributes: Mapping[str, tuple[bytes, bytes]]) -> bytes:
+    """A part's header with the NEEDED attributes, filled up to its length: what follows has its place by number."""
+    kept = b"".join(
+        name.encode("latin-1") + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+        for name, (kind, value) in attributes.items()
+        if name in NEEDED
+    )
+    room = len(part) - 1 - len(kept)
+    if room == 0:
+        return kept + b"\0"
+    if room < FILLER:
+        return part
+    return kept + b"x\0string\0" + struct.pack("<i", room - FILLER) + b" " * (room - FILLER) + b"\0"
+
+
+def _window(attributes: Mapping[str, tuple[bytes, bytes]], name: str) -> Window:
+    kind, value = attributes.get(name, (b"", b""))
+    if kind != b"box2i" or len(value) != 16:
+        raise ValueError(f"no {name}")
+    corners = np.frombuffer(value, "<i4").astype(np.int64)
+    low, high = corners[:2], corners[2:] + 1
+    if (high <= low).any():
+        raise ValueError(f"an empty {name}")
+    return low, high
+
+
+def _decoded(attributes: Mapping[str, tuple[bytes, bytes]]) -> int:
+    """Pixels of one part, see ExrHeader.decoded."""
+    value = attributes.get("channels", (b"", b""))[1]
+    count, at = 0, 0
+    while at < len(value) - 1:
+        name, at = _name(value, at)
+        at += 16  # type, linearity, sampling
+        count += bool(name)
+    if not 0 < count <= MAX_CHANNELS:
+        raise ValueError("no channels, or too many")
+    windows = (_window(attributes, name) for name in ("displayWindow", "dataWindow"))
+    return max(int(np.prod(high - low)) for low, high in windows) * -(-count // 4)
+
+
+def _check_whole(data: bytes, header: ExrHeader) -> None:
+    """ValueError where a chunk of rows lies beyond the file's end; parts and tiles are the library's to judge."""
+    kind = header.attributes.get("compression", (b"", b"\xff"))[1]
+    if data[5] & (MULTIPART | 0x200) >> 8 or not kind or kind[0] >= len(CHUNK_ROWS):
+        return
+    rows = int(header.data[1][1] - header.data[0][1])
+    first, count = len(header.plain), -(-rows // CHUNK_ROWS[kind[0]])
+    offsets = np.frombuffer(data[first : first + 8 * count], "<u8") if len(data) >= first + 8 * count else [0]
+    for at in map(int, offsets):
+        if not first < at <= len(data) - 8 or at + 8 + int.from_bytes(data[at + 4 : at + 8], "little") > len(
+            data
+        ):
+            raise ValueError("a file that is cut")
+
+
+def exr_pixels(data: bytes) -> int:
+    """How many pixels a file's bytes would be decoded to, see ExrHeader.decoded; 0 where there is no such header."""
+    try:
+        return parse_header(data).decoded
+    except ValueError:
+        return 0
+
+
+def exr_attributes(data: bytes, begin: str) -> dict[str, str]:
+    """Text attributes whose names begin so, without it; none where there is no such header."""
+    try:
+        found = parse_header(data).attributes
+    except ValueError:
+        return {}
+    return {
+        name.removeprefix(begin): value.decode("utf-8", "replace")
+        for name, (kind, value) in found.items()
+        if name.startswith(begin) and kind == b"string"
+    }
+
+
+def read_channels(
+    source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int
+) -> tuple[ExrHeader, dict[str, np.ndarray]]:
+    """The header and every channel of the first part by name, [H, W] of the data window, as they are stored.
+
+    Args:
+        source: a path, or the file's bytes.
+        fault: class of the error to raise.
+        max_pixels: refused above, before pixels are decoded, see ExrHeader.decoded.
+    """
+    try:
+        data = source if isinstance(source, bytes) else read_regular(source, name, fault)
+        header = parse_header(data)
+    except ValueError as error:
+        if isinstance(error, fault):
+            raise
+        advice = "save it flat" if "deep" in str(error) else "save it again"
+        raise fault(
+            f"{name}: expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}"
+        ) from error
+    width, height = np.maximum(
+        header.display[1] - header.display[0], header.data[1] - header.data[0]
+    ).tolist()
+    if header.decoded > max_pixels:
+        raise fault(
+            f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels in all parts and layers, "
+            f"got {width} x {height} and {header.decoded / 1e6:.0f} million; shrink it first"
+        )
+    try:
+        _check_whole(data, header)
+        stream = io.BytesIO(header.plain + data[len(header.plain) :])
+        with quiet(), OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
+            return header, {key: channel.pixels for key, channel in file.channels().items()}
+    except (RuntimeError, ValueError, KeyError, TypeError, OSError, MemoryError) as error:
+        raise fault(
+            f"{name}: expected an OpenEXR picture, got a damaged or empty file; save it again"
+        ) from error
+
+
+def read_exr(
+    source: str | os.PathLike[str] | bytes,
+    name: str,
+    fault: type[InputError],
+    max_pixels: int,
+    *,
+    rec709: bool = False,
+) -> np.ndarray:
+    """The colour of an .exr: channels R, G, B and perhaps A, or Y.
+
+    A data window smaller than the display window is set into it, black around.
+
+    Args:
+        source, fault, max_pixels: of read_channels.
+        rec709: turn light of other chromaticities to linear Rec. 709; else the numbers as stored.
+    Returns:
+        [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
+    """
+    header, found = read_channels(source, name, fault, max_pixels)
+    order = "RGB" if all(key in found for key in "RGB") else "YYY"
+    layers = [found.get(key) for key in order]
+    if found.get("A") is not None:
+        layers.append(found["A"])
+    shape = tuple((header.data[1] - header.data[0]).tolist()[::-1])
+    if any(layer is None or layer.shape != shape for layer in layers):
+        listed = ", ".join(sorted(found)[:20]) or "none"
+        raise fault(
+            f"{name}: expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture"
+        )
+    pixels = np.empty((*shape, len(layers)), dtype=np.float32)
+    for i, layer in enumerate(layers):
+        pixels[..., i] = layer
+    kind, value = header.attributes.get("chromaticities", (b"", b""))
+    if rec709 and kind:
+        stored = np.frombuffer(value, "<f4").tolist() if (kind, len(value)) == (b"chromaticities", 32) else []
+        pixels[..., :3] = to_rec709(pixels[..., :3], stored, name, fault)
+    return in_display(pixels, header)
+
+
+def in_display(pixels: np.ndarray, header: ExrHeader) -> np.ndarray:
+    """Pixels [H, W, ...] of the data window in the display window: overscan is cut, zero where there is no data."""
+    (low, high), (data_low, data_high) = header.display, header.data
+    if (low == data_low).all() and (high == data_high).all():
+        return pixels
+    canvas = np.zeros((*(high - low).tolist()[::-1], *pixels.shape[2:]), dtype=pixels.dtype)
+    (x0, y0), (x1, y1) = np.maximum(low, data_low), np.minimum(high, data_high)
+    if x1 > x0 and y1 > y0:
+        inside = pixels[y0 - data_low[1] : y1 - data_low[1], x0 - data_low[0] : x1 - data_low[0]]
+        canvas[y0 - low[1] : y1 - low[1], x0 - low[0] : x1 - low[0]] = inside
+    return canvas
+
+
+def to_rec709(
+    rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]
+) -> np.ndarray:
+    """Linear colours [..., 3] in Rec. 709; none falls below 0 that did not before."""
+    try:
+        matrix = rec709_from_rgb(chromaticities)
+    except (TypeError, ValueError) as error:
+        raise fault(
+            f"{name}: expected x, y of red, green, blue and of a white between them, "
+            f"got {' '.join(str(chromaticities).split())[:120]} ({error}); save it as linear Rec. 709"
+        ) from error
+    if np.array_equal(matrix, np.eye(3)):
+        return rgb
+    with np.errstate(invalid="ignore", over="ignore"):  # infinity is the caller's to refuse
+        turned = rgb @ matrix.T.astype(np.float32)
+    return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
+
+
+def write_channels(path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> None:
+    """Write channels [H, W] of a latitude-longitude map, ZIP, Rec. 709, with attributes; RuntimeError if it fails."""
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "envmap": OpenEXR.ENVMAP_LATLONG,
+        "chromaticities": REC709_CHROMATICITIES,
+        **attributes,
+    }
+    with utf8_path(path) as plain:
+        try:
+            OpenEXR.File(header, dict(channels)).write(plain)
+        except RuntimeError as error:
+            raise RuntimeError(str(error).replace(plain, str(path))) from error

@@ -1,0 +1,199 @@
+"""What a photo's file says before it is decoded: its size, EXIF, and whether decoding it would take too long."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from typing import Any, BinaryIO
+
+import numpy as np
+from PIL import (
+    AvifImagePlugin,
+    BmpImagePlugin,
+    ExifTags,
+    GifImagePlugin,
+    Image,
+    Jpeg2KImagePlugin,
+    JpegImagePlugin,
+    MpoImagePlugin,
+    PngImagePlugin,
+    PpmImagePlugin,
+    TiffImagePlugin,
+    WebPImagePlugin,
+)
+
+from anyprobe.errors import InputError, InvalidPhoto, MissingExtra
+from anyprobe.files.exr import EXR_MAGIC, exr_pixels
+from anyprobe.files.paths import open_regular
+from anyprobe.files.rgbe import HDR_MAGIC, hdr_pixels
+
+MAX_PIXELS = 100_000_000
+"""Largest photo that is decoded; the header is looked at first."""
+
+MIN_SIDE_PX, MAX_SIDE_PX = 32, 65_535
+"""Smallest and largest height and width of a photo; JPEG has the same largest."""
+
+MAX_SCANS = 32
+"""Scans of a progressive JPEG, each of which passes over the whole picture; encoders make about ten."""
+
+PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
+"""Formats that may be opened; Pillow knows others that start programs or are no pictures."""
+
+PLUGINS = (
+    *(AvifImagePlugin, BmpImagePlugin, GifImagePlugin, Jpeg2KImagePlugin, JpegImagePlugin, MpoImagePlugin),
+    *(PngImagePlugin, PpmImagePlugin, TiffImagePlugin, WebPImagePlugin),
+)
+"""Their readers, imported here and not at the first photo: a process forked while a thread imports hangs."""
+
+ON_ITS_SIDE = (5, 6, 7, 8)
+"""Orientations of photos that are turned by a quarter to be shown."""
+
+_HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
+_JPEG_START = b"\xff\xd8\xff"
+_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+
+
+class UnknownPicture(Exception):
+    """No format of PHOTO_FORMATS, or a header that is damaged."""
+
+
+def open_picture(stream: BinaryIO, name: str = "photo") -> Image.Image:
+    """A picture whose header is read and whose pixels are not.
+
+    Image.open would warn of pictures that are large; how large they may be is judged here.
+
+    Raises:
+        UnknownPicture: it cannot be read.
+        InvalidPhoto: decoding it would take too long.
+        MissingExtra: a HEIC photo without its reader installed.
+    """
+    head = stream.read(16)
+    if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
+        _register_heic(name)
+    for kind in PHOTO_FORMATS:
+        factory, accepts = Image.OPEN.get(kind, (None, None))
+        if factory is None or (accepts is not None and accepts(head) is not True):
+            continue
+        stream.seek(0)
+        try:
+            picture = factory(stream, "")
+        except Exception:  # decoders raise whatever the bad bytes lead them to
+            continue
+        if head.startswith(_JPEG_START):
+            _check_scans(stream, name)
+        return picture
+    raise UnknownPicture
+
+
+def check_size(width: int, height: int, name: str) -> None:
+    """InvalidPhoto where a picture is too large to be decoded or too small for a photo."""
+    if width * height > MAX_PIXELS:
+        raise InvalidPhoto(
+            f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {width} x {height}; shrink it first"
+        )
+    if max(width, height) > MAX_SIDE_PX:
+        raise InvalidPhoto(
+            f"{name}: expected at most {MAX_SIDE_PX} pixels on either side, got {width} x {height}; cut it"
+        )
+    if min(width, height) < MIN_SIDE_PX:
+        raise InvalidPhoto(
+            f"{name}: expected at least {MIN_SIDE_PX} pixels on either side, "
+            f"got {width} x {height}; use the original photo"
+        )
+
+
+def declared_pixels(data: bytes) -> int:
+    """How many pixels a file's bytes would be decoded to, nothing decoded; 0 where it is no picture or map."""
+    if data.startswith(EXR_MAGIC):
+        return exr_pixels(data)
+    if data.startswith(HDR_MAGIC):
+        return hdr_pixels(data)
+    (width, height), _ = photo_header(data)
+    return width * height
+
+
+def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int], float | None]:
+    """Width and height of a photo, upright, and the field of view by its EXIF, or None; nothing is decoded.
+
+    0, 0 and None where it is no photo that has them: read_image says why.
+    """
+    try:
+        if isinstance(source, bytes):
+            with open_picture(io.BytesIO(source)) as image:
+                return upright_size(image), exif_fov_deg(image)
+        with open_regular(source, InputError) as stream, open_picture(stream) as image:
+            return upright_size(image), exif_fov_deg(image)
+    except (UnknownPicture, InputError):
+        return (0, 0), None
+
+
+def upright_size(image: Image.Image) -> tuple[int, int]:
+    """Width and height of the picture as it is shown."""
+    width, height = image.size
+    if _exif(image).get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
+        return width, height
+    if image.format == "TIFF":  # Pillow turns the size of these alone, and not in all its versions
+        tags = image.tag_v2
+        width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
+    return height, width
+
+
+def exif_fov_deg(image: Image.Image) -> float | None:
+    """Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent f [mm]."""
+    try:
+        focal_mm = float(_exif(image, ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm, 0))
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    if not 2.0 <= focal_mm <= 2000.0:  # 0 means unknown
+        return None
+    return float(np.degrees(2.0 * np.arctan(18.0 / focal_mm)))
+
+
+def exif_exposure(image: Image.Image) -> float | None:
+    """Light that reached the sensor, times its gain: t S / N^2 (ISO 2720); None where EXIF lacks one of the three."""
+    exif = _exif(image, ExifTags.IFD.Exif)
+    tags = (ExifTags.Base.ExposureTime, ExifTags.Base.ISOSpeedRatings, ExifTags.Base.FNumber)
+    try:
+        seconds, iso, f_number = (
+            float(value[0] if isinstance(value, tuple) else value) for value in map(exif.get, tags)
+        )
+        exposure = seconds * iso / f_number**2
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError, IndexError):
+        return None
+    return exposure if 0.0 < exposure < np.inf else None
+
+
+def _exif(image: Image.Image, directory: int | None = None) -> Any:
+    """EXIF tags; none where they are damaged: a picture is one without them."""
+    try:
+        exif = image.getexif()
+        return exif if directory is None else exif.get_ifd(directory)
+    except Exception:  # its parser raises whatever the bad bytes lead it to
+        return {}
+
+
+def _check_scans(stream: BinaryIO, name: str) -> None:
+    """InvalidPhoto for a JPEG that passes over its pixels again and again; what follows its end does not count."""
+    place = stream.tell()
+    stream.seek(0)
+    data = stream.read()
+    stream.seek(place)
+    at, scans = 2, 0
+    while (marker := _MARKER.search(data, at)) and marker[1] != b"\xd9":
+        at = marker.end()
+        scans += marker[1] == b"\xda"
+        if scans > MAX_SCANS:
+            raise InvalidPhoto(
+                f"{name}: expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG"
+            )
+        at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
+
+
+def _register_heic(name: str) -> None:
+    try:
+        import pillow_heif
+    except ImportError as error:
+        raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo") from error
+    pillow_heif.register_heif_opener()

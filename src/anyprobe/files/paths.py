@@ -1,0 +1,110 @@
+"""Names of files: in the order people count in, for libraries that take UTF-8 alone, and whether they end."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from anyprobe.errors import InputError, OutputError
+
+MAX_BYTES = 2**31
+"""Longest file that is read whole."""
+
+
+def natural_order(name: str) -> list[tuple[bool, int, str]]:
+    """A key to sort names by: frame_2 stands before frame_10."""
+    return [
+        (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part)
+        for part in re.split(r"([0-9]+)", name)
+    ]
+
+
+def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:
+    """What a folder has of these suffixes, in lower case, by natural_order; without hidden files.
+
+    macOS leaves a ._NAME beside each NAME on shared drives.
+    """
+    known = tuple(suffixes)
+    found = [p for p in folder.iterdir() if p.suffix.lower() in known and not p.name.startswith(".")]
+    return sorted(found, key=lambda path: natural_order(path.name))
+
+
+@contextmanager
+def open_regular(
+    path: str | os.PathLike[str], fault: type[InputError], what: str = "a file"
+) -> Iterator[BinaryIO]:
+    """A file to read that has an end: a pipe may never get one, a device has none.
+
+    what: it should be, for messages.
+
+    Raises:
+        fault: something else is there, or nothing, or it may not be read.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError) as error:
+        raise fault(f"{path}: expected {what}, got no such file; check the path") from error
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or device"
+        raise fault(f"{path}: expected {what}, got {kind}; name a file")
+    try:
+        with open(path, "rb") as stream:
+            yield stream
+    except OSError as error:
+        raise fault(f"{path}: cannot be read ({error.strerror or error}); check the permissions") from error
+
+
+def read_regular(
+    path: str | os.PathLike[str],
+    name: str,
+    fault: type[InputError],
+    what: str = "a file",
+    max_bytes: int = MAX_BYTES,
+) -> bytes:
+    """All bytes of open_regular; fault also where they are more."""
+    with open_regular(path, fault, what) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > max_bytes:
+            raise fault(
+                f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it"
+            )
+        return stream.read(size)
+
+
+def read_rest(stream: BinaryIO) -> bytes:
+    """What follows in an open file, up to MAX_BYTES; read() of a number takes as much memory at once."""
+    return stream.read(min(os.fstat(stream.fileno()).st_size, MAX_BYTES))
+
+
+@contextmanager
+def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
+    """The path itself, or one that leads to it where its bytes are no UTF-8; to read from and to write to.
+
+    The other is a symbolic link of the same suffix, in a folder of its own for as long as the block lasts.
+
+    Raises:
+        OutputError: no link can be made.
+    """
+    name = os.fspath(path)
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:  # bytes that Python keeps as surrogates
+        with ExitStack() as stack:
+            try:
+                folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="anyprobe-"))
+                link = Path(folder) / f"file{Path(name).suffix.encode('ascii', 'ignore').decode()}"
+                link.symlink_to(os.path.abspath(name))
+            except OSError as error:
+                raise OutputError(
+                    f"{name}: expected a name in UTF-8, got other bytes, and no link to it can be made "
+                    f"({error.strerror or error}); rename it"
+                ) from error
+            yield str(link)
+    else:
+        yield name

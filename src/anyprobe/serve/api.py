@@ -1,0 +1,242 @@
+"""The HTTP server: photos in, lights out, and the page that does the same in the browser."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.responses import JSONResponse, Response
+from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import ClientDisconnect
+
+from anyprobe import __version__
+from anyprobe.errors import AnyprobeError, InputError, MissingExtra
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.multiview import estimate_crops
+from anyprobe.export.targets import TARGETS, find_target
+from anyprobe.scatter.materials import given_material
+from anyprobe.serve import answers, openapi
+from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
+from anyprobe.serve.page import Page, add_page
+from anyprobe.serve.pool import Busy, Cancelled, Job, Limits, WorkerPool
+from anyprobe.serve.tasks import TooManyPixels, Upload
+from anyprobe.serve.uploads import read_upload, read_views, take_unread
+
+log = logging.getLogger("anyprobe.serve")
+
+CLIENT_GONE = 499
+"""This answer is never read; the number is the one that logs of other servers use."""
+
+
+def create_app(
+    estimator: Estimator,
+    limits: Limits | None = None,
+    *,
+    page: Page | None = None,
+    hosts: Sequence[str] = ("*",),
+    addresses: bool = False,
+    origins: Sequence[str] = (),
+    token: str | None = None,
+) -> FastAPI:
+    """The application around networks that are open already.
+
+    Args:
+        estimator: shared by all workers; its own threads times limits.workers should be the cores.
+        page: the built page; None leaves the API alone.
+        hosts: names a browser may call this server by; others get 400, so that a foreign name
+            pointed at this machine opens nothing.
+        addresses: whether it may be called by any IP address besides.
+        token: asked for by all addresses but /healthz; None: nothing is asked for.
+        origins: pages of other origins that may use the API; none by default.
+    """
+    limits = limits or Limits()
+    pool = WorkerPool(limits)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        yield
+        pool.close()
+
+    app = FastAPI(
+        title="anyprobe",
+        version=__version__,
+        summary="One photo of an object of uniform material in, the HDR light around it out.",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+    )
+    app.state.pool = pool
+    app.add_middleware(
+        BodyLimit, max_bytes=limits.max_bytes, grace_s=limits.grace_s, least_rate=limits.least_rate
+    )
+    app.add_middleware(OwnPagesOnly, origins=origins)
+    if origins:
+        app.add_middleware(CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"])
+    if token:
+        app.add_middleware(TokenOnly, token=token)
+    app.add_middleware(OwnNamesOnly, names=hosts, addresses=addresses)
+    app.add_middleware(HeadAsGet)
+    app.add_middleware(SecureHeaders)  # the last added stands first
+    _add_error_lines(app, limits)
+    _add_api(app, estimator, limits, pool)
+    if page is not None:
+        add_page(app, page, pool)
+    return app
+
+
+def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
+    """The addresses that other programs call."""
+
+    def asked_of(upload: Upload) -> Estimator:
+        return estimator if upload.emitters is None else estimator.with_emitters(upload.emitters)
+
+    async def decode(request: Request, task: str, upload: Upload, *arguments: Any) -> Any:
+        arguments = (upload, limits.max_pixels, *arguments)
+        return await pool.decode(task, *arguments, quick=upload.is_quick, gone=_leaving(request))
+
+    async def cut(request: Request, upload: Upload, first: bool = True) -> Any:
+        return await decode(request, "cut", upload, first, first and "mask" in upload.include)
+
+    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"])
+    async def healthz() -> dict[str, Any]:
+        return {
+            "status": "ok",
+            "version": __version__,
+            "model": estimator.model_id,
+            "taken": pool.taken,
+            "places": limits.workers + limits.waiting,
+        }
+
+    @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE, tags=["light"], response_class=Response)
+    async def estimate(request: Request) -> Response:
+        """Estimate the light around the object of a photo.
+
+        The object is given by a mask, a box, clicks, the photo's alpha channel, or found. JSON by
+        default; the map itself as OpenEXR, Radiance .hdr or tone-mapped PNG by Accept or `format`.
+        """
+        media = answers.choose_type(request, answers.LIGHT_TYPES)
+        async with pool.place():
+            upload = await read_upload(request, pool, openapi.ESTIMATE)
+            material = given_material(upload.material, upload.albedo)
+            start = time.perf_counter()
+            photo, crop, mask = await cut(request, upload)
+
+            def work(job: Job) -> Response:
+                light = asked_of(upload).from_crop(photo, crop, start, material=material)
+                job.step()
+                return answers.light_response(light, media, upload.include, mask)
+
+            return await pool.run(work, _leaving(request))
+
+    @app.post("/v1/fuse", openapi_extra=openapi.FUSE, tags=["light"], response_class=Response)
+    async def fuse(request: Request) -> Response:
+        """Estimate one light from several photos of an object whose cameras' poses are known.
+
+        The light is in the first photo's camera frame; object and light must not have moved between the photos.
+        """
+        media = answers.choose_type(request, answers.LIGHT_TYPES)
+        async with pool.place():
+            views = await read_views(request, pool)
+            common = views.uploads[0]
+            material = given_material(common.material, common.albedo)
+            taken, spent, mask = [], [], None
+            for upload in views.uploads:
+                start = time.perf_counter()
+                photo, crop, found = await cut(request, upload, first=not taken)
+                taken.append((photo, crop))
+                spent.append(time.perf_counter() - start)
+                mask = mask or found
+
+            def work(job: Job) -> Response:
+                light = estimate_crops(
+                    asked_of(common).from_crop, taken, views.world_from_camera, spent, material
+                )
+                job.step()
+                return answers.light_response(light, media, common.include, mask)
+
+            return await pool.run(work, _leaving(request))
+
+    @app.post("/v1/mask", openapi_extra=openapi.MASK, tags=["light"], response_class=Response)
+    async def mask(request: Request) -> Response:
+        """The mask that an estimate would use: a grey PNG of the upright photo's size."""
+        media = answers.choose_type(request, answers.MASK_TYPES)
+        async with pool.place():
+            upload = await read_upload(request, pool, openapi.MASK)
+            found = await decode(request, "mask", upload, media == answers.JSON)
+        return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
+
+    @app.post("/v1/photo", openapi_extra=openapi.PHOTO, tags=["page"], response_class=Response)
+    async def photo(request: Request) -> Response:
+        """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
+        async with pool.place():
+            upload = await read_upload(request, pool, openapi.PHOTO)
+            picture, fov_deg = await decode(request, "upright", upload)
+        headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
+        return Response(picture, media_type="image/png", headers=headers)
+
+    @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT, tags=["light"], response_class=Response)
+    async def export(request: Request, target: str) -> Response:
+        """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
+        find_target(target)
+        async with pool.place():
+            upload = await read_upload(request, pool, openapi.EXPORT)
+            archive = await decode(request, "export_zip", upload, target)
+        name = f'attachment; filename="light_{target}.zip"'
+        return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
+
+    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"])
+    async def targets() -> list[str]:
+        return list(TARGETS)
+
+
+def _leaving(request: Request) -> Callable[[], Any]:
+    """Returns when the client has gone; the body must have been read."""
+
+    async def gone() -> None:
+        while (await request.receive())["type"] != "http.disconnect":
+            pass
+
+    return gone
+
+
+def _add_error_lines(app: FastAPI, limits: Limits) -> None:
+    """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
+
+    def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
+        return JSONResponse({"error": " ".join(str(error).split())}, status, headers)
+
+    @app.exception_handler(Busy)
+    async def busy(request: Request, error: Busy) -> Response:
+        await take_unread(request)
+        text = f"all {limits.workers + limits.waiting} places are taken; try again in a moment"
+        return line(text, 429, {"Retry-After": str(limits.retry_after_s)})
+
+    @app.exception_handler(Cancelled)
+    @app.exception_handler(ClientDisconnect)
+    async def cancelled(request: Request, error: Exception) -> Response:
+        return Response(status_code=CLIENT_GONE)
+
+    @app.exception_handler(HTTPException)
+    async def refused(request: Request, error: HTTPException) -> Response:
+        headers = dict(error.headers or {})
+        wrong = f"expected {headers['Allow']}, got {request.method}" if "Allow" in headers else error.detail
+        return line(wrong, error.status_code, headers)
+
+    @app.exception_handler(AnyprobeError)
+    async def ours(request: Request, error: AnyprobeError) -> Response:
+        if isinstance(error, InputError):
+            return line(error, 413 if isinstance(error, TooManyPixels) else 422)
+        if isinstance(error, MissingExtra):
+            return line(error, 501)
+        log.error("%s", error)  # it may name a path of this machine
+        return line("the server is not whole; its log says more", 500)
+
+    @app.exception_handler(Exception)
+    async def unforeseen(request: Request, error: Exception) -> Response:
+        log.error("unforeseen", exc_info=error)
+        return line("the server failed at this; its log says more", 500)

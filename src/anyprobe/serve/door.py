@@ -1,0 +1,140 @@
+"""What uvicorn leaves open in front of the application: half-open requests, too many connections, a log without end."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from contextlib import suppress
+from typing import Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+HEAD_S = 10.0
+"""Seconds in which a request's head must have arrived."""
+
+READ_S = 30.0
+"""Seconds that a client may leave an answer unread for."""
+
+MAX_CONNECTIONS = 512
+"""Beyond them the one that has kept the server waiting longest is closed."""
+
+SPARE_DESCRIPTORS = 96
+"""Files and pipes that the server needs besides its connections."""
+
+LINES_PER_MINUTE = 60
+"""Lines of the log; what is beyond them is counted."""
+
+
+class DoorProtocol(H11Protocol):
+    """HTTP/1.1 with time limits for heads and for clients that do not read, and a bound on connections."""
+
+    max_connections = MAX_CONNECTIONS
+    head_s = HEAD_S
+    read_s = READ_S
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        self._waits_since: float | None = None
+        self._head: asyncio.TimerHandle | None = None
+        self._unread: asyncio.TimerHandle | None = None
+        if len(self.connections) >= self.max_connections:
+            waiting = [one for one in self.connections if getattr(one, "_waits_since", None) is not None]
+            if not waiting:  # all of them are being answered
+                super().connection_made(transport)
+                transport.abort()
+                return
+            min(waiting, key=lambda one: one._waits_since).transport.abort()
+        super().connection_made(transport)
+        self._await_head()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self.transport.is_closing():
+            return
+        if self.conn.their_state is h11.IDLE:  # the next head is not there yet
+            if self._head is None:
+                self._await_head()
+        else:
+            self._head_came()
+
+    def on_response_complete(self) -> None:
+        super().on_response_complete()
+        if not self.transport.is_closing() and self.conn.their_state is h11.IDLE:
+            self._waits_since = time.monotonic()  # kept alive: uvicorn's own timer ends it
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._head_came()
+        if self._unread is not None:
+            self._unread.cancel()
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        self._unread = self.loop.call_later(self.read_s, self.transport.abort)
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        if self._unread is not None:
+            self._unread.cancel()
+            self._unread = None
+        super().resume_writing()
+
+    def _await_head(self) -> None:
+        self._waits_since = time.monotonic()
+        self._head = self.loop.call_later(self.head_s, self.transport.abort)
+
+    def _head_came(self) -> None:
+        self._waits_since = None
+        if self._head is not None:
+            self._head.cancel()
+            self._head = None
+
+
+class FewLines(logging.Filter):
+    """Lets so many lines a minute through; the first of the next minute says how many were left out."""
+
+    def __init__(self, most: int = LINES_PER_MINUTE) -> None:
+        super().__init__()
+        self._most, self._since, self._count = most, time.monotonic(), 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if time.monotonic() - self._since >= 60.0:
+            lost, self._since, self._count = self._count - self._most, time.monotonic(), 0
+            if lost > 0:
+                record.msg, record.args = f"({lost} lines left out) {record.getMessage()}", ()
+        self._count += 1
+        return self._count <= self._most
+
+
+def settings() -> dict[str, Any]:
+    """uvicorn settings with limits that fit this process. Sets up its descriptors and logs too."""
+    descriptors = _most_descriptors()
+    limited = min(MAX_CONNECTIONS, max(16, descriptors - SPARE_DESCRIPTORS))
+    few = FewLines()
+    for name in ("asyncio", "uvicorn.error", "anyprobe.serve"):
+        logging.getLogger(name).addFilter(few)
+    return {
+        "http": type("Door", (DoorProtocol,), {"max_connections": limited}),
+        "ws": "none",
+        "h11_max_incomplete_event_size": 32 * 2**10,
+        "timeout_keep_alive": 5,
+        "backlog": 128,
+        "server_header": False,
+        "log_level": "warning",
+    }
+
+
+def _most_descriptors() -> int:
+    """Open files that this process may have, once its own limit is raised to the system's."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return MAX_CONNECTIONS
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with suppress(OSError, ValueError):
+        wanted = MAX_CONNECTIONS + SPARE_DESCRIPTORS
+        wanted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+        if soft < wanted:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            return wanted
+    return soft

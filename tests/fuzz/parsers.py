@@ -1,0 +1,245 @@
+"""Every parser of files or requests by name: what it is fed first, and how it is called."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from PIL import Image
+
+from anyprobe.estimate.normals_prior import read_normals
+from anyprobe.estimate.result import Light
+from anyprobe.export.exported_light import check_front, said_beside
+from anyprobe.files import headers, images, meshes, poses, radiance
+from anyprobe.files.glb import buffer_paths, pack_glb, read_gltf
+from anyprobe.masks.depth import read_depth
+from anyprobe.video.clip import open_clip, read_frames
+from fuzz.seeds import instanced_glb, multipart_exr
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parser:
+    """seeds: files that it reads; call: reads one; weight: its share of the inputs."""
+
+    seeds: Callable[[], list[bytes]]
+    call: Callable[[bytes], object]
+    weight: float = 1.0
+
+
+@lru_cache(maxsize=1)
+def folder() -> Path:
+    """Where inputs are put for parsers of paths; in memory, where there is such a place."""
+    shared = Path("/dev/shm")
+    return Path(tempfile.mkdtemp(prefix="fuzz-", dir=shared if shared.is_dir() else None))
+
+
+def by_path(suffix: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+    """A parser of paths as one of bytes."""
+
+    def call(data: bytes) -> object:
+        path = folder() / f"input{suffix}"
+        path.write_bytes(data)
+        return read(path)
+
+    return call
+
+
+def saved(image: Image.Image, kind: str, **options) -> bytes:
+    stream = io.BytesIO()
+    image.save(stream, format=kind, **options)
+    return stream.getvalue()
+
+
+def photos() -> list[bytes]:
+    rgb = np.random.default_rng(0).integers(0, 255, (40, 48, 3), np.uint8)
+    image = Image.fromarray(rgb).resize((48, 40))
+    grey, clear = image.convert("L"), image.convert("RGBA")
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    exif.get_ifd(0x8769).update({0xA405: 28, 0x829A: 0.01, 0x8827: 100, 0x829D: 2.8})
+    found = [
+        saved(image, "JPEG", exif=exif),
+        saved(image, "JPEG", progressive=True, quality=40),
+        saved(image.convert("CMYK"), "JPEG"),
+        saved(clear, "PNG", exif=exif),
+        saved(image.quantize(16), "PNG"),
+        saved(Image.fromarray(np.arange(40 * 48, dtype=np.uint16).reshape(40, 48)), "PNG"),
+        saved(image, "WEBP", exif=exif),
+        saved(clear, "WEBP", lossless=True),
+        saved(image, "BMP"),
+        saved(grey, "PPM"),
+        saved(image, "GIF", save_all=True, append_images=[grey.convert("RGB")]),
+        saved(image, "MPO", save_all=True, append_images=[grey.convert("RGB")]),
+    ]
+    for compression in (None, "tiff_lzw", "tiff_adobe_deflate", "jpeg", "packbits"):
+        found.append(saved(image, "TIFF", compression=compression, exif=exif))
+    found.append(saved(Image.fromarray(np.random.default_rng(0).random((40, 48), np.float32)), "TIFF"))
+    for kind in ("JPEG2000", "AVIF"):
+        if kind in Image.SAVE or Image.init() and kind in Image.SAVE:
+            found.append(saved(image, kind))
+    return found
+
+
+def exrs() -> list[bytes]:
+    channels = {name: np.random.default_rng(0).random((32, 64), np.float32) for name in "RGBA"}
+    found = [multipart_exr(32, 40)]
+    for compression in ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "DWAA"):
+        stream = io.BytesIO()
+        header = {
+            "compression": getattr(OpenEXR, f"{compression}_COMPRESSION"),
+            "type": OpenEXR.scanlineimage,
+            "anyprobe:frame": "u = 0.5 + atan2(x, -z) / 2 pi",
+            "chromaticities": (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767),
+        }
+        OpenEXR.File(header, dict(channels)).write(stream)
+        found.append(stream.getvalue())
+    return found
+
+
+def hdrs() -> list[bytes]:
+    path = folder() / "seed.hdr"
+    found = []
+    for width in (16, 4):
+        picture = np.random.default_rng(0).random((width // 2, width, 3), np.float32)
+        picture[0] = 0.5
+        radiance.write_hdr(path, picture, attributes={"frame": "u = 0.5"})
+        found.append(path.read_bytes())
+    primaries = b"PRIMARIES=.713 .293 .165 .83 .128 .044 .3217 .3377\nEXPOSURE=2\nFORMAT"
+    return [*found, found[0].replace(b"FORMAT", primaries)]
+
+
+def mesh(suffix: str) -> list[bytes]:
+    import trimesh
+
+    if suffix == ".glb":
+        return [instanced_glb(2), trimesh.creation.box().export(file_type="glb")]
+    box = trimesh.creation.box()
+    data = box.export(file_type=suffix[1:])
+    found = [data if isinstance(data, bytes) else data.encode()]
+    if suffix == ".ply":
+        found.append(box.export(file_type="ply", encoding="ascii"))
+    if suffix == ".obj":
+        found.append(
+            b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\ng a\nf 1/1/1 2/1/1 3/1/1\nf -1 -2 -3\n"
+        )
+    if suffix == ".stl":
+        found.append(trimesh.exchange.stl.export_stl_ascii(box).encode())
+    return [one if isinstance(one, bytes) else one.encode() for one in found]
+
+
+def gltfs() -> list[bytes]:
+    data = instanced_glb(2, uri="data.bin")
+    return [data[20 : 20 + int.from_bytes(data[12:16], "little")]]
+
+
+def pack(data: bytes) -> None:
+    path = folder() / "input.gltf"
+    path.write_bytes(data)
+    document = read_gltf(path, "m")
+    buffers = {name: bytes(36) for name in buffer_paths(document)}
+    pack_glb(document, buffers, "m")
+
+
+def pose_files() -> list[bytes]:
+    turn = np.eye(4).tolist()
+    frames = [{"file_path": f"{k}.png", "transform_matrix": turn, "fl_x": 900} for k in range(2)]
+    return [
+        json.dumps([turn, turn]).encode(),
+        json.dumps({"frames": frames, "w": 90, "camera_angle_x": 1.2}).encode(),
+    ]
+
+
+def read_all_poses(data: bytes) -> None:
+    found = poses.parse_poses(data, "poses")
+    found.in_order()
+    found.clip_fov_deg(40, 30)
+    found.of([Path(f"{k}.png") for k in range(2)])
+
+
+def sidecars() -> list[bytes]:
+    light = Light(radiance=np.full((8, 16, 3), 0.5, np.float32))
+    return [json.dumps(light.sidecar()).encode()]
+
+
+def load_sidecar(data: bytes) -> None:
+    path = folder() / "light.hdr"
+    if not path.exists():
+        radiance.write_hdr(path, np.full((8, 16, 3), 0.5, np.float32))
+    path.with_suffix(".json").write_bytes(data)
+    check_front(path)
+    said_beside(path)
+    Light.load(path).sidecar()
+
+
+def arrays() -> list[bytes]:
+    found = []
+    for values in (np.full((8, 9, 3), 0.577, np.float32), np.ones((8, 9), np.uint16)):
+        stream = io.BytesIO()
+        np.save(stream, values)
+        found.append(stream.getvalue())
+    return found
+
+
+def clips() -> list[bytes]:
+    import av
+
+    found = []
+    for kind, codec in (("mp4", "libx264"), ("webm", "libvpx"), ("avi", "mjpeg"), ("gif", "gif")):
+        stream = io.BytesIO()
+        try:
+            with av.open(stream, "w", format=kind) as container:
+                track = container.add_stream(codec, rate=10)
+                track.width, track.height = 48, 32
+                track.pix_fmt = {"gif": "rgb8", "mjpeg": "yuvj420p"}.get(codec, "yuv420p")
+                for shade in range(4):
+                    picture = av.VideoFrame.from_ndarray(
+                        np.full((32, 48, 3), 60 * shade, np.uint8), format="rgb24"
+                    )
+                    container.mux(track.encode(picture.reformat(format=track.pix_fmt)))
+                container.mux(track.encode())
+        except (av.error.FFmpegError, ValueError):  # this build lacks the codec
+            continue
+        found.append(stream.getvalue())
+    return found
+
+
+def play(path: Path) -> None:
+    frames: Iterable = read_frames(open_clip(path), [])
+    for frame, _ in zip(frames, range(4), strict=False):
+        assert frame.rgb.ndim == 3
+
+
+def look(data: bytes) -> None:
+    headers.declared_pixels(data)
+    headers.photo_header(data)
+
+
+PARSERS: dict[str, Parser] = {
+    "photo": Parser(seeds=photos, call=images.read_image, weight=6),
+    "header": Parser(seeds=lambda: photos() + exrs() + hdrs(), call=look, weight=6),
+    "exr": Parser(seeds=exrs, call=by_path(".exr", radiance.read_radiance), weight=4),
+    "hdr": Parser(seeds=hdrs, call=by_path(".hdr", radiance.read_radiance), weight=5),
+    "linear": Parser(
+        seeds=lambda: exrs() + hdrs(), call=lambda data: radiance.read_linear(data, 1_000_000), weight=3
+    ),
+    "attributes": Parser(
+        seeds=lambda: exrs() + hdrs(), call=by_path(".exr", radiance.map_attributes), weight=3
+    ),
+    **{
+        f"mesh{suffix}": Parser(seeds=lambda s=suffix: mesh(s), call=by_path(suffix, meshes.read_mesh))
+        for suffix in meshes.SUFFIXES
+    },
+    "gltf": Parser(seeds=gltfs, call=pack, weight=3),
+    "poses": Parser(seeds=pose_files, call=read_all_poses, weight=4),
+    "sidecar": Parser(seeds=sidecars, call=load_sidecar, weight=2),
+    "normals": Parser(seeds=arrays, call=by_path(".npy", lambda path: read_normals(path, (8, 9))), weight=2),
+    "depth": Parser(seeds=arrays, call=by_path(".npy", read_depth), weight=2),
+    "video": Parser(seeds=clips, call=by_path(".mp4", play), weight=0.5),
+}

@@ -1,0 +1,153 @@
+"""What objects hide from themselves: none of it on a sphere, the right side of a wall, and no light made of nothing."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+
+from anyprobe.core.frames import world_from_camera  # noqa: E402
+from anyprobe.dataset import surfaces as surfaces_module  # noqa: E402
+from anyprobe.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.dataset.lighting import Illuminator  # noqa: E402
+from anyprobe.dataset.occlusion import (  # noqa: E402
+    AZIMUTHS,
+    RINGS,
+    SIDE,
+    cell_directions,
+    hidden_cells,
+    mirrored,
+)
+from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.shadows import moved, shade_hidden  # noqa: E402
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.render.mesh import make_mesh  # noqa: E402
+from anyprobe.render.shapes import sphere  # noqa: E402
+from anyprobe.render.surface import frame_object, see  # noqa: E402
+
+
+def looked_at(mesh, yaw=0.0, elevation=0.0):
+    surface = see(mesh, frame_object(mesh, world_from_camera(yaw, elevation), fov_deg=10.0))
+    normals = np.zeros((128, 128, 3), np.float32)
+    normals[surface.mask] = surface.normals
+    return surface, normals[1::2, 1::2], hidden_cells(surface)
+
+
+def shown(hidden):
+    """[SIDE, SIDE, AZIMUTHS * RINGS] of 1 where a cell is seen."""
+    bits = hidden.transpose(1, 2, 0)[..., None] >> np.arange(RINGS) & 1
+    return 1 - bits.reshape(SIDE, SIDE, -1)
+
+
+def corner():
+    """A floor seen from above, and a wall that stands up from it towards the eye on its right."""
+    boxes = []
+    for low, high in (((-1, -0.1, -1), (1, 0, 1)), ((0.4, 0, -1), (0.6, 0.8, 1))):
+        grid = np.array(np.meshgrid(*zip(low, high, strict=True), indexing="ij")).reshape(3, -1).T
+        faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+        faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+        boxes.append((grid, np.array(faces)))
+    (first, faces), (second, others) = boxes
+    return make_mesh(np.concatenate([first, second]), np.concatenate([faces, others + len(first)]))
+
+
+def test_a_sphere_hides_nothing_that_it_faces():
+    _, normals, hidden = looked_at(sphere(48))
+    facing = np.maximum(normals @ cell_directions().T - 0.15, 0)
+    assert (facing * (1 - shown(hidden))).sum() < 0.01 * facing.sum()
+
+
+def test_a_wall_hides_the_side_on_which_it_stands():
+    surface, normals, hidden = looked_at(corner(), elevation=np.pi / 2 - 1e-3)
+    floor = normals[..., 2] > 0.9
+    floor &= np.indices(floor.shape)[1] < 40
+    near = floor & (np.indices(floor.shape)[1] > 30)
+    seen = shown(hidden)[near].mean(axis=0)
+    d = cell_directions()
+    right, left = (d[:, 0] * side > 0.8 for side in (1, -1))
+    up = (d[:, 2] > 0) & (d[:, 2] < 0.6)
+    assert seen[right & up].mean() < 0.5
+    assert seen[left & up].mean() > 0.95
+    in_mirror = shown(mirrored(hidden))[:, ::-1][near].mean(axis=0)
+    assert in_mirror[left & up].mean() < 0.5
+    assert in_mirror[right & up].mean() > 0.95
+
+
+def test_cells_turn_with_a_picture_that_is_rolled():
+    """A quarter turn to the left: what was hidden on the right is hidden above."""
+    _, normals, hidden = looked_at(corner(), elevation=np.pi / 2 - 1e-3)
+    new_from_old = torch.tensor([[[0.0, -1.0], [1.0, 0.0]]])
+    turned = moved(torch.from_numpy(hidden)[None], new_from_old.mT, torch.zeros(1, 2))[0].numpy()
+    d, right = cell_directions(), np.indices((SIDE, SIDE))[1]
+    floor = np.rot90((normals[..., 2] > 0.9) & (right > 30) & (right < 40))
+    seen = shown(turned)[floor].mean(axis=0)
+    low = (d[:, 2] > 0) & (d[:, 2] < 0.6)
+    assert seen[low & (d[:, 1] > 0.8)].mean() < 0.5
+    assert seen[low & (d[:, 1] < -0.8)].mean() > 0.95
+
+
+def test_light_passes_behind_what_stands_free():
+    """A bar before a floor far behind it hides few cells: not all that lies behind its outline."""
+    grid = np.array(np.meshgrid((-1, 1), (-0.05, 0), (-1, 1), indexing="ij")).reshape(3, -1).T
+    faces = np.array(
+        [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+        + [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    )
+    bar = grid * [0.1, 1.0, 1.0] + [0.2, 0.9, 0.0]
+    mesh = make_mesh(np.concatenate([grid, bar]), np.concatenate([faces, faces + 8]))
+    _, normals, hidden = looked_at(mesh, elevation=np.pi / 2 - 1e-3)
+    above = cell_directions()[:, 2] > 0
+    assert normals[30:34, 26:30, 2].min() > 0.9
+    assert 0.01 < 1 - shown(hidden)[30:34, 26:30][..., above].mean() < 0.25
+
+
+@pytest.fixture
+def batch():
+    """One hemisphere of normals, half of whose cells are hidden."""
+    _, normals, _ = looked_at(sphere(32))
+    n = torch.from_numpy(normals).permute(2, 0, 1)[None]
+    hidden = torch.zeros(1, AZIMUTHS, SIDE, SIDE, dtype=torch.uint8)
+    hidden[:, : AZIMUTHS // 4] = 255
+    wo = torch.tensor([0.0, 0.0, 1.0]).expand(1, SIDE, SIDE, 3)
+    return hidden, n, wo
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.4, 1.0])
+def test_an_object_as_bright_as_its_surroundings_hides_nothing(batch, alpha):
+    even = torch.full((1, 64, 128, 3), 0.7)
+    for part in shade_hidden(*batch, torch.tensor([alpha]), even, torch.full((1, 3), 0.7)):
+        torch.testing.assert_close(part, torch.ones_like(part), rtol=1e-3, atol=1e-3)
+
+
+def test_a_black_object_loses_what_it_hides_and_gains_nothing(batch):
+    even = torch.full((1, 64, 128, 3), 0.7)
+    diffuse, specular = shade_hidden(*batch, torch.tensor([0.3]), even, torch.zeros(1, 3))
+    for part in (diffuse, specular):
+        assert part.max() <= 1 + 1e-5
+        assert part[0, 0, 20, 44] < 0.8 * part[0, 0, 44, 20]  # up and right, where the cells are hidden
+
+
+def test_pairs_with_shadows_are_darker_where_shapes_fold_and_others_stay(tmp_path):
+    maps = [draw_map(np.random.default_rng(k), height=64)[0] for k in range(2)]
+    config = SurfaceConfig(views=1, procedural=0, figures=2, size=128)
+    made = {}
+    for shadows in (False, True):
+        surfaces = build_surfaces([], SurfaceConfig(**(_fields(config) | {"shadows": shadows})), tmp_path)
+        assert (surfaces.hidden is not None) == shadows
+        pairs = PairConfig(batch=4, group=2, pool=2, reuse=4, conditions=0, joined=0.5, shape_augment=0.5)
+        made[shadows] = PairSource(Illuminator(maps, compiled=False), surfaces, pairs).batch(0)
+    torch.testing.assert_close(made[False].irradiance, made[True].irradiance, atol=0.3, rtol=0)
+    assert not torch.equal(made[False].photo, made[True].photo)
+    torch.testing.assert_close(made[False].normals, made[True].normals)
+
+
+def _fields(config):
+    return {name: getattr(config, name) for name in SurfaceConfig.__slots__}
+
+
+def test_what_is_kept_without_shadows_has_the_name_it_had(tmp_path, monkeypatch):
+    monkeypatch.setattr(surfaces_module, "hidden_cells", None)  # not called
+    named = []
+    digest = surfaces_module.hashlib.sha256
+    monkeypatch.setattr(surfaces_module.hashlib, "sha256", lambda data: named.append(data) or digest(data))
+    build_surfaces([], SurfaceConfig(views=1, procedural=1), tmp_path)
+    assert b"shadows" not in named[0]

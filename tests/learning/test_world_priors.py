@@ -1,0 +1,89 @@
+"""Priors of the real world: what they reflect, what is drawn follows what is written, meters see the frame."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="needs the train extra")
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_y
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.dataset import priors
+from anyprobe.dataset.asset_store import draw_map
+from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
+from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.pairs import PairConfig, PairSource
+from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+
+
+def test_dull_things_reflect_a_tenth_to_a_half_and_some_four_fifths(rng):
+    some = priors.draw_materials(rng, 40_000)
+    total = luminance(priors.total_reflectance(some.albedo, some.f0))
+    rough = total[some.kind == priors.KINDS.index("rough")]
+    assert ((rough > 0.1) & (rough < 0.5)).mean() > 0.7
+    assert 0.03 < (rough > 0.7).mean() < 0.12
+    metal = some.kind == 0
+    assert not some.albedo[metal].any()
+    assert (some.f0[metal].mean(axis=1) > 0.4).all()
+    assert some.f0[~metal].max() < 0.08
+    assert (some.albedo[~metal] > 0).all()
+    assert some.albedo.max() <= priors.MOST_ALBEDO + 1e-6
+
+
+def test_draws_have_the_quantiles_that_are_written(rng):
+    for kind, row in enumerate(priors.ALPHA):
+        drawn = priors.draw_alphas(rng, np.full(20_000, kind))
+        np.testing.assert_allclose(np.quantile(drawn, priors.PROBABILITIES[1:-1]), row[1:-1], rtol=0.06)
+    ranks = np.full(9, 0.75)
+    value = luminance(priors.draw_colors(rng, np.full(9, 2), ranks)[0])
+    np.testing.assert_allclose(value, priors.ALBEDO[2][4], rtol=0.02)
+
+
+def test_kinds_given_alpha_are_those_that_are_met(rng):
+    some = priors.draw_materials(rng, 200_000)
+    for low, high in ((0.02, 0.022), (0.15, 0.16), (0.3, 0.32), (0.5, 0.52)):
+        near = (some.alpha > low) & (some.alpha < high)
+        share = np.bincount(some.kind[near], minlength=4) / near.sum()
+        np.testing.assert_allclose(priors.kind_given_alpha(np.array([(low + high) / 2]))[0], share, atol=0.05)
+
+
+def test_a_phone_meters_what_its_frame_shows_and_not_what_is_behind_it():
+    ahead = -pixel_directions(32)[..., 2] > np.cos(np.radians(20))
+    lit = np.where(ahead, 4.0, 1.0)
+    behind = np.where(-pixel_directions(32) @ rotation_y(np.pi)[2] > np.cos(np.radians(20)), 4.0, 1.0)
+    assert priors.frame_level(lit) > 1.5
+    assert priors.frame_level(behind) == pytest.approx(1.0, rel=1e-5)
+
+
+def test_a_dark_object_stays_darker_in_the_photo_than_a_bright_one(rng):
+    shot = phone_shot(draw_shot(rng), np.ones(3), rng)
+    dark, bright = (mean * exposure(shot, mean, 1.0) for mean in (0.1, 0.6))
+    assert 1.5 < bright / dark < 6.0
+
+
+def test_white_balance_takes_out_part_of_the_light_s_colour(rng):
+    warm = np.tile([1.5, 1.0, 0.5], (4000, 1))
+    left = warm * priors.draw_white_balance(rng, warm)
+    ratio = np.exp(np.log(left[:, 0] / left[:, 2]).mean())
+    assert 1.2 < ratio < 2.0
+    assert luminance(priors.draw_white_balance(rng, warm)) == pytest.approx(1.0)
+
+
+def test_pairs_of_the_world_have_its_materials_and_others_stay_as_they_were(monkeypatch):
+    maps = [draw_map(np.random.default_rng(k), height=64)[0] for k in range(2)]
+    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
+
+    def batch(world):
+        config = PairConfig(batch=4, group=2, pool=2, reuse=4, world=world)
+        return PairSource(Illuminator(maps, compiled=False), surfaces, config).batch(0)
+
+    kinds = []
+    one = priors.draw_one
+    monkeypatch.setattr(
+        priors, "draw_one", lambda rng, kind, alpha: kinds.append(kind) or one(rng, kind, alpha)
+    )
+    batch(0.0)
+    assert kinds == []
+    made = batch(1.0)
+    assert len(kinds) == 4
+    assert 0.02 < float(made.photo[:, :3].mean()) < 0.95

@@ -1,0 +1,191 @@
+"""The npm package as others install it: packed, in a plain page with an import map, and through a bundler."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import subprocess
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.browser import run_steps, serve
+from support.camera import camera_flags, write_y4m
+from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package
+
+ROOT = Path(__file__).parents[2]
+WEB = ROOT / "web"
+VASE = ROOT / "examples" / "vase.png"
+MODULES = WEB / "node_modules"
+FOV_DEG = 24.0
+"""Of the examples' photo."""
+ISOLATED = {"Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp"}
+"""Without them the networks run on one thread."""
+
+
+@pytest.fixture(scope="module")
+def packed(chromium, tmp_path_factory) -> Path:
+    """What `npm pack` makes."""
+    if not (MODULES / "onnxruntime-web").is_dir():
+        pytest.skip("needs the packages of web/ (cd web && npm ci)")
+    folder = tmp_path_factory.mktemp("packed")
+    subprocess.run(
+        ["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True
+    )
+    return next(folder.glob("*.tgz"))
+
+
+@pytest.fixture(scope="module")
+def plain_site(packed, tmp_path_factory) -> Path:
+    """The examples beside node_modules, nothing built."""
+    folder = tmp_path_factory.mktemp("plain")
+    (folder / "node_modules").mkdir()
+    with tarfile.open(packed) as archive:
+        archive.extractall(folder, filter="data")
+    (folder / "package").rename(folder / "node_modules" / "anyprobe")
+    for name in ("three", "onnxruntime-web"):
+        (folder / "node_modules" / name).symlink_to(MODULES / name)
+    for path in (WEB / "examples").iterdir():
+        if path.is_file():
+            shutil.copy(path, folder)
+    shutil.copy(VASE, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def built_site(packed, tmp_path_factory) -> Path:
+    """The examples installed from the package and built by Vite without a word of configuration but their names."""
+    folder = tmp_path_factory.mktemp("vite")
+    for path in (WEB / "examples").iterdir():
+        if path.is_file() and path.suffix != ".html":
+            shutil.copy(path, folder)
+    (folder / "public").mkdir()
+    shutil.copy(VASE, folder / "public")
+    install = ["npm", "install", "--silent", "--no-audit", "--no-fund", "--prefer-offline", packed]
+    subprocess.run(install, cwd=folder, check=True, capture_output=True)
+    sources = {"three": "three.js", "fiber": "fiber.jsx", "babylon": "babylon.js", "webxr": "webxr.js"}
+    for name, source in sources.items():
+        head = f'<head><link rel="icon" href="data:,"><script type="module" src="/{source}"></script></head>'
+        (folder / f"{name}.html").write_text(f"<!doctype html><html>{head}<body></body></html>")
+    pages = json.dumps([f"{name}.html" for name in sources])
+    (folder / "vite.config.js").write_text(
+        f'export default {{ build: {{ target: "esnext", rolldownOptions: {{ input: {pages} }} }} }};\n'
+    )
+    subprocess.run(["npx", "vite", "build"], cwd=folder, check=True, capture_output=True)
+    return folder / "dist"
+
+
+def look(site: Path, page: str, **options) -> dict:
+    """What tests/browser/package_example.mjs sees, served with and cross-origin isolated."""
+    arguments = {"page": page} | options.pop("arguments", {})
+    with serve({"/": site}, headers=ISOLATED) as url:
+        return run_steps("package_example.mjs", url, arguments, **options)
+
+
+def pixels(drawn: dict) -> np.ndarray:
+    """[H, W, 4] in [0, 1]."""
+    shape = (drawn["height"], drawn["width"], 4)
+    return np.frombuffer(base64.b64decode(drawn["rgba"]), np.uint8).reshape(shape) / 255
+
+
+def assert_spheres(drawn: dict, estimator) -> None:
+    """Three spheres, 9 away and two units wide, in a view 18 degrees high, under Python's own estimate."""
+    radiance = estimator(VASE, fov_deg=FOV_DEG).radiance
+    page, width, height = pixels(drawn), drawn["width"], drawn["height"]
+    long_fov_deg = 2 * np.degrees(np.arctan(np.tan(np.radians(9)) * width / height))
+    for index, material in enumerate(SPHERES):
+        foot = [2.4 * (index - 1), -1.0, -9.0]
+        pose = {"foot": foot, "up": [0, 1, 0], "scale": 2, "longFovDeg": long_fov_deg}
+        package = drawn_by_package(width, height, pose, radiance, material)
+        both = (page[..., 3] == 1) & (package[..., 3] == 1)
+        assert both.sum() > 0.9 * (package[..., 3] > 0.5).sum() > 500
+        off = np.abs(page[both] - package[both])[:, :3].mean()
+        assert off <= MOST_OFF, f"{material}: {off:.4f} of white"
+
+
+def test_package_holds_what_its_readme_says_and_no_more(plain_site):
+    package = plain_site / "node_modules" / "anyprobe"
+    assert {path.name for path in package.iterdir()} == {
+        "LICENSE",
+        "README.md",
+        "package.json",
+        "src",
+        "types",
+        "weights",
+    }
+    assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 12 * 2**20
+
+
+def test_plain_page_with_an_import_map_gives_pythons_spheres(plain_site, estimator):
+    seen = look(plain_site, "three.html")
+    assert seen["failed"] == []
+    assert_spheres(seen["drawn"], estimator)
+
+
+def test_weights_that_are_not_those_of_the_package_are_refused(plain_site, tmp_path):
+    site = tmp_path / "site"
+    shutil.copytree(plain_site, site, symlinks=True)
+    weights = site / "node_modules" / "anyprobe" / "weights" / "light.onnx"
+    weights.write_bytes(weights.read_bytes()[:-1] + b"?")
+    with serve({"/": site}, headers=ISOLATED) as url:
+        seen = run_steps("package_refused.mjs", url, {"page": "three.html"}, complaints_allowed=True)
+    assert "light.onnx could not be fetched" in seen
+
+
+def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, estimator):
+    with serve({"/": plain_site}) as url:  # not isolated: one thread
+        seen = run_steps("package_sources.mjs", url, {"page": "three.html"}, complaints_allowed=True)
+    expected = estimator(VASE, fov_deg=FOV_DEG).sh9().ravel()
+    for name, sh9 in seen["sh9"].items():
+        assert np.linalg.norm(np.subtract(sh9, expected)) < 0.05 * np.linalg.norm(expected), name
+    assert seen["covered"] == pytest.approx(0.137, abs=0.02)
+    assert seen["confidence"] is None
+    refused = seen["refused"]
+    assert refused["empty"].startswith("image: expected one with pixels")
+    assert refused["mask"].startswith("mask: expected")
+    assert refused["normals"].startswith("normals: expected")
+    assert "expected wasm or webgpu, got webgl" in refused["engine"]
+    assert seen["hasWebgpu"] or "expected a browser with WebGPU" in refused["webgpu"]
+    assert "disposed" in refused["disposed"]
+
+
+@pytest.mark.slow
+def test_empty_vite_project_gives_pythons_spheres(built_site, estimator):
+    seen = look(built_site, "three.html")
+    assert seen["failed"] == []
+    assert_spheres(seen["drawn"], estimator)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fiber", "babylon"])
+def test_example_draws_the_light_from_its_side(built_site, estimator, name):
+    seen = look(built_site, f"{name}.html")
+    direction = estimator(VASE, fov_deg=FOV_DEG).dominant_light().direction
+    assert np.dot(seen["direction"], direction) > np.cos(np.radians(5))
+    page = pixels(seen["drawn"])
+    bright = page[..., :3].mean(axis=-1) * page[..., 3]
+    row, column = np.unravel_index(bright.argmax(), bright.shape)
+    covered = np.nonzero((page[..., 3] > 0.9) & (bright > 0))[1] if name == "fiber" else [0, page.shape[1]]
+    assert column > (min(covered) + max(covered)) / 2  # direction points right and towards the camera
+
+
+@pytest.mark.slow
+def test_probe_light_stands_in_for_the_estimate_of_a_session(built_site, estimator, tmp_path):
+    with Image.open(VASE) as image:
+        frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
+    video = write_y4m(tmp_path / "camera.y4m", [frame])
+    seen = look(built_site, "webxr.html", arguments={"click": True}, flags=camera_flags(video))
+    expected = (
+        estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).dominant_light().direction
+    )
+    assert np.dot(seen["direction"], expected) > np.cos(np.radians(15))
+    lit, default = pixels(seen["drawn"]), pixels(seen["clicked"])
+    assert np.abs(lit - default)[..., :3].mean() > 0.002  # estimationend brings the default light back
+
+
+@pytest.mark.parametrize("name", ["three.js", "fiber.jsx", "babylon.js", "webxr.js"])
+def test_examples_are_short(name):
+    assert len((WEB / "examples" / name).read_text().splitlines()) <= 60

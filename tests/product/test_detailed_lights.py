@@ -1,0 +1,85 @@
+"""Detail where users meet it: in a Light, an Estimator and the command."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.places import place
+from support.scenes import sphere_photo
+
+import anyprobe
+from anyprobe.cli.app import main
+from anyprobe.core.response import response
+from anyprobe.errors import InputError
+from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
+from anyprobe.light.environment import reduced
+from anyprobe.light.filtering import blur_cosine_power
+
+
+@pytest.fixture
+def estimate():
+    return np.maximum(blur_cosine_power(reduced(place(3), 64), 30.0), 0.0)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for seed in range(2):
+        write_exr(tmp_path / "maps" / f"place-{seed}.exr", place(seed, 64))
+    return tmp_path / "maps"
+
+
+def test_a_light_with_detail_says_so_and_keeps_what_was_measured(estimate, folder, tmp_path):
+    light = anyprobe.Light(
+        radiance=estimate, confidence=np.full((64, 128), 0.4, np.float32), info={"model": "m"}
+    )
+    detailed = light.with_detail(library=folder, size=128, seed=1)
+    assert detailed.radiance.shape == (128, 256, 3)
+    np.testing.assert_array_equal(detailed.confidence, light.confidence)
+    np.testing.assert_allclose(detailed.sh9(), light.sh9(), atol=2e-3 * np.abs(light.sh9()).max())
+    said = detailed.sidecar()["detail"]
+    assert said["kind"] == "plausible"
+    assert said["from"].startswith("place-")
+    assert said["seed"] == 1
+    header = map_attributes(detailed.save(tmp_path / "light.exr"))
+    assert header["detail"] == f"plausible, from {said['from']}, seed 1"
+    detailed.save(tmp_path / "light.json")
+    assert anyprobe.Light.load(tmp_path / "light.exr").info["detail"] == said
+    exported = detailed.export("three", tmp_path)
+    (sidecar,) = [path for path in exported if path.suffix == ".json"]
+    assert json.loads(sidecar.read_text())["origin"]["detail"] == said
+    assert "detail" not in light.sidecar()
+    with pytest.raises(InputError, match="got one that has it"):
+        detailed.with_detail(library=folder)
+
+
+def test_an_estimator_gives_detail_where_it_is_asked_for(folder):
+    photo = sphere_photo()
+    plain = anyprobe.Estimator(threads=1)(photo)
+    fine = anyprobe.Estimator(threads=1, detail="plausible", size=64, detail_library=folder)(photo)
+    assert "detail" not in plain.info
+    assert fine.info["detail"]["kind"] == "plausible"
+    assert fine.info["seconds"]["detail"] > 0
+    np.testing.assert_allclose(fine.sh9(), plain.sh9(), atol=5e-3 * np.abs(plain.sh9()).max())
+    assert response(fine.radiance).std() != response(plain.radiance).std()
+    with pytest.raises(InputError, match="detail 'sharp': expected one of none, plausible"):
+        anyprobe.Estimator(detail="sharp")
+
+
+def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):
+    Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
+    out = tmp_path / "out"
+    options = ["--detail", "plausible", "--size", "128", "--detail-library", str(folder), "-q"]
+    monkeypatch.setattr(
+        "sys.argv", ["anyprobe", "estimate", str(tmp_path / "sphere.png"), "-o", str(out), *options]
+    )
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert read_radiance(out / "sphere.exr").shape == (128, 256, 3)
+    said = json.loads((out / "sphere.json").read_text())
+    assert said["detail"]["kind"] == "plausible"
+    assert said["size"] == [256, 128]

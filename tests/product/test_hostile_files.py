@@ -1,0 +1,314 @@
+"""Files made to harm: small ones that decode to much, or for long; and what reading does to the host's process."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import threading
+import warnings
+
+import numpy as np
+import OpenEXR
+import pytest
+from fuzz.seeds import (
+    endless_gif,
+    endless_jpeg,
+    endless_tiff,
+    hidden_hdr,
+    instanced_glb,
+    multipart_exr,
+)
+from PIL import Image
+
+from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
+from anyprobe.estimate.result import SCALE, Light
+from anyprobe.files import exr
+from anyprobe.files.exr import read_exr
+from anyprobe.files.headers import declared_pixels, photo_header
+from anyprobe.files.images import read_image
+from anyprobe.files.meshes import read_mesh
+from anyprobe.files.poses import read_poses
+from anyprobe.files.radiance import read_linear, read_radiance, write_hdr
+
+
+def refused(kind, function, *arguments) -> str:
+    """The one line that it is refused with."""
+    with pytest.raises(kind) as caught:
+        function(*arguments)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def is_soon(seconds: float, function, *arguments) -> None:
+    """Fails where a function needs more of the processor's time."""
+    start = os.times().user
+    function(*arguments)
+    assert os.times().user - start < seconds
+
+
+# Limits hold for what is decoded
+
+
+def test_pixels_of_all_parts_of_an_exr_count(monkeypatch):
+    data = multipart_exr(64, 2000)
+    assert declared_pixels(data) >= 64**2 + 2000**2
+    monkeypatch.setattr(OpenEXR, "File", lambda *_, **__: pytest.fail("decoded"))
+    assert "all parts" in refused(InvalidPhoto, read_exr, data, "p", InvalidPhoto, 1_000_000)
+
+
+def test_a_comment_does_not_hide_the_size_of_a_map(tmp_path):
+    data = hidden_hdr(8192, 16384)
+    assert declared_pixels(data) == 8192 * 16384
+    (tmp_path / "map.hdr").write_bytes(data)
+    assert "16384 x 8192" in refused(InvalidEnvironment, read_radiance, tmp_path / "map.hdr", 1_000_000)
+    assert "16384 x 8192" in refused(InputError, read_linear, data, 1_000_000)
+
+
+def test_a_map_far_shorter_than_its_size_takes_no_memory(tmp_path, monkeypatch):
+    (tmp_path / "map.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n" + bytes(99)
+    )
+    monkeypatch.setattr(np, "empty", lambda *_, **__: pytest.fail("allocated"))
+    assert "whole rows" in refused(InvalidEnvironment, read_radiance, tmp_path / "map.hdr")
+
+
+def test_a_deep_exr_is_refused_before_it_is_decoded():
+    data = bytearray(multipart_exr(64, 64))
+    data[5] |= 0x08
+    assert "deep" in refused(InvalidPhoto, read_exr, bytes(data), "p", InvalidPhoto, 1_000_000)
+
+
+@pytest.mark.parametrize("make", [endless_tiff, endless_gif])
+def test_frames_are_not_counted(make):
+    data = make(50_000)
+    seen = []
+    is_soon(2.0, lambda: seen.append(read_image(data)))
+    assert "several frames or pages" in seen[0].warnings[0]
+
+
+def test_a_jpeg_of_a_thousand_scans_is_refused():
+    data = endless_jpeg(1000)
+    is_soon(2.0, refused, InvalidPhoto, read_image, data)
+    assert "scans" in refused(InvalidPhoto, read_image, data)
+    assert photo_header(data) == ((0, 0), None)
+
+
+def test_an_honest_progressive_jpeg_is_read_whatever_follows_it(rng):
+    stream = io.BytesIO()
+    noise = rng.integers(0, 256, (80, 80, 3), np.uint8)
+    Image.fromarray(noise).save(stream, format="JPEG", progressive=True, exif=endless_jpeg(3)[:9000])
+    assert read_image(stream.getvalue() + b"\xff\xda\0\0" * 1000).rgb.shape == (80, 80, 3)
+
+
+def test_a_picture_of_one_endless_row_is_refused():
+    stream = io.BytesIO()
+    Image.new("1", (3_000_000, 32)).save(stream, format="PNG")
+    assert "65535" in refused(InvalidPhoto, read_image, stream.getvalue())
+
+
+def test_a_scene_of_very_many_nodes_is_refused(tmp_path):
+    (tmp_path / "many.glb").write_bytes(instanced_glb(200_000))
+    is_soon(3.0, refused, InvalidMesh, read_mesh, tmp_path / "many.glb")
+    (tmp_path / "some.glb").write_bytes(instanced_glb(5))
+    assert len(read_mesh(tmp_path / "some.glb").faces) == 5
+
+
+def test_a_scene_that_claims_more_numbers_than_bytes_is_refused(tmp_path):
+    data = instanced_glb(1, count=3_000_000_000)
+    (tmp_path / "claims.glb").write_bytes(data)
+    assert "more numbers than bytes" in refused(InvalidMesh, read_mesh, tmp_path / "claims.glb")
+
+
+@pytest.mark.parametrize("uri", ["outside.bin", "../outside.bin", "/dev/zero"])
+def test_a_mesh_opens_no_other_file(tmp_path, uri):
+    (tmp_path / "outside.bin").write_bytes(np.arange(9, dtype="<f4").tobytes())
+    (tmp_path / "mesh.glb").write_bytes(instanced_glb(1, uri=uri))
+    assert "other files" in refused(InvalidMesh, read_mesh, tmp_path / "mesh.glb")
+
+
+def test_a_material_file_is_not_opened(tmp_path):
+    os.mkfifo(tmp_path / "waits.mtl")  # whoever opens it stops here
+    (tmp_path / "a.obj").write_text("mtllib waits.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert len(read_mesh(tmp_path / "a.obj").faces) == 1
+
+
+# Errors that were tracebacks
+
+
+def test_vertices_of_two_numbers_are_refused(tmp_path):
+    (tmp_path / "flat.obj").write_text("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    assert "flat.obj" in refused(InvalidMesh, read_mesh, tmp_path / "flat.obj")
+
+
+def test_chromaticities_that_are_text_are_refused():
+    data = multipart_exr(64, 64, comment=b"")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": "x"}
+    channels = {name: np.ones((40, 40), np.float32) for name in "RGB"}
+    stream = io.BytesIO()
+    OpenEXR.File(header | {"chromaticitiez": "red"}, channels).write(stream)
+    data = stream.getvalue().replace(b"chromaticitiez", b"chromaticities")
+    assert "expected x, y of red" in refused(InvalidPhoto, read_image, data)
+
+
+def test_text_of_another_encoding_is_no_damage():
+    stream = io.BytesIO()
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "comments": "abXX"}
+    OpenEXR.File(header, {name: np.ones((40, 40), np.float32) for name in "RGB"}).write(stream)
+    data = stream.getvalue().replace(b"abXX", b"\xe9\xff\xfeX")
+    assert read_image(data).rgb.shape == (40, 40, 3)
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "pipe"])
+@pytest.mark.parametrize("read", [read_poses, read_image])
+def test_a_file_without_an_end_is_not_waited_for(tmp_path, path, read):
+    from pathlib import Path
+
+    os.mkfifo(tmp_path / "pipe")
+    assert "a pipe or device" in refused(InputError, read, Path(tmp_path / path))
+
+
+def test_a_long_number_in_a_name_of_the_poses_is_a_name():
+    from anyprobe.files.poses import parse_poses
+
+    names = ["9" * 5000 + ".png", "8.png"]
+    frames = [{"file_path": name, "transform_matrix": np.eye(3).tolist()} for name in names]
+    assert parse_poses(json.dumps({"frames": frames}).encode(), "p").in_order().shape == (2, 3, 3)
+
+
+# A guest in someone's program
+
+
+def test_reading_in_threads_leaves_the_filters_of_warnings_alone(photo_rgba):
+    stream = io.BytesIO()
+    Image.fromarray(photo_rgba).save(stream, format="PNG")
+    before = list(warnings.filters)
+    threads = [
+        threading.Thread(target=lambda: [read_image(stream.getvalue()) for _ in range(40)]) for _ in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert warnings.filters == before
+
+
+def test_reading_leaves_stdout_alone(monkeypatch):
+    data = multipart_exr(64, 64)
+    real, seen = OpenEXR.File, []
+
+    def spy(*arguments, **options):
+        seen.append(sys.stdout)
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(OpenEXR, "File", spy)
+    read_image(data)
+    assert seen == [sys.stdout]
+
+
+def test_a_process_that_forks_while_another_thread_reads_goes_on():
+    """In an interpreter of its own, which this one may end."""
+    code = """
+import os, sys, threading, warnings
+warnings.simplefilter("ignore")
+from fuzz.seeds import multipart_exr
+from anyprobe.files.images import read_image
+data = multipart_exr(64, 300)
+stop = threading.Event()
+def again():
+    while not stop.is_set():
+        read_image(data)
+thread = threading.Thread(target=again)
+thread.start()
+for _ in range(20):
+    child = os.fork()
+    if child == 0:
+        read_image(data)
+        os._exit(7)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 7
+stop.set()
+thread.join()
+print("whole")
+"""
+    path = os.pathsep.join(sys.path)
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    assert ended.stdout == "whole\n", ended.stderr
+
+
+def test_a_damaged_exr_is_one_line_where_the_process_is_ours(tmp_path, monkeypatch, capfd):
+    from anyprobe.cli.quiet import silenced
+
+    data = bytearray(multipart_exr(64, 64))
+    data[-400:] = b"\x55" * 400
+    monkeypatch.setattr(exr, "quiet", silenced)
+    refused(InvalidPhoto, read_image, bytes(data))
+    captured = capfd.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+@pytest.mark.parametrize("blas", ["1", "3"])
+def test_the_same_photo_gives_the_same_bits_whatever_the_threads(photo_rgba, tmp_path, blas):
+    """Of the networks, of NumPy's linear algebra, and with others at work beside it."""
+    np.save(tmp_path / "photo.npy", photo_rgba)
+    code = f"""
+import hashlib, numpy as np
+from concurrent.futures import ThreadPoolExecutor
+from anyprobe.estimate.estimator import Estimator
+photo = np.load({str(tmp_path / "photo.npy")!r})
+def digest(light):
+    return hashlib.sha256(light.radiance.tobytes() + light.confidence.tobytes()).hexdigest()
+found = {{digest(Estimator(threads=n)(photo)) for n in (1, 2, 3, 5, 8, None)}}
+estimator = Estimator()
+with ThreadPoolExecutor(4) as pool:
+    found |= set(pool.map(lambda _: digest(estimator(photo)), range(8)))
+found.add(digest(Estimator()(photo, mask=photo[..., 3])))
+print(*found)
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": blas}
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
+    )
+    assert len(ended.stdout.split()) == 1, ended.stdout + ended.stderr
+    seen = digests.setdefault("photo", ended.stdout)
+    assert seen == ended.stdout
+
+
+digests: dict[str, str] = {}
+
+
+def test_a_map_is_written_in_the_same_bytes_each_time(tmp_path, rng):
+    radiance = rng.random((8, 16, 3), np.float32)
+    for name in "ab":
+        write_hdr(tmp_path / f"{name}.hdr", radiance)
+    assert (tmp_path / "a.hdr").read_bytes() == (tmp_path / "b.hdr").read_bytes()
+
+
+@pytest.mark.parametrize("key", ["well_exposed_fraction", "camera_from_crop"])
+def test_a_sidecar_s_long_number_is_one_line(tmp_path, rng, key):
+    write_hdr(tmp_path / "map.hdr", rng.random((8, 16, 3), np.float32))
+    said = json.dumps({"scale": SCALE, "size": [16, 8], key: 7}).replace("7}", "9" * 400 + "}")
+    (tmp_path / "map.json").write_text(said)
+    assert "save the light again" in refused(InputError, Light.load, tmp_path / "map.hdr")
+
+
+def test_an_interrupt_at_the_start_is_one_line(tmp_path):
+    """While libraries are imported, which is most of a short command's time."""
+    (tmp_path / "onnxruntime.py").write_text("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    ended = subprocess.run(
+        [sys.executable, "-c", "from anyprobe_command import main; main()", "--version"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=environment,
+    )
+    assert (ended.returncode, ended.stderr) == (130, "anyprobe: interrupted\n")

@@ -1,0 +1,226 @@
+"""Masks that come with the photo or beside it: alpha, mattes and depth of renderers, folders of files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+
+from anyprobe.cli.options import hints_for, list_photos
+from anyprobe.errors import InputError, InvalidMask
+from anyprobe.files.images import read_image
+from anyprobe.files.paths import visible_files
+from anyprobe.masks import find
+from anyprobe.masks.cut import Cut
+from anyprobe.masks.depth import mask_from_depth, read_depth
+from anyprobe.masks.propose import Proposal
+from anyprobe.masks.sources import mask_from_alpha, mask_from_file
+from anyprobe.video.following import MaskFollower
+
+HEIGHT, WIDTH = 48, 64
+
+
+@pytest.fixture
+def square() -> np.ndarray:
+    """[H, W] float32, 1 in a square."""
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[10:40, 16:48] = 1.0
+    return mask
+
+
+@pytest.fixture
+def proposal(monkeypatch, square) -> np.ndarray:
+    """A network that proposes the square of every photo, cut out no further."""
+
+    class Network:
+        def propose(self, rgb, *given):
+            return Proposal(cover=square, confidence=0.9)
+
+    monkeypatch.setattr(find, "shared_network", Network)
+    monkeypatch.setattr(
+        find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0)
+    )
+    sure = SimpleNamespace(expected_iou=lambda: 0.9, doubts=list)
+    monkeypatch.setattr(find, "examine", lambda *asked: sure)
+    return square
+
+
+def write_exr(path: Path, channels: dict[str, np.ndarray], **header) -> Path:
+    stored = {key: np.ascontiguousarray(value, np.float32) for key, value in channels.items()}
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION} | header, stored).write(str(path))
+    return path
+
+
+def almost_opaque(kind: str) -> np.ndarray:
+    """[H, W] float32: alpha that cuts nothing away."""
+    alpha = np.full((HEIGHT, WIDTH), {"0": 0.0, "254": 254 / 255}.get(kind, 1.0), np.float32)
+    if kind == "one pixel":
+        alpha[3, 4] = 0.9995
+    if kind == "soft":
+        alpha[:20] = 0.51
+    return alpha
+
+
+# Alpha
+
+
+@pytest.mark.parametrize("kind", ["one pixel", "254", "soft", "0"])
+def test_alpha_that_cuts_nothing_away_leaves_the_photo_to_the_network(tmp_path, kind, proposal):
+    rgb, alpha = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), almost_opaque(kind)
+    photos = [read_image(write_exr(tmp_path / "photo.exr", {"RGBA": np.dstack([rgb, alpha])}))]
+    if kind != "one pixel":  # 8 bits do not hold 0.9995
+        photos.append(read_image(Image.fromarray(np.uint8(np.dstack([rgb, alpha]) * 255 + 0.5))))
+    for photo in photos:
+        assert photo.alpha is not None
+        found = find.find_mask(photo)
+        assert found.source == "network"
+        np.testing.assert_array_equal(found.mask, proposal)
+
+
+def test_alpha_that_cuts_the_object_out_is_its_mask_as_it_is(square):
+    for alpha in (square, np.maximum(square, 0.3), np.minimum(square, 0.9)):
+        rgba = np.dstack([np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), alpha])
+        found = find.find_mask(read_image(rgba))
+        assert found.source == "alpha"
+        np.testing.assert_array_equal(found.mask, alpha)
+    assert mask_from_alpha(None) is None
+    with pytest.raises(InvalidMask, match="empty mask"):
+        mask_from_alpha(square * 0.4)
+
+
+@pytest.mark.parametrize("kind", ["one pixel", "254", "soft"])
+def test_a_masks_alpha_that_cuts_nothing_away_leaves_its_brightness(square, kind):
+    rgba = np.dstack([square, square, square, almost_opaque(kind)])
+    np.testing.assert_array_equal(mask_from_file(rgba, square.shape), square)
+
+
+# Mattes of renderers
+
+
+@pytest.mark.parametrize("channels", ["Y", "RGB", "RGBA"])
+@pytest.mark.parametrize("as_bytes", [False, True])
+def test_an_exr_matte_is_read_linearly(tmp_path, square, channels, as_bytes):
+    matte = square.copy()
+    matte[:, 40:48] *= 0.5
+    matte[20, 20], matte[21, 20], matte[0, 0] = 0.2, 1.5, -0.1
+    layers = [matte] * 3 + [np.ones_like(matte)]
+    stored = matte if channels == "Y" else np.dstack(layers[: len(channels)])
+    path = write_exr(tmp_path / "matte.exr", {channels: stored})
+    found = mask_from_file(path.read_bytes() if as_bytes else path, matte.shape)
+    np.testing.assert_allclose(found, np.clip(matte, 0.0, 1.0), atol=1e-6)
+    assert found.min() >= 0.0
+    assert found.max() <= 1.0
+
+
+def test_an_exr_mattes_alpha_counts_where_it_cuts_something_away(tmp_path, square):
+    path = write_exr(tmp_path / "cut.exr", {"RGBA": np.dstack([square * 0.2] * 3 + [square * 0.8])})
+    np.testing.assert_allclose(mask_from_file(path, square.shape), square * 0.8, atol=1e-6)
+
+
+def test_an_exr_matte_that_cannot_be_used_is_one_line(tmp_path, square):
+    broken = square.copy()
+    broken[2, 2] = np.nan
+    cut = tmp_path / "cut.exr"
+    cut.write_bytes(write_exr(tmp_path / "nan.exr", {"Y": broken}).read_bytes()[:200])
+    write_exr(tmp_path / "z.exr", {"Z": square})
+    write_exr(tmp_path / "other.exr", {"Y": square[:-2]})
+    (tmp_path / "folder.exr").mkdir()
+    expected = {
+        "nan": "NaN",
+        "cut": "damaged",
+        "z": "R, G, B or Y",
+        "other": "64 x 48",
+        "gone": "no such file",
+        "folder": "folder",
+    }
+    for name, words in expected.items():
+        with pytest.raises(InvalidMask, match=words) as caught:
+            mask_from_file(tmp_path / f"{name}.exr", square.shape)
+        assert "\n" not in str(caught.value)
+        assert f"{name}.exr" in str(caught.value)
+
+
+# Depth of renderers
+
+
+def test_depth_of_a_cropped_render_lies_in_the_display_window(tmp_path, square):
+    windows = {"dataWindow": ((12, 8), (51, 43)), "displayWindow": ((0, 0), (WIDTH - 1, HEIGHT - 1))}
+    depth = np.where(square > 0, 2.0, 7.0).astype(np.float32)
+    path = write_exr(tmp_path / "crop.exr", {"Z": depth[8:44, 12:52]}, **windows)
+    np.testing.assert_array_equal(mask_from_depth(path, square.shape, near=1.0, far=3.0), square)
+    found = read_depth(path)
+    assert found.shape == square.shape
+    np.testing.assert_array_equal(found[8:44, 12:52], depth[8:44, 12:52])
+    assert found.sum() == found[8:44, 12:52].sum()
+
+
+def test_depth_beyond_the_display_window_is_cut(tmp_path, square):
+    windows = {"dataWindow": ((95, 193), (174, 252)), "displayWindow": ((100, 200), (163, 247))}
+    overscan = np.full((60, 80), 5.0, np.float32)
+    overscan[7 : 7 + HEIGHT, 5 : 5 + WIDTH] = np.where(square > 0, 2.0, 7.0)
+    path = write_exr(tmp_path / "overscan.exr", {"Depth.Z": overscan}, **windows)
+    np.testing.assert_array_equal(read_depth(path), overscan[7 : 7 + HEIGHT, 5 : 5 + WIDTH])
+    np.testing.assert_array_equal(mask_from_depth(path, square.shape, near=1.0, far=3.0), square)
+
+
+def test_depth_outside_the_display_window_is_none(tmp_path):
+    windows = {"dataWindow": ((100, 0), (139, 39)), "displayWindow": ((0, 0), (63, 47))}
+    path = write_exr(tmp_path / "beside.exr", {"Z": np.ones((40, 40))}, **windows)
+    assert not read_depth(path).any()
+    huge = {"dataWindow": ((0, 0), (39, 39)), "displayWindow": ((0, 0), (99_999, 99_999))}
+    path = write_exr(tmp_path / "huge.exr", {"Z": np.ones((40, 40))}, **huge)
+    with pytest.raises(InvalidMask, match="at most 100 million pixels"):
+        read_depth(path)
+
+
+# Folders
+
+
+def make(folder: str, *names: str) -> Path:
+    Path(folder).mkdir()
+    for name in names:
+        (Path(folder) / name).touch()
+    return Path(folder)
+
+
+def test_a_longer_name_is_another_photos_mask(work):
+    masks = make(
+        "masks", "shot.0002.png", "shot.png", "pot.0001.png", "jar.JPG.png", "[a].0001.png", "[a].png"
+    )
+    given = {"mask": masks, "depth": None}
+    for name, mask in {
+        "shot.jpg": "shot.png",
+        "shot.0002.jpg": "shot.0002.png",
+        "[a].jpg": "[a].png",
+    }.items():
+        assert hints_for(Path(name), given)["mask"] == masks / mask
+    assert hints_for(Path("jar.JPG"), given)["mask"] == masks / "jar.JPG.png"
+    with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, found neither"):
+        hints_for(Path("pot.jpg"), given)
+
+
+def test_hidden_files_of_a_folder_are_no_photos(work):
+    photos = make("photos", "IMG_1.jpg", "._IMG_1.jpg", ".thumbnail.png", "IMG_2.jpg")
+    assert [path.name for path in list_photos([photos])] == ["IMG_1.jpg", "IMG_2.jpg"]
+    hidden = photos / ".thumbnail.png"
+    assert list_photos([hidden]) == [hidden]  # named, it is meant
+    for name in ("IMG_1.jpg", "IMG_2.jpg"):
+        os.remove(photos / name)
+    with pytest.raises(InputError, match="found none"):
+        list_photos([photos])
+
+
+def test_hidden_files_are_in_no_folder(tmp_path):
+    """A ._ beside each name would shift a clip's masks by a frame for every frame."""
+    for name in ("a10.PNG", "a2.png", "._a2.png", "._a10.PNG", "notes.txt"):
+        (tmp_path / name).touch()
+    assert [path.name for path in visible_files(tmp_path, [".png"])] == ["a2.png", "a10.PNG"]
+    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [
+        tmp_path / "a2.png",
+        tmp_path / "a10.PNG",
+    ]

@@ -1,0 +1,95 @@
+"""Videos of other encodings and codecs: valid ones are read, the others are one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anyprobe.errors import InputError
+
+av = pytest.importorskip("av", reason="needs the video extra")
+
+from anyprobe.video.clip import open_clip, read_frames  # noqa: E402
+
+
+@pytest.fixture
+def made(tmp_path):
+    path = tmp_path / "clip.mp4"
+    with av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as container:
+        container.metadata["title"] = "caf\xe9XX"
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 48, 32, "yuv420p"
+        for shade in range(3):
+            picture = av.VideoFrame.from_ndarray(np.full((32, 48, 3), 80 * shade, np.uint8), format="rgb24")
+            container.mux(stream.encode(picture.reformat(format="yuv420p")))
+        container.mux(stream.encode())
+    return path
+
+
+def frames(path) -> int:
+    return len(list(read_frames(open_clip(path), [])))
+
+
+def test_a_title_in_latin_1_is_no_fault(made):
+    data = made.read_bytes()
+    assert "caf\xe9XX".encode() in data
+    made.write_bytes(data.replace("caf\xe9XX".encode(), b"caf\xe9XXX"))
+    assert frames(made) == 3
+
+
+def test_an_unknown_codec_is_one_line(made):
+    made.write_bytes(made.read_bytes().replace(b"avc1", b"zzzz"))
+    with pytest.raises(InputError) as caught:
+        frames(made)
+    assert "convert it to mp4" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "kind", ["PermissionError", "PatchWelcomeError", "ArgumentError", "DecoderNotFoundError"]
+)
+def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypatch, kind):
+    error = getattr(av.error, kind)(1, "no")
+    clip = open_clip(made)
+
+    class Packets:
+        def __init__(self, good: int) -> None:
+            self.count = good
+
+        def demux(self, stream):
+            with av.open(str(made)) as container:
+                for packet in container.demux(container.streams.video[0]):
+                    yield Packet(packet, self)
+
+    class Packet:
+        def __init__(self, packet, all_packets) -> None:
+            self.packet, self.all_packets = packet, all_packets
+
+        def decode(self):
+            self.all_packets.count -= 1
+            if self.all_packets.count < 0:
+                raise error
+            return self.packet.decode()
+
+    class Container(Packets):
+        class streams:
+            class Stream:
+                thread_type = None
+
+            video = (Stream(),)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr("anyprobe.video.clip._open", lambda path: Container(0))
+    with pytest.raises(InputError, match="convert it to mp4"):
+        list(read_frames(clip, []))
+
+
+def test_a_frame_of_too_many_pixels_is_refused(made, monkeypatch):
+    monkeypatch.setattr("anyprobe.video.clip.MAX_PIXELS", 1000)
+    with pytest.raises(InputError, match="48 x 32"):
+        frames(made)

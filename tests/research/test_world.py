@@ -1,0 +1,100 @@
+"""The world test set: its lists, what its recipes are made of, and what is handed to the path tracer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anyprobe.core.color import luminance
+from anyprobe.dataset import priors
+from anyprobe.dataset.asset_store import AssetStore
+from anyprobe.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.dataset.pair import render_pair
+from anyprobe.dataset.plan import world_recipes
+from anyprobe.dataset.recipe import WORLD, Recipe
+from anyprobe.errors import InputError
+from anyprobe.evaluate.test_sets import FROZEN, read_recipes
+from anyprobe.render.shapes import sphere
+from research.limits.__main__ import limits
+from research.world import pairs as world
+
+RECIPE = Recipe(kind="object", map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
+
+
+RADIANCE = np.exp(np.random.default_rng(3).normal(0, 1, (64, 128, 3))).astype(np.float32)
+STORE = AssetStore(
+    [MapAsset(id="0" * 8, name="map", licence="own", indoor=True, radiance=RADIANCE)],
+    [ShapeAsset(id="1" * 8, name="sphere", licence="own", mesh=sphere(16))],
+)
+
+
+def drawn(**changes):
+    """A recipe's pair, and the material that the path tracer gets."""
+    given = []
+
+    def trace(mesh, camera, radiance, material):
+        given.append(material)
+        return np.full((128, 128, 4), 0.5, np.float32)
+
+    return render_pair(replace(RECIPE, **changes), STORE, trace), given[0]
+
+
+def test_a_recipe_of_the_world_comes_back_and_no_other_kind_has_such_conditions():
+    assert Recipe.from_hex(RECIPE.to_hex()) == RECIPE
+    text = RECIPE.to_hex()
+    for flags in ("05", "06"):
+        with pytest.raises(InputError):
+            Recipe.from_hex(text[:2] + flags + text[4:])
+
+
+def test_the_lists_are_balanced_and_share_no_asset_with_each_other():
+    test, left_out = (world.recipes_of(part) for part in world.PARTS)
+    for recipes in (test, left_out):
+        assert Counter(recipe.material for recipe in recipes) == dict.fromkeys(range(8), 25)
+        assert {recipe.conditions for recipe in recipes} == {WORLD}
+    assert Counter(one.material for one in world_recipes(STORE, 16, 1)) == dict.fromkeys(range(8), 2)
+    assets = [{i for one in recipes for i in (one.map_id, one.shape_id)} for recipes in (test, left_out)]
+    assert not assets[0] & assets[1]
+    assert {recipe.map_id for recipe in read_recipes(FROZEN)} >= {recipe.map_id for recipe in test}
+
+
+def test_materials_are_of_the_recipe_s_kind_and_half():
+    for kind in range(4):
+        value = []
+        for brighter in (0, 4):
+            for seed in range(4):
+                _, given = drawn(material=kind + brighter, seed=seed)
+                low, high = priors.ALPHA[kind][[0, -1]]
+                assert low <= given.alpha <= high
+                assert np.any(given.albedo) == (kind > 0)
+                value.append(luminance(priors.total_reflectance(given.albedo, given.f0)).mean())
+        assert max(value[:4]) < min(value[4:]) + 0.1
+        assert np.mean(value[:4]) < np.mean(value[4:])
+
+
+def test_only_painted_objects_are_textured_about_the_colour_that_is_given():
+    pair, given = drawn(material=3)
+    assert given.albedo.shape == (len(STORE.shape("1" * 8).mesh.faces), 3, 3)
+    np.testing.assert_allclose(given.albedo.mean(axis=(0, 1)), pair.material.albedo, rtol=0.05)
+    assert given.albedo.std(axis=(0, 1)).max() > 0.01
+    assert drawn(material=2)[1].albedo.shape == (3,)
+
+
+def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
+    levels = []
+    of_frame = priors.frame_level
+    monkeypatch.setattr(priors, "frame_level", lambda seen: levels.append(of_frame(seen)) or levels[-1])
+    drawn()
+    assert len(levels) == 1
+    drawn(conditions=1)
+    assert len(levels) == 1
+
+
+def test_a_part_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InputError, match="expected one of test, left-out"):
+        world.recipes_of("train")
+    with pytest.raises(InputError, match="expected frozen, test, left-out"):
+        limits(tmp_path, part="train")

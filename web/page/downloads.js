@@ -1,0 +1,69 @@
+/** Downloads: files made here, and exports that the server writes. */
+
+import { EXPONENT, SIGMA } from "../src/core/response.js";
+import { MAP_HEIGHT } from "../src/core/latlong.js";
+import { encodeExr } from "../src/files/exr.js";
+import { encodeHdr } from "../src/files/hdr.js";
+
+const FRAME =
+  "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y";
+const SCALE =
+  "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
+
+/** Of the keys; files that do not say one are of an older release. */
+const VERSION = 2;
+
+const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6)));
+
+/** Everything but the pixels, in the keys of Light.sidecar. */
+export function sidecar(result, { photo, model, longFovDeg }) {
+  const { sh9, dominant, priors, wellExposedFraction, meanConfidence } = result.light;
+  return {
+    version: VERSION,
+    photo,
+    model,
+    emitters: result.light.emitters,
+    long_fov_deg: longFovDeg,
+    priors: { surroundings: Number(priors.surroundings.toFixed(4)) },
+    frame: FRAME,
+    scale: SCALE,
+    exposure_ev: 0,
+    response: { curve: "sigmoid", exponent: EXPONENT, sigma: SIGMA },
+    size: [2 * MAP_HEIGHT, MAP_HEIGHT],
+    confidence: Number(meanConfidence.toFixed(4)),
+    well_exposed_fraction: Number(wellExposedFraction.toFixed(4)),
+    sh9: Array.from({ length: 9 }, (_, i) => numbers(sh9.slice(3 * i, 3 * i + 3))),
+    dominant_light: {
+      direction: numbers(dominant.direction),
+      irradiance: numbers(dominant.irradiance),
+      color: numbers(dominant.color),
+      solid_angle_sr: Number(dominant.solidAngle.toFixed(5)),
+      confidence: Number(dominant.confidence.toFixed(4)),
+    },
+  };
+}
+
+/** Files that need no server: suffix to bytes. */
+export const OWN_FILES = {
+  exr: ({ light }) => new Blob([encodeExr(light.radiance, MAP_HEIGHT)], { type: "image/x-exr" }),
+  hdr: ({ light }) => new Blob([encodeHdr(light.radiance, MAP_HEIGHT)], { type: "image/vnd.radiance" }),
+  json: (result, about) =>
+    new Blob([`${JSON.stringify(sidecar(result, about), null, 1)}\n`], { type: "application/json" }),
+};
+
+/** An export of the server's: a zip of one target's files. */
+export async function exportTarget(result, target) {
+  const body = encodeExr(result.light.radiance, MAP_HEIGHT);
+  const answer = await fetch(new URL(`v1/export/${target}`, document.baseURI), { method: "POST", body });
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  return answer.blob();
+}
+
+/** Hand a blob to the browser's own download. */
+export function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}

@@ -1,0 +1,36 @@
+/** The finished example: a photo, and the server's own answer for it. */
+
+import { Light, describe } from "../src/light/light.js";
+import { drawSpheres } from "../src/light/spheres.js";
+import { readBitmap } from "./openPhoto.js";
+
+export async function readExample() {
+  const [picture, maskPicture, answer] = await Promise.all([
+    readPicture("example/photo.png"),
+    readPicture("example/mask.png"),
+    fetch("example/light.json").then((response) => response.json()),
+  ]);
+  const mask = Float32Array.from({ length: maskPicture.rgba.length / 4 }, (_, i) => maskPicture.rgba[4 * i] / 255);
+  const light = new Light({
+    ...describe(unpack(answer.radiance)),
+    emitters: "mode",
+    priors: { surroundings: 0 },
+    meanConfidence: answer.confidence,
+    wellExposedFraction: answer.well_exposed_fraction ?? answer.told, // as older releases wrote it
+  });
+  const { irradiance, ldr, ln_radiance: lnRadiance } = answer.stages;
+  const stages = { irradiance: unpack(irradiance), ldr: unpack(ldr), lnRadiance: unpack(lnRadiance) };
+  const result = { light, stages, spheres: drawSpheres(light.radiance) };
+  return { picture, mask, longFovDeg: answer.long_fov_deg, result };
+}
+
+async function readPicture(path) {
+  const blob = await (await fetch(path)).blob();
+  return readBitmap(await createImageBitmap(blob), Infinity);
+}
+
+/** {shape, dtype: float32, base64} to numbers. */
+function unpack({ base64 }) {
+  const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+  return new Float32Array(bytes.buffer);
+}

@@ -1,0 +1,218 @@
+/** The page: its elements, and what happens between them. */
+
+import { LightPanel } from "./view/lightPanel.js";
+import { MaskEditor } from "./view/maskEditor.js";
+import { ObjectTools } from "./view/objectTools.js";
+import { PhotoStage } from "./view/photoStage.js";
+import { StagesPanel } from "./view/stagesPanel.js";
+import { element, listenForPhotos, setStatus, sendLight } from "./view/elements.js";
+import { ProbeOpener } from "./probe.js";
+import { LiveSession } from "./live/session.js";
+import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
+import { openPhoto } from "./openPhoto.js";
+import { readExample } from "./example.js";
+
+/** Expected IoU below which a mask comes with a warning. */
+const DOUBTFUL = 0.75;
+
+const config = await (await fetch("config.json")).json();
+if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
+  element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
+}
+const stage = new PhotoStage();
+const networks = new ProbeOpener(
+  config,
+  ({ done, of }) => {
+    if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
+  },
+  stage.stage.isSoftware ? 1 : 0, // which then draws
+);
+const tools = new ObjectTools(stage);
+const light = new LightPanel(config);
+const stages = new StagesPanel();
+const editor = new MaskEditor(
+  {
+    canvas: element("mask"),
+    cursor: element("cross"),
+    removing: element("removing"),
+    band: element("band"),
+    button: element("draw-box"),
+  },
+  (hints) => (live.running ? live.mark(hints) : remask(hints)),
+);
+const surroundings = element("surroundings");
+const soften = element("soften");
+for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
+const options = () => ({ surroundings: surroundings.checked, emitters: soften.checked ? "expected" : "mode" });
+
+/** The picture, its field of view and name; mask and box of its object and its light, once there are any. */
+let opened = null;
+let choice = 0; // of a picture or the camera: one that is ready after another was chosen is dropped
+let turn = 0; // of questions about the picture on show: older answers are dropped
+
+const live = new LiveSession({
+  networks,
+  config,
+  stage,
+  light,
+  stages,
+  editor,
+  options,
+  onShown: () => turn++,
+  onFault: (error) => {
+    showAgain();
+    setStatus(error.message, "fault");
+  },
+});
+
+/** Show a photo; find its object; estimate. What was on show stays until the photo is decoded. */
+async function open(blob, name) {
+  const mine = ++choice;
+  setStatus("Opening the photo …");
+  const found = await openPhoto(blob, name, config.server);
+  if (mine !== choice) return;
+  put(found);
+  await examine(ownMask);
+}
+
+/** A picture in the place of another or of the camera's. */
+function put(found) {
+  live.stop();
+  turn++;
+  opened = { mask: null, box: null, result: null, ...found };
+  showOpened();
+}
+
+function showOpened() {
+  const { picture, mask, result } = opened;
+  stage.showPicture(picture);
+  editor.open(picture);
+  if (mask) editor.show(mask);
+  if (result) return showLight();
+  light.clear();
+  stages.clear();
+}
+
+/** The opened picture where the camera's has ended. */
+function showAgain() {
+  if (opened && !stage.video.hidden) showOpened();
+}
+
+/** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
+async function ownMask(picture) {
+  const mask = maskFromAlpha(picture);
+  if (mask) return { mask, confidence: null };
+  const probe = await networks.open();
+  return probe.hasMask ? findMask(probe, picture, editor.hints) : null;
+}
+
+function remask(hints) {
+  return examine(async (picture, isLate) => {
+    const probe = await networks.open();
+    if (isLate()) return null;
+    setStatus("Finding the object …");
+    return findMask(probe, picture, hints);
+  });
+}
+
+async function findMask(probe, picture, { on, off, box }) {
+  return probe.mask(picture, { click: on, exclude: off, box });
+}
+
+/** Find the object of the picture on show, and its light. What comes or fails after something newer was asked is dropped. */
+async function examine(maskOf) {
+  const mine = ++turn;
+  const isLate = () => mine !== turn;
+  try {
+    const found = await maskOf(opened.picture, isLate);
+    if (!isLate()) await estimate(found?.mask ?? null, found?.confidence ?? null, isLate);
+  } catch (error) {
+    if (!isLate()) setStatus(error.message, "fault");
+  }
+}
+
+async function estimate(mask, confidence, isLate) {
+  const { picture, longFovDeg } = opened;
+  editor.show(mask);
+  const box = mask && objectBox(mask, picture.width);
+  if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
+  Object.assign(opened, { mask, box, confidence, result: null });
+  const probe = await networks.open();
+  if (isLate()) return;
+  setStatus("Estimating the lighting …");
+  const isWhole = maskFromAlpha(picture) === null; // else no canvas has what is hidden
+  const wanted = { ...options(), surroundings: surroundings.checked && isWhole };
+  const result = await probe.examine({ picture, mask, longFovDeg, options: wanted });
+  if (isLate()) return;
+  opened.result = result;
+  showLight();
+  if (surroundings.checked && !result.light.priors.surroundings) {
+    return setStatus("The background of this photo is one colour or transparent: the lighting was estimated from the object alone.");
+  }
+  if (confidence !== null && confidence < DOUBTFUL) {
+    const share = `${(100 * confidence).toFixed(0)} %`;
+    return setStatus(`Estimated, but the mask is doubtful (expected overlap ${share}): click on the object below, or draw a box around it.`, "warning");
+  }
+  setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
+}
+
+function showLight() {
+  const { picture, longFovDeg, lensDeg, name, mask, box, result } = opened;
+  stage.place(picture.width, picture.height, lensDeg, mask, box);
+  stage.setLight(result.light);
+  stages.show(result.stages, result.light.radiance);
+  light.show(result, { photo: name, model: config.model, longFovDeg });
+  sendLight(result);
+}
+
+/** The example comes with its answer, so that the page is finished before any network is opened. */
+async function openExample() {
+  const mine = ++choice;
+  const { picture, mask, longFovDeg, result } = await readExample();
+  if (mine !== choice) return;
+  put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
+  if (surroundings.checked || soften.checked) return examine(async () => ({ mask }));
+  setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
+}
+
+/** The camera is closed at once; the example takes its place. */
+function closeCamera() {
+  live.stop();
+  showAgain();
+  return openExample();
+}
+
+/** Run what a user asked for; what fails becomes one line on the page. */
+async function attempt(work) {
+  try {
+    await work();
+  } catch (error) {
+    setStatus(error.message, "fault");
+  }
+}
+
+listenForPhotos((blob, name) => attempt(() => open(blob, name)));
+element("example").addEventListener("click", () => attempt(openExample));
+element("reset").addEventListener("click", () => {
+  if (live.running) return live.mark(editor.reset());
+  if (!opened) return;
+  editor.open(opened.picture);
+  examine(ownMask);
+});
+for (const box of [surroundings, soften]) {
+  box.addEventListener("change", () => {
+    if (live.running) return attempt(() => live.setOptions());
+    if (opened?.mask) examine(async () => ({ mask: opened.mask, confidence: opened.confidence }));
+  });
+}
+element("camera").addEventListener("click", () => {
+  if (live.running) return attempt(closeCamera);
+  choice++;
+  live.start();
+});
+tools.onFault = (error) => setStatus(error.message, "fault");
+await attempt(openExample);
+if (!stage.stage.canDraw) {
+  setStatus("This browser has no WebGL: lights are estimated, but no virtual object is drawn.", "fault");
+}
+document.documentElement.dataset.ready = "true";

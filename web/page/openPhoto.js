@@ -1,0 +1,71 @@
+/** Files, pasted pictures and addresses to pictures in memory. */
+
+import exifr from "exifr/dist/lite.esm.mjs";
+import { DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
+
+/** Longer side at which a photo is kept: more than is shown, and plenty for a crop of 128. */
+const LONG_PX = 1600;
+
+/**
+ * @typedef {object} Opened
+ * @property {import("../src/photo/picture.js").Picture} picture
+ * @property {number} longFovDeg from EXIF, else that of a phone
+ * @property {number | null} lensDeg the same, null where EXIF does not say
+ * @property {string} name without its suffix
+ */
+
+/**
+ * Open a photo; what this browser cannot decode (HEIC, TIFF, EXR) the server turns into PNG.
+ *
+ * @param {Blob} blob
+ * @param {string} name
+ * @param {boolean} hasServer
+ * @returns {Promise<Opened>}
+ */
+export async function openPhoto(blob, name, hasServer) {
+  let longFovDeg = await exifFovDeg(blob);
+  let bitmap;
+  try {
+    bitmap = await createImageBitmap(blob, { imageOrientation: "from-image" });
+  } catch {
+    const converted = await throughServer(blob, name, hasServer);
+    longFovDeg = converted.longFovDeg ?? longFovDeg;
+    bitmap = await createImageBitmap(converted.blob);
+  }
+  const picture = readBitmap(bitmap, LONG_PX);
+  return { picture, longFovDeg: longFovDeg ?? DEFAULT_LONG_FOV_DEG, lensDeg: longFovDeg, name: name.replace(/\.[^.]*$/, "") };
+}
+
+/** Pixels of a bitmap, shrunk to a longer side; the bitmap is closed. */
+export function readBitmap(bitmap, longPx) {
+  const scale = Math.min(1, longPx / Math.max(bitmap.width, bitmap.height));
+  const width = Math.max(1, Math.round(bitmap.width * scale));
+  const height = Math.max(1, Math.round(bitmap.height * scale));
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d", { willReadFrequently: true });
+  context.imageSmoothingQuality = "high";
+  context.drawImage(bitmap, 0, 0, width, height);
+  bitmap.close();
+  return { width, height, rgba: context.getImageData(0, 0, width, height).data };
+}
+
+/** Field of view of the longer side [degrees], 2 atan(18 / f), from the 35 mm equivalent; null if not given. */
+async function exifFovDeg(blob) {
+  try {
+    const tags = await exifr.parse(blob, ["FocalLengthIn35mmFormat"]);
+    const focal = Number(tags?.FocalLengthIn35mmFormat);
+    return focal >= 2 && focal <= 2000 ? (Math.atan(18 / focal) * 360) / Math.PI : null;
+  } catch {
+    return null; // a format that holds no EXIF, or a damaged one
+  }
+}
+
+async function throughServer(blob, name, hasServer) {
+  if (!hasServer) throw new Error(`${name}: this browser cannot open it. Save it as JPEG or PNG first.`);
+  const body = new FormData();
+  body.append("photo", blob, name);
+  const answer = await fetch(new URL("v1/photo", document.baseURI), { method: "POST", body });
+  if (!answer.ok) throw new Error((await answer.json()).error);
+  const given = answer.headers.get("X-Long-Fov-Deg");
+  return { blob: await answer.blob(), longFovDeg: given === null ? null : Number(given) };
+}

@@ -1,0 +1,32 @@
+/** The page's light probe: opened at the first call, and again after one that failed. */
+
+import { AnyProbe } from "../src/index.js";
+
+export class ProbeOpener {
+  /**
+   * @param {object} config of the page: weights
+   * @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened
+   * @param {number} sparedCores how many the networks leave to others
+   */
+  constructor(config, onProgress, sparedCores) {
+    Object.assign(this, { config, onProgress, sparedCores, opened: null });
+  }
+
+  /** ?engine= and ?threads= in the page's address have their way. @returns {Promise<AnyProbe>} */
+  open() {
+    const at = (path) => new URL(path, document.baseURI).href;
+    const asked = new URLSearchParams(location.search);
+    const spare = Math.max((navigator.hardwareConcurrency || 1) - this.sparedCores, 1);
+    this.opened ??= AnyProbe.load({
+      engine: asked.get("engine") === "webgpu" ? "webgpu" : "wasm", // the graph computes in int8, made for processors
+      threads: Number(asked.get("threads")) || spare,
+      weights: Object.fromEntries(Object.entries(this.config.weights).map(([stage, path]) => [stage, at(path)])),
+      runtime: at("ort/"),
+      onProgress: this.onProgress,
+    }).catch((error) => {
+      this.opened = null;
+      throw error;
+    });
+    return this.opened;
+  }
+}

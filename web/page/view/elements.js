@@ -1,0 +1,41 @@
+/** The page's elements by id, its line of status, and the ways a photo can come. */
+
+export const element = (id) => document.getElementById(id);
+
+/** One line for everyone, read aloud by screen readers; kind: "fault" or "warning", shown in colour. */
+export function setStatus(text, kind = "") {
+  const status = element("status");
+  status.textContent = text;
+  for (const one of ["fault", "warning"]) status.classList.toggle(one, one === kind);
+}
+
+/** Every light on show, of a photo or of a camera's picture, as the document's event "anyprobe-light". */
+export function sendLight(detail) {
+  document.dispatchEvent(new CustomEvent("anyprobe-light", { detail }));
+}
+
+/** Call open(blob, name) for every photo that is chosen, dropped or pasted. */
+export function listenForPhotos(open) {
+  const file = element("file");
+  element("choose").addEventListener("click", () => file.click());
+  file.addEventListener("change", () => {
+    if (file.files.length) open(file.files[0], file.files[0].name);
+    file.value = ""; // the same photo may be chosen again
+  });
+  document.addEventListener("paste", (event) => {
+    const pasted = [...(event.clipboardData?.files ?? [])][0];
+    if (pasted) open(pasted, pasted.name || "pasted");
+  });
+  const drop = element("drop");
+  let depth = 0;
+  const hide = () => (drop.hidden = (depth = 0) === 0);
+  document.addEventListener("dragenter", () => (drop.hidden = ++depth === 0));
+  document.addEventListener("dragleave", () => (--depth <= 0 ? hide() : null));
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    hide();
+    const dropped = [...event.dataTransfer.files][0];
+    if (dropped) open(dropped, dropped.name);
+  });
+}

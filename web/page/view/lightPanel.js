@@ -1,0 +1,98 @@
+/** The light beside the photo: map, dominant light, spheres, downloads. */
+
+import { OWN_FILES, exportTarget, save } from "../downloads.js";
+import { element, setStatus } from "./elements.js";
+import { describeDirection, drawSpherePictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
+
+const TITLES = {
+  three: "three.js",
+  webxr: "WebXR",
+  arcore: "ARCore",
+  arkit: "ARKit",
+  usd: "USD",
+};
+
+export class LightPanel {
+  constructor(config) {
+    this.result = null;
+    this.spheres = Object.fromEntries(["matte", "silver", "mirror"].map((name) => [name, element(`sphere-${name}`)]));
+    this.exposure = element("exposure");
+    this.falseColor = element("false-color");
+    this.exposure.addEventListener("input", () => this.#drawMap());
+    this.falseColor.addEventListener("change", () => this.#drawMap());
+    this.#addDownloads(config);
+    element("about").textContent = `anyprobe ${config.version}, model ${config.model}.`;
+    element("api").hidden = !config.server;
+  }
+
+  /** @param {object} result light and, now and then, spheres @param {object} about photo, model, longFovDeg */
+  show(result, about) {
+    this.result = { ...this.result, ...result, spheres: result.spheres ?? this.result?.spheres };
+    this.about = about;
+    this.#drawMap();
+    if (result.spheres) drawSpherePictures(this.spheres, result.spheres);
+    const { direction, irradiance } = result.light.dominant;
+    const marker = element("marker");
+    marker.hidden = Math.max(...irradiance) === 0;
+    Object.assign(marker.style, placeOnMap(direction));
+    element("direction").textContent = marker.hidden ? "none stands out" : describeDirection(direction);
+    this.#setReady(true);
+  }
+
+  /** Nothing is known of the light any more. */
+  clear() {
+    this.result = null;
+    for (const canvas of [element("map"), ...Object.values(this.spheres)]) {
+      canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
+    }
+    element("marker").hidden = true;
+    element("direction").textContent = "not yet known";
+    this.#setReady(false);
+  }
+
+  #setReady(isReady) {
+    for (const button of document.querySelectorAll("#downloads button, #export")) button.disabled = !isReady;
+  }
+
+  #drawMap() {
+    const exposure = Number(this.exposure.value);
+    element("exposure-value").textContent = `${exposure.toFixed(1).replace("-", "−")} EV`;
+    if (!this.result) return;
+    const { radiance } = this.result.light;
+    if (this.falseColor.checked) drawFalseColor(element("map"), radiance.map((value) => value * 2 ** exposure));
+    else drawMap(element("map"), radiance, exposure);
+  }
+
+  #addDownloads({ server, targets }) {
+    for (const kind of Object.keys(OWN_FILES)) {
+      this.#addButton(`.${kind}`, () => OWN_FILES[kind](this.result, this.about), kind);
+    }
+    this.#addButton(".png", () => new Promise((done) => element("map").toBlob(done)), "png");
+    element("targets-row").hidden = !server;
+    for (const target of targets) {
+      const title = TITLES[target] ?? target[0].toUpperCase() + target.slice(1);
+      element("targets").add(new Option(title, target));
+    }
+    element("export").disabled = true;
+    element("export").addEventListener("click", () => {
+      const target = element("targets").value;
+      this.#save(() => exportTarget(this.result, target), `${target}.zip`);
+    });
+  }
+
+  #addButton(text, make, suffix) {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: text });
+    button.disabled = true;
+    button.setAttribute("aria-label", `Download the map as ${text}`);
+    button.addEventListener("click", () => this.#save(make, suffix));
+    element("downloads").append(button);
+  }
+
+  async #save(make, suffix) {
+    try {
+      save(await make(), suffix === "zip" ? suffix : `${this.about.photo}.${suffix}`);
+    } catch (error) {
+      setStatus(error.message, "fault");
+    }
+  }
+}

@@ -1,0 +1,82 @@
+/** Arrays drawn on canvases: photos, the networks' stages, the map, the spheres. */
+
+import { FALSE_COLOR_MAX, falseColor, luminance } from "../../src/core/color.js";
+import { displayByte } from "../../src/core/response.js";
+import { MAP_HEIGHT, directionToUv } from "../../src/core/latlong.js";
+import { SPHERE_NAMES, SPHERE_SIZE } from "../../src/light/spheres.js";
+import { CROP_SIZE } from "../../src/photo/crop.js";
+
+/** Put RGBA bytes on a canvas of exactly their size. */
+export function putRgba(canvas, rgba, width, height) {
+  canvas.width = width;
+  canvas.height = height;
+  canvas.getContext("2d").putImageData(new ImageData(rgba, width, height), 0, 0);
+}
+
+/** Draw a [height, width, 3] array through a function of one of its numbers to a byte. */
+function putValues(canvas, values, width, height, byteOf) {
+  const rgba = new Uint8ClampedArray(4 * width * height);
+  for (let from = 0, to = 0; from < values.length; from += 3, to += 4) {
+    rgba[to] = byteOf(values[from]);
+    rgba[to + 1] = byteOf(values[from + 1]);
+    rgba[to + 2] = byteOf(values[from + 2]);
+    rgba[to + 3] = 255;
+  }
+  putRgba(canvas, rgba, width, height);
+}
+
+const ofDisplay = (value) => 255 * value;
+
+/** Display values in [0, 1], [128, 128, 3]. */
+export function drawIrradiance(canvas, irradiance) {
+  putValues(canvas, irradiance, CROP_SIZE, CROP_SIZE, ofDisplay);
+}
+
+/** Display values, [64, 128, 3]. */
+export function drawLdr(canvas, ldr) {
+  putValues(canvas, ldr, 2 * MAP_HEIGHT, MAP_HEIGHT, ofDisplay);
+}
+
+/** Luminance of a radiance map in false colour. */
+export function drawFalseColor(canvas, radiance, width = 2 * MAP_HEIGHT, height = MAP_HEIGHT) {
+  const rgba = new Uint8ClampedArray(4 * width * height);
+  for (let from = 0, to = 0; from < radiance.length; from += 3, to += 4) {
+    rgba.set(falseColor(luminance(radiance[from], radiance[from + 1], radiance[from + 2])), to);
+    rgba[to + 3] = 255;
+  }
+  putRgba(canvas, rgba, width, height);
+}
+
+/** The scale beside it, from 0 at the left. */
+export function drawFalseColorScale(canvas) {
+  const width = 128;
+  const values = Float32Array.from({ length: 3 * width }, (_, i) => (Math.floor(i / 3) / (width - 1)) * FALSE_COLOR_MAX);
+  drawFalseColor(canvas, values, width, 1);
+}
+
+/** A map as the camera would show it at an exposure [EV]. */
+export function drawMap(canvas, radiance, exposureEv) {
+  const gain = 2 ** exposureEv;
+  putValues(canvas, radiance, 2 * MAP_HEIGHT, MAP_HEIGHT, (value) => displayByte(gain * value));
+}
+
+/** Where a direction lies in the map: left and top as percentages. */
+export function placeOnMap(direction) {
+  const [u, v] = directionToUv(...direction);
+  return { left: `${100 * u}%`, top: `${100 * v}%` };
+}
+
+/** A direction in words: how far to the right of the camera's view and how high. */
+export function describeDirection([x, y, z]) {
+  const degrees = (angle) => Math.round((angle * 180) / Math.PI);
+  const azimuth = degrees(Math.atan2(x, -z));
+  const elevation = degrees(Math.asin(Math.min(Math.max(y, -1), 1)));
+  const behind = Math.abs(azimuth) > 90 ? ", behind the camera" : "";
+  const side = azimuth < 0 ? "left" : "right";
+  return `${Math.abs(azimuth)}° ${side}, ${Math.abs(elevation)}° ${elevation < 0 ? "down" : "up"}${behind}`;
+}
+
+/** @param {Record<string, HTMLCanvasElement>} canvases by sphere @param {object} spheres of drawSpheres */
+export function drawSpherePictures(canvases, spheres) {
+  for (const name of SPHERE_NAMES) putRgba(canvases[name], spheres[name].slice(), SPHERE_SIZE, SPHERE_SIZE);
+}

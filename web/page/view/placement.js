@@ -1,0 +1,131 @@
+/**
+ * Where a virtual object stands by default, as anyprobe.relight.ground: beside the real one on the same ground, all of it
+ * in the photo and never over the real one.
+ *
+ * On the side with more room; on the other if only that holds it; smaller if neither does; and where it would become too
+ * small, behind the real one, which then hides part of it.
+ */
+
+/** Of what was asked: beside the real object it is made no smaller. */
+const LEAST_SHARE = 0.35;
+
+/** Kept free at the photo's border, of its width; and between the two objects, of the virtual one's. */
+const MARGIN = 0.02;
+const GAP = 0.15;
+
+/** Tries to fit it, how much smaller each may make it, and pixels that do not matter. */
+const TRIES = 24;
+const LEAST_STEP = 0.5;
+const CLOSE_PX = 0.5;
+
+/** Of the object's width: rows of its mask that are narrower are not where it stands. */
+const LEAST_CONTACT = 0.03;
+/** Of its height: what counts as its lower border. */
+const CONTACT_BAND = 0.04;
+
+/** The ground at the real object's base is seen at least this far below the horizon. */
+const LEAST_SLOPE_DEG = 12;
+
+/**
+ * Where an object touches the ground: the middle of its mask's lower border.
+ *
+ * @param {Float32Array} mask
+ * @param {number} width of the picture
+ * @param {number[]} box x0, y0, x1, y1 of mask > 0.5
+ * @returns {number[]} x, y in pixels
+ */
+export function contactOf(mask, width, [x0, y0, x1, y1]) {
+  const least = LEAST_CONTACT * (x1 - x0);
+  let row = y1;
+  const countIn = (y) => {
+    let count = 0;
+    for (let x = x0; x < x1; x++) if (mask[y * width + x] > 0.5) count++;
+    return count;
+  };
+  while (row > y0 + 1 && countIn(row - 1) < least) row--;
+  let [sum, count] = [0, 0];
+  for (let y = Math.max(Math.floor(row - CONTACT_BAND * (y1 - y0)), y0); y < row; y++) {
+    for (let x = x0; x < x1; x++) {
+      if (mask[y * width + x] <= 0.5) continue;
+      sum += x + 0.5;
+      count++;
+    }
+  }
+  return [count ? sum / count : (x0 + x1) / 2, row];
+}
+
+/**
+ * How far a camera of unknown pitch is taken to look down [degrees]: level, or just far enough to see the ground at a row
+ * LEAST_SLOPE_DEG below the horizon.
+ *
+ * @param {number} row of the real object's base
+ * @param {number} height of the picture
+ * @param {number} focal pixels
+ */
+export function likelyPitchDeg(row, height, focal) {
+  return Math.max(0, LEAST_SLOPE_DEG - (Math.atan2(row - height / 2, focal) * 180) / Math.PI);
+}
+
+/**
+ * @typedef {object} Spot
+ * @property {number} x of the foot, pixels
+ * @property {number} y
+ * @property {number} share of the size that was asked for
+ * @property {boolean} [isBehind] the real object hides part of it
+ */
+
+/**
+ * @param {object} photo
+ * @param {number} photo.width
+ * @param {number} photo.height
+ * @param {number[]} photo.box of the real object, x0, y0, x1, y1 in pixels
+ * @param {number} photo.row on which both stand: the lowest that is seen of them
+ * @param {number} photo.behind row of the ground behind the real object
+ * @param {(spot: Spot) => number[]} extentAt what the object covers there, x0, y0, x1, y1 in pixels
+ * @returns {Spot}
+ */
+export function beside({ width, height, box, row, behind }, extentAt) {
+  const [x0, , x1] = box;
+  const edge = MARGIN * width;
+  const sides = [
+    { foot: x0, gap: -1, bounds: [edge, edge, x0, height - edge] },
+    { foot: x1, gap: 1, bounds: [x1, edge, width - edge, height - edge] },
+  ];
+  if (width - x1 >= x0) sides.reverse();
+  const found = sides.map(({ foot, gap, bounds }) => fit({ x: foot, y: row, share: 1 }, bounds, gap, extentAt));
+  const best = found[1].share > found[0].share + 0.01 ? found[1] : found[0];
+  if (best.share >= LEAST_SHARE) return best;
+  const { gap } = sides[0];
+  const far = { x: gap > 0 ? width : 0, y: behind, share: 1 };
+  return { ...fit(far, [edge, edge, width - edge, height - edge], 0, extentAt), isBehind: true };
+}
+
+/**
+ * The spot moved into the bounds, by GAP away from their side where the real object is and on its row; smaller where they
+ * are too narrow. What is nearer is larger, so that size and place depend on each other: later tries only shrink.
+ */
+function fit({ x, y, share: most }, [left, top, right, bottom], gap, extentAt) {
+  const row = y;
+  let share = most;
+  if (right - left < 1) return { x, y, share: 0 };
+  for (let i = 0; i < TRIES; i++) {
+    const [x0, y0, x1, y1] = extentAt({ x, y, share });
+    const wide = (x1 - x0) * (1 + Math.abs(gap) * GAP);
+    const tall = (gap ? Math.min(y1, bottom) : bottom) - top;
+    const room = Math.min((right - left) / wide, tall / (y1 - y0));
+    const larger = Math.min(Math.max(room, LEAST_STEP), i < TRIES / 2 ? most / share : 1, 1 / LEAST_STEP);
+    const apart = gap * GAP * (x1 - x0);
+    const across = gap > 0 ? left + apart - x0 : gap < 0 ? right + apart - x1 : into(x0, x1, left, right);
+    const down = gap ? Math.min(bottom, row) - y1 : into(y0, y1, top, bottom);
+    if (Math.abs(larger - 1) < 0.001 && Math.abs(across) < CLOSE_PX && Math.abs(down) < CLOSE_PX) break;
+    x = Math.min(Math.max(x + across, left), right);
+    y += down;
+    share *= larger;
+  }
+  return { x, y, share };
+}
+
+/** How far a span must go to lie in another. */
+function into(from, to, low, high) {
+  return Math.max(low - from, 0) - Math.max(to - high, 0);
+}

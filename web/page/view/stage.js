@@ -1,0 +1,342 @@
+/**
+ * The photo with a virtual object on the ground beside the real one, lit by the estimate.
+ *
+ * The scene is the photo's camera frame: the camera sits at the origin and looks along -Z. The
+ * ground is a plane under the real object, tilted by the camera pitch; only shadows are drawn on it.
+ */
+
+import {
+  DirectionalLight,
+  Group,
+  Matrix4,
+  Mesh,
+  PCFShadowMap,
+  PerspectiveCamera,
+  Plane,
+  PlaneGeometry,
+  Quaternion,
+  Raycaster,
+  Scene,
+  ShadowMaterial,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { pixelDirection } from "../../src/photo/crop.js";
+import { DrawnAside } from "./drawnAside.js";
+import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
+import { extentOf, outlineOf } from "./outline.js";
+import { beside, contactOf, likelyPitchDeg } from "./placement.js";
+import { dispose } from "./virtualObjects.js";
+import { findWebgl } from "./webgl.js";
+
+/** Distance of the real object's base, in units of the scene; only proportions are seen. */
+const DISTANCE = 5;
+const UP = new Vector3(0, 1, 0);
+/** Height of the object over the real one's, at size 1 and where there is room. */
+const OF_REAL = 0.5;
+/**
+ * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground: the one
+ * that estimates take would draw spheres near the border of a cropped photo as eggs; too narrow a guess shows far less.
+ */
+const UNKNOWN_LENS_DEG = 38;
+const SHADOW_PX = 256;
+/** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
+const COARSE = 0.7;
+/** Cosine of a quarter of a degree: a dominant light that turns by less keeps its shadow. */
+const SAME_DIRECTION = 0.99999;
+
+export class Stage {
+  /**
+   * Without WebGL everything has its place, and nothing is drawn.
+   *
+   * @param {HTMLCanvasElement} canvas lies over the photo and is clear but for object and shadow
+   */
+  constructor(canvas) {
+    const { canDraw, isSoftware } = findWebgl();
+    Object.assign(this, { canvas, canDraw, isSoftware });
+    if (canDraw) this.#openRenderer();
+    this.environment = new EnvironmentTexture();
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera();
+    this.camera.near = 0.05;
+    this.object = null;
+    this.turn = 0;
+    this.size = 1;
+    this.isLive = false;
+    this.isTouched = false;
+    this.#buildGround();
+  }
+
+  #openRenderer() {
+    const { canvas, isSoftware } = this;
+    this.renderer = new WebGLRenderer({
+      canvas: isSoftware ? document.createElement("canvas") : canvas,
+      alpha: true,
+      antialias: !isSoftware,
+    });
+    this.aside = isSoftware ? new DrawnAside(this.renderer.getContext(), canvas) : null;
+    installCameraCurve(this.renderer);
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer.shadowMap.autoUpdate = false;
+  }
+
+  #buildGround() {
+    this.ground = new Group();
+    this.standing = new Group(); // moves on the ground, carries object and contact shadow
+    this.catcher = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ toneMapped: false }));
+    this.catcher.receiveShadow = true;
+    this.contactShadow = new ContactShadow();
+    this.contactShadow.position.y = 0.002;
+    this.standing.add(this.contactShadow);
+    this.ground.add(this.catcher, this.standing);
+    this.realObject = new MaskOccluder();
+    this.scene.add(this.realObject.group);
+    // the environment lights the object, its dominant light included; this light only casts the shadow
+    this.shadowLight = new DirectionalLight(0xffffff, 0);
+    this.shadowLight.castShadow = true;
+    this.shadowLight.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
+    this.shadowLight.shadow.bias = -0.0005;
+    this.scene.add(this.ground, this.shadowLight, this.shadowLight.target);
+  }
+
+  /**
+   * Set the photo's camera and where the real object stands.
+   *
+   * @param {number} width of the photo in pixels
+   * @param {number} height
+   * @param {number | null} lensDeg field of view of the longer side; null where it is unknown
+   * @param {Float32Array} mask of the real object, width * height, or of a smaller picture's shape
+   * @param {number[]} box of the real object, x0, y0, x1, y1 in pixels
+   */
+  setPhoto(width, height, lensDeg, mask, box) {
+    const longFovDeg = lensDeg ?? UNKNOWN_LENS_DEG;
+    const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
+    Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
+    this.setMask(mask);
+    const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
+    this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    if (isSame && this.isTouched) return this.setPitch(this.pitchDeg); // what was moved stays where it is
+    this.isTouched = false;
+    this.setPitch(likelyPitchDeg(this.contact[1], height, this.#focalPx()));
+  }
+
+  /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */
+  setMask(mask) {
+    this.realObject.show(mask, this.width, this.height, DISTANCE, this.#focalPx());
+  }
+
+  /** Put the object beside the real one, all of it in the photo. */
+  #standBeside() {
+    const { width, height, box, size } = this;
+    const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
+    const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
+    const extentAt = ({ x, y, share }) => {
+      this.#setFoot(x, y);
+      this.standing.scale.setScalar(asked * share * size);
+      this.standing.updateWorldMatrix(true, false);
+      const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
+      return extentOf(this.outline, clip, width, height);
+    };
+    const [, row] = this.contact;
+    const { x, y, share, isBehind } = beside({ width, height, box, row, behind: this.#rowBehind(asked) }, extentAt);
+    this.unit = asked * share;
+    this.isBehind = isBehind;
+    this.#setFoot(x, y);
+    this.#place();
+  }
+
+  /** Row of the ground that lies behind the real object, as deep as wide, by what stands there. */
+  #rowBehind(room) {
+    const { height, box, up, ground } = this;
+    const away = DISTANCE + ((box[2] - box[0]) * DISTANCE) / this.#focalPx() + room;
+    return height / 2 - (this.#focalPx() * (up.dot(ground.position) + up.z * away)) / up.y / away;
+  }
+
+  /** Whoever moved or scaled the object finds it where it was left; until then it stands beside the real one. */
+  #stand() {
+    if (this.box && this.object && !this.isTouched) this.#standBeside();
+    else this.#place();
+  }
+
+  #focalPx() {
+    return Math.max(this.width, this.height) / 2 / Math.tan((this.longFovDeg * Math.PI) / 360);
+  }
+
+  /** How far the camera looks down, degrees: the slope of the ground in the picture. */
+  setPitch(degrees) {
+    this.pitchDeg = degrees;
+    const angle = (degrees * Math.PI) / 180;
+    this.up = new Vector3(0, Math.cos(angle), Math.sin(angle));
+    this.ground.quaternion.copy(new Quaternion().setFromUnitVectors(UP, this.up));
+    if (this.contact) {
+      const foot = pixelDirection(this.contact, this.width, this.height, this.longFovDeg);
+      this.ground.position.set(...foot).multiplyScalar(DISTANCE);
+    }
+    this.ground.updateMatrixWorld(true);
+    this.#stand();
+  }
+
+  /** @param {Group} object one unit high, standing on its origin */
+  setObject(object) {
+    if (this.object) {
+      this.standing.remove(this.object);
+      dispose(this.object);
+    }
+    this.object = object;
+    this.outline = outlineOf(object);
+    this.standing.add(object);
+    this.aimed = null;
+    this.#stand();
+  }
+
+  /** Rotation about the ground's normal [degrees] and size, 1 for a good part of the real object's. */
+  setPose({ turn = this.turn, size = this.size }) {
+    if (size !== this.size) this.isTouched = true;
+    Object.assign(this, { turn, size });
+    this.standing.rotation.y = (turn * Math.PI) / 180;
+    this.#stand();
+  }
+
+  #place() {
+    if (!this.object) return this.#aimShadow();
+    this.standing.scale.setScalar((this.unit ?? 1) * this.size);
+    this.contactShadow.scale.setScalar(1.1 * this.object.userData.width);
+    this.#aimShadow();
+  }
+
+  /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
+  moveTo(x, y) {
+    this.isTouched = true;
+    this.isBehind = false;
+    const isGround = this.#setFoot(x, y);
+    if (isGround) this.#aimShadow();
+    return isGround;
+  }
+
+  #setFoot(x, y) {
+    const direction = new Vector3(...pixelDirection([x, y], this.width, this.height, this.longFovDeg));
+    const plane = new Plane().setFromNormalAndCoplanarPoint(this.up, this.ground.position);
+    const caster = new Raycaster(new Vector3(), direction.normalize());
+    const hit = caster.ray.intersectPlane(plane, new Vector3());
+    if (!hit || hit.length() > 6 * DISTANCE || hit.length() < 0.1 * DISTANCE) return false;
+    this.standing.position.copy(this.ground.worldToLocal(hit));
+    return true;
+  }
+
+  /** Where the object stands in the camera's frame, the ground's normal there, its unit's length, and the field of view. */
+  pose() {
+    const foot = this.standing.getWorldPosition(new Vector3()).toArray();
+    return { foot, up: this.up?.toArray(), scale: this.standing.scale.x, longFovDeg: this.longFovDeg };
+  }
+
+  /** What is to be said of the object's place: empty where all of it is in the photo, and nothing hides it. */
+  placeNote() {
+    if (!this.object || !this.box) return "";
+    if (this.isBehind) return "There is no room beside the object: the virtual one stands behind it. Drag it.";
+    this.standing.updateWorldMatrix(true, false);
+    const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
+    const [x0, y0, x1, y1] = extentOf(this.outline, clip, this.width, this.height);
+    const isInside = x0 >= 0 && y0 >= 0 && x1 <= this.width && y1 <= this.height;
+    return isInside ? "" : "Part of the virtual object is outside the photo.";
+  }
+
+  /** Pixel of the photo where the object stands. */
+  footPx() {
+    const point = this.standing.getWorldPosition(new Vector3()).project(this.camera);
+    return [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height];
+  }
+
+  /** Whether a pixel of the photo shows the object, or nearly. */
+  isOnObject(x, y) {
+    if (!this.object) return false;
+    const caster = new Raycaster();
+    caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.camera);
+    const [fx, fy] = this.footPx();
+    const reach = 0.15 * this.height;
+    return caster.intersectObject(this.object, true).length > 0 || Math.hypot(x - fx, y - fy) < reach;
+  }
+
+  /** @param {import("../../src/light/light.js").Light} light */
+  setLight(light) {
+    this.light = light;
+    this.scene.environment = this.environment.update(light.prefiltered);
+    this.#aimShadow();
+  }
+
+  /** Let the dominant light cast the object's shadow, as dark as its share of the ground's light is. */
+  #aimShadow() {
+    if (!this.canDraw || !this.light || !this.up) return;
+    const { dominant } = this.light;
+    const towards = new Vector3(...dominant.direction);
+    const cosine = Math.max(towards.dot(this.up), 0);
+    this.catcher.material.opacity = groundShadowOpacity(this.light, this.up.toArray());
+    const foot = this.standing.getWorldPosition(new Vector3());
+    const reach = 2 * (this.unit ?? 1) * this.size;
+    const aim = { towards, foot, reach, turn: this.turn, up: this.up };
+    if (this.aimed && isSameAim(aim, this.aimed)) return;
+    this.aimed = aim;
+    this.renderer.shadowMap.needsUpdate = true;
+    this.catcher.visible = this.shadowLight.castShadow = cosine > 0.05;
+    this.shadowLight.target.position.copy(foot);
+    this.shadowLight.position.copy(foot).addScaledVector(towards, 3 * reach);
+    const { shadow } = this.shadowLight;
+    Object.assign(shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, far: 6 * reach });
+    shadow.camera.near = 0.1 * reach;
+    shadow.camera.updateProjectionMatrix();
+    shadow.radius = 2 + 6 * Math.min(Math.sqrt(dominant.solidAngle / Math.PI), 1);
+    this.shadowLight.target.updateMatrixWorld();
+    if (this.catcher.visible) this.#fitCatcher(towards, cosine, reach);
+  }
+
+  /** The part of the ground on which the shadow can fall: every pixel of it looks its shadow up. */
+  #fitCatcher(towards, cosine, reach) {
+    const away = towards.clone().addScaledVector(this.up, -cosine).negate();
+    away.applyQuaternion(this.ground.quaternion.clone().invert());
+    if (away.lengthSq() < 1e-8) away.set(1, 0, 0);
+    away.normalize();
+    const height = reach / 2;
+    const radius = height * (this.object?.userData.width ?? 1) * Math.SQRT1_2;
+    const blur = ((this.shadowLight.shadow.radius + 2) * 2 * reach) / SHADOW_PX;
+    const back = Math.min(radius + blur / cosine, reach / cosine);
+    const slant = Math.sqrt(1 - Math.min(cosine, 1) ** 2) / cosine;
+    const front = Math.min(height * slant + radius + blur / cosine, reach / cosine);
+    this.catcher.scale.set(front + back, 2 * (radius + blur), 1);
+    this.catcher.position.copy(this.standing.position).addScaledVector(away, (front - back) / 2);
+    this.catcher.quaternion.setFromRotationMatrix(new Matrix4().makeBasis(away, UP.clone().cross(away), UP));
+  }
+
+  /**
+   * Draw at the size the canvas is shown at, coarser where that keeps the camera's picture going.
+   *
+   * @returns {Promise<void>} until it is shown
+   */
+  async render() {
+    const { renderer, canvas } = this;
+    const ratio = this.isLive && this.isSoftware ? COARSE : Math.min(window.devicePixelRatio, 2);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (!this.canDraw || !width || !height || !this.box) return;
+    const size = renderer.getDrawingBufferSize(new Vector2());
+    if (size.x !== Math.floor(width * ratio) || size.y !== Math.floor(height * ratio)) {
+      renderer.setPixelRatio(ratio);
+      renderer.setSize(width, height, false);
+    }
+    this.ground.visible = this.light !== undefined;
+    renderer.render(this.scene, this.camera);
+    await this.aside?.show();
+  }
+}
+
+/** Whether a shadow drawn for one aim does for another. */
+function isSameAim(a, b) {
+  return (
+    a.towards.dot(b.towards) > SAME_DIRECTION &&
+    a.foot.equals(b.foot) &&
+    a.up.equals(b.up) &&
+    a.reach === b.reach &&
+    a.turn === b.turn
+  );
+}

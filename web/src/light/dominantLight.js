@@ -1,0 +1,170 @@
+/**
+ * The dominant light: the one lobe that a directional light stands for (sun, lamp, window).
+ *
+ * As anyprobe.light.dominant_light: the connected pixels around the brightest one whose luminance,
+ * averaged over a cap 10 degrees across, is at least half the peak; with the pixels that touch
+ * them, less their surroundings.
+ */
+
+import { luminance } from "../core/color.js";
+import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
+import { blurCap } from "./filtering.js";
+
+const BLUR_RADIUS = (5 * Math.PI) / 180;
+const LOBE_LEVEL = 0.5;
+const RING_PX = 3;
+
+/** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
+export function dilate(mask, height) {
+  const width = 2 * height;
+  const grown = mask.slice();
+  for (let row = 0; row < height; row++) {
+    for (let column = 0; column < width; column++) {
+      if (!mask[row * width + column]) continue;
+      grown[row * width + ((column + 1) % width)] = 1;
+      grown[row * width + ((column + width - 1) % width)] = 1;
+      if (row > 0) grown[(row - 1) * width + column] = 1;
+      if (row < height - 1) grown[(row + 1) * width + column] = 1;
+    }
+  }
+  for (const pole of [0, height - 1]) {
+    const line = mask.subarray(pole * width, (pole + 1) * width);
+    if (line.includes(1)) grown.fill(1, pole * width, (pole + 1) * width);
+  }
+  return grown;
+}
+
+/** The part of a mask that is connected to one of its pixels on the sphere. */
+export function connected(mask, height, start) {
+  const width = 2 * height;
+  const region = new Uint8Array(mask.length);
+  const waiting = [start];
+  const visit = (pixel) => {
+    if (!mask[pixel] || region[pixel]) return;
+    region[pixel] = 1;
+    waiting.push(pixel);
+  };
+  region[start] = 1;
+  while (waiting.length) {
+    const pixel = waiting.pop();
+    const column = pixel % width;
+    const row = (pixel - column) / width;
+    visit(row * width + ((column + 1) % width));
+    visit(row * width + ((column + width - 1) % width));
+    if (row > 0) visit(pixel - width);
+    if (row < height - 1) visit(pixel + width);
+    if (row === 0 || row === height - 1) { // all pixels of a pole's row touch each other there
+      for (let other = row * width; other < (row + 1) * width; other++) visit(other);
+    }
+  }
+  return region;
+}
+
+/**
+ * The brightest lobe of a map as a directional light, in the map's frame.
+ *
+ * @param {Float32Array} radiance H * 2H * 3
+ * @param {number} height
+ * @returns {{direction: number[], irradiance: number[], color: number[], solidAngle: number, confidence: number,
+ *   pixels: number[], surrounding: number[]}} direction is a unit vector towards the light; irradiance is that of a plane
+ *   facing it; a map without a lobe has irradiance 0 and direction +Y; pixels are those it is made of, surrounding the
+ *   radiance beside them
+ */
+export function findDominantLight(radiance, height) {
+  const width = 2 * height;
+  const d = pixelDirections(height);
+  const rowAngles = pixelSolidAngles(height);
+  const solidAngle = (pixel) => rowAngles[Math.floor(pixel / width)];
+  const bright = new Float32Array(height * width);
+  const moment = [0, 0, 0];
+  let total = 0;
+  for (let row = 0, pixel = 0; row < height; row++) {
+    let [sum, x, y, z] = [0, 0, 0, 0];
+    for (const end = pixel + width; pixel < end; pixel++) {
+      const at = 3 * pixel;
+      const value = luminance(radiance[at], radiance[at + 1], radiance[at + 2]);
+      bright[pixel] = value;
+      sum += value;
+      x += value * d[at];
+      y += value * d[at + 1];
+      z += value * d[at + 2];
+    }
+    total += rowAngles[row] * sum;
+    [x, y, z].forEach((value, axis) => (moment[axis] += rowAngles[row] * value));
+  }
+  const confidence = total > 0 ? Math.hypot(...moment) / total : 0;
+
+  const blurred = blurCap(bright, height, 1, BLUR_RADIUS);
+  let peak = 0;
+  for (let pixel = 1; pixel < blurred.length; pixel++) if (blurred[pixel] > blurred[peak]) peak = pixel;
+  const level = LOBE_LEVEL * blurred[peak];
+  const isBright = new Uint8Array(blurred.length);
+  for (let pixel = 0; pixel < blurred.length; pixel++) isBright[pixel] = blurred[pixel] >= level ? 1 : 0;
+  const lobe = connected(isBright, height, peak);
+  const source = dilate(lobe, height);
+  const around = ringOf(source, height);
+
+  const surrounding = [0, 0, 0];
+  let weight = 0;
+  for (let pixel = 0; pixel < around.length; pixel++) {
+    if (!around[pixel]) continue;
+    weight += solidAngle(pixel);
+    for (let c = 0; c < 3; c++) surrounding[c] += solidAngle(pixel) * radiance[3 * pixel + c];
+  }
+  surrounding.forEach((value, c) => (surrounding[c] = value / weight));
+  const excess = (pixel) => [0, 1, 2].map((c) => radiance[3 * pixel + c] - surrounding[c]);
+
+  const pixels = [];
+  const mean = [0, 0, 0];
+  let lobeAngle = 0;
+  for (let pixel = 0; pixel < source.length; pixel++) {
+    if (lobe[pixel]) lobeAngle += solidAngle(pixel);
+    if (!source[pixel]) continue;
+    pixels.push(pixel);
+    const energy = Math.max(luminance(...excess(pixel)), 0) * solidAngle(pixel);
+    for (let axis = 0; axis < 3; axis++) mean[axis] += energy * d[3 * pixel + axis];
+  }
+  const length = Math.hypot(...mean);
+  if (length <= 1e-6 * total) { // rounding alone, or light from all around: no direction
+    return { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0, confidence, pixels: [], surrounding };
+  }
+  const direction = mean.map((value) => value / length);
+  const irradiance = [0, 0, 0];
+  for (const pixel of pixels) {
+    const cosine =
+      d[3 * pixel] * direction[0] + d[3 * pixel + 1] * direction[1] + d[3 * pixel + 2] * direction[2];
+    excess(pixel).forEach((value, c) => {
+      irradiance[c] += Math.max(cosine, 0) * solidAngle(pixel) * value;
+    });
+  }
+  irradiance.forEach((value, c) => (irradiance[c] = Math.max(value, 0)));
+  const most = Math.max(...irradiance);
+  const color = most > 0 ? irradiance.map((value) => value / most) : [1, 1, 1];
+  return { direction, irradiance, color, solidAngle: lobeAngle, confidence, pixels, surrounding };
+}
+
+/**
+ * A map without its dominant light, for renderers that are given both: on a plane that faces the light the irradiance of
+ * the map is that of the rest and the light's.
+ *
+ * @param {Float32Array} radiance
+ * @param {ReturnType<typeof findDominantLight>} dominant of this map
+ * @returns {Float32Array}
+ */
+export function withoutDominantLight(radiance, { irradiance, pixels, surrounding }) {
+  const rest = radiance.slice();
+  for (const pixel of pixels) {
+    irradiance.forEach((value, c) => {
+      if (value > 0) rest[3 * pixel + c] = Math.max(surrounding[c], 0); // a channel without light stays whole
+    });
+  }
+  return rest;
+}
+
+/** The pixels just outside a lobe; the lobe itself where it covers the whole sphere. */
+function ringOf(source, height) {
+  let grown = source;
+  for (let step = 0; step < RING_PX; step++) grown = dilate(grown, height);
+  const ring = grown.map((value, i) => (source[i] ? 0 : value));
+  return ring.includes(1) ? ring : source;
+}

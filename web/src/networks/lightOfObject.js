@@ -1,0 +1,71 @@
+/** From an object's crop to the light around it: what a still picture and a video's frame have in common. */
+
+import { luminance } from "../core/color.js";
+import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
+import { cameraConfidence, cameraRadiance } from "../light/light.js";
+import { CROP_SIZE } from "../photo/crop.js";
+import { coverageOf, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
+
+/** Luminance of display values between which a pixel says something of the light. */
+const [BLACK, WHITE] = [0.02, 0.98];
+
+/** Share of well exposed pixels from which on the object's picture is worth its full confidence. */
+const ENOUGH = 0.5;
+
+/**
+ * @typedef {object} LightOptions
+ * @property {boolean} [surroundings] the picture's background becomes part of the map
+ * @property {"mode" | "expected"} [emitters] light sources at their most likely positions, or their mean radiance
+ */
+
+/**
+ * @param {import("./models.js").Models} models
+ * @param {import("../photo/picture.js").Picture} picture
+ * @param {number} longFovDeg
+ * @param {ReturnType<typeof import("../photo/crop.js").cropObject>} crop
+ * @param {LightOptions & {withStages?: boolean, normals?: Float32Array | null}} options
+ */
+export async function lightOfObject(models, picture, longFovDeg, crop, { surroundings, emitters = "mode", ...options }) {
+  const seen = surroundings && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
+  const prediction = await models.light(crop.image, crop.tanHalf, { ...options, emitters, surroundings: seen });
+  const wellExposed = wellExposedFraction(crop.image);
+  const worth = Math.min(1, wellExposed / ENOUGH);
+  if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
+  const stages = seen ? useSurroundings(prediction, seen) : prediction;
+  const confidence = cameraConfidence(stages, crop.cameraFromCrop, wellExposed);
+  return {
+    stages,
+    radiance: cameraRadiance(stages, crop.cameraFromCrop),
+    confidence,
+    meanConfidence: sphereMean(confidence),
+    wellExposedFraction: wellExposed,
+    emitters: models.lifts ? emitters : "mode",
+    priors: { surroundings: seen ? coverageOf(seen) : 0, normals: Boolean(options.normals) },
+  };
+}
+
+/** Share of the object's pixels in a crop that are neither black nor clipped. */
+export function wellExposedFraction(image) {
+  const plane = CROP_SIZE * CROP_SIZE;
+  let [inside, good] = [0, 0];
+  for (let i = 0; i < plane; i++) {
+    const cover = image[3 * plane + i];
+    if (cover <= 0.5) continue;
+    inside++;
+    const display = luminance(image[i], image[plane + i], image[2 * plane + i]) / cover;
+    if (display > BLACK && display < WHITE) good++;
+  }
+  return inside ? good / inside : 0;
+}
+
+/** Mean over the sphere of one number a pixel. */
+function sphereMean(values) {
+  const angles = pixelSolidAngles(MAP_HEIGHT);
+  let total = 0;
+  for (let row = 0, at = 0; row < MAP_HEIGHT; row++) {
+    let sum = 0;
+    for (const end = at + 2 * MAP_HEIGHT; at < end; at++) sum += values[at];
+    total += angles[row] * sum;
+  }
+  return total / (4 * Math.PI);
+}

@@ -1,0 +1,32 @@
+/** The light's blurred levels as three.js's environment: one cube texture, used again for every light. */
+
+import { CompressedCubeTexture, DataUtils, HalfFloatType, LinearFilter, LinearMipmapLinearFilter, RGBAFormat } from "three";
+import { FACE_SIZES } from "../light/prefilter.js";
+
+export class EnvironmentTexture {
+  constructor() {
+    // "compressed" is what three.js calls every cube whose levels are given; these are plain half floats
+    const faces = Array.from({ length: 6 }, () => ({
+      width: FACE_SIZES[0],
+      height: FACE_SIZES[0],
+      mipmaps: FACE_SIZES.map((size) => ({ width: size, height: size, data: new Uint16Array(4 * size * size) })),
+    }));
+    this.texture = new CompressedCubeTexture(faces, RGBAFormat, HalfFloatType);
+    this.texture.isPMREMTexture = true;
+    this.texture.minFilter = LinearMipmapLinearFilter;
+    this.texture.magFilter = LinearFilter;
+  }
+
+  /** @param {Float32Array[]} levels `prefiltered` of a light; the last ones are overwritten */
+  update(levels) {
+    levels.forEach((values, level) => {
+      const count = values.length / 6;
+      this.texture.image.forEach(({ mipmaps }, face) => {
+        const { data } = mipmaps[level];
+        for (let i = 0; i < count; i++) data[i] = DataUtils.toHalfFloat(values[face * count + i]);
+      });
+    });
+    this.texture.needsUpdate = true;
+    return this.texture;
+  }
+}

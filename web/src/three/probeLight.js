@@ -1,0 +1,100 @@
+/** The estimate as three.js's lights, in the place of XREstimatedLight. */
+
+import { DirectionalLight, Group, LightProbe, Matrix4 } from "three";
+import { MAP_HEIGHT } from "../core/latlong.js";
+import { findDominantLight, withoutDominantLight } from "../light/dominantLight.js";
+import { rotate } from "../light/environment.js";
+import { project } from "../light/harmonics.js";
+import { prefilter } from "../light/prefilter.js";
+import { EnvironmentTexture } from "./environmentTexture.js";
+
+/** Of the directional light from the origin: its shadow camera reaches from 0.5 to 500, 5 to each side. */
+const DISTANCE = 5;
+
+/**
+ * `lightProbe`, `directionalLight` and `environment` as XREstimatedLight has them, and its events `estimationstart` and
+ * `estimationend`. Together they give the whole light once: the directional light is the dominant one, the environment
+ * (or without one the light probe) is the rest.
+ */
+export class ProbeLight extends Group {
+  #tracker = null;
+  #texture = null;
+  #hasStarted = false;
+
+  /**
+   * @param {import("../anyprobe.js").AnyProbe} probe
+   * @param {boolean} [environmentEstimation] whether reflections are wanted, as `environment`
+   */
+  constructor(probe, environmentEstimation = true) {
+    super();
+    this.probe = probe;
+    this.lightProbe = new LightProbe();
+    this.lightProbe.intensity = 0;
+    this.directionalLight = new DirectionalLight();
+    this.directionalLight.intensity = 0;
+    this.add(this.lightProbe, this.directionalLight);
+    this.#texture = environmentEstimation ? new EnvironmentTexture() : null;
+    this.environment = this.#texture?.texture ?? null;
+    this.estimate = null;
+  }
+
+  /**
+   * Take on a light.
+   *
+   * @param {import("../light/light.js").Light} light in a camera's frame
+   * @param {import("three").Object3D | null} [camera] that took the picture, where it is not the scene's origin; its
+   *   matrixWorld must be up to date
+   */
+  update(light, camera = null) {
+    this.estimate = light;
+    let { radiance, dominant } = light;
+    if (camera) {
+      radiance = rotate(radiance, MAP_HEIGHT, rotationOf(camera));
+      dominant = findDominantLight(radiance, MAP_HEIGHT);
+    }
+    const rest = withoutDominantLight(radiance, dominant);
+    this.lightProbe.sh.fromArray(project(rest, MAP_HEIGHT));
+    this.lightProbe.intensity = this.environment ? 0 : 1;
+    this.#texture?.update(prefilter(rest));
+    this.directionalLight.color.setRGB(...dominant.color);
+    this.directionalLight.intensity = Math.max(...dominant.irradiance);
+    this.directionalLight.position.set(...dominant.direction).multiplyScalar(DISTANCE);
+    if (this.#hasStarted) return;
+    this.#hasStarted = true;
+    this.dispatchEvent({ type: "estimationstart" });
+  }
+
+  /**
+   * Follow the light of a playing video until stop.
+   *
+   * @param {HTMLVideoElement} video
+   * @param {object} [options] of AnyProbe.track, and camera as of update
+   */
+  track(video, { camera = null, ...options } = {}) {
+    this.stop();
+    this.#tracker = this.probe.track(video, (light) => this.update(light, camera), options);
+    return this.#tracker;
+  }
+
+  stop() {
+    this.#tracker?.stop();
+    this.#tracker = null;
+    if (this.#hasStarted) this.dispatchEvent({ type: "estimationend" });
+    this.#hasStarted = false;
+  }
+
+  /** Free what it holds on the GPU; the probe stays open. */
+  dispose() {
+    this.stop();
+    this.remove(this.lightProbe, this.directionalLight);
+    this.directionalLight.dispose();
+    this.environment?.dispose();
+    this.environment = null;
+  }
+}
+
+/** The rotation of an object's matrixWorld, nine numbers row by row. */
+function rotationOf({ matrixWorld }) {
+  const m = new Matrix4().extractRotation(matrixWorld).elements;
+  return [m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]];
+}

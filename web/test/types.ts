@@ -1,0 +1,31 @@
+/** The types as programs use them: npm run types. */
+
+import { Mesh, PerspectiveCamera, Scene, WebGLRenderer } from "three";
+import { AnyProbe, type Light, encodeHdr, irradiance } from "anyprobe";
+import { ContactShadow, EnvironmentTexture, MaskOccluder, ProbeLight, groundShadowOpacity, installCameraCurve } from "anyprobe/three";
+
+export async function use(image: HTMLImageElement, video: HTMLVideoElement, scene: Scene, renderer: WebGLRenderer) {
+  const probe = await AnyProbe.load({ engine: "wasm", threads: 2 });
+  const light: Light = await probe.estimate(image, { click: [10, 20], exclude: [[1, 2], [3, 4]], emitters: "expected" });
+  const [r]: [number, number, number] = irradiance(light.sh9, [0, 1, 0]);
+  const { width, data } = light.environment;
+  new Blob([encodeHdr(light.radiance, 64) as BlobPart]);
+  const tracker = probe.track(video, ({ dominant }) => dominant.direction[0], { box: [0, 0, 9, 9], onLost: () => {} });
+  await tracker.mark({ click: [1, 2] });
+  tracker.stop();
+
+  installCameraCurve(renderer);
+  const lights = new ProbeLight(probe);
+  lights.addEventListener("estimationstart", () => (scene.environment = lights.environment));
+  lights.directionalLight.castShadow = true;
+  lights.update(light, new PerspectiveCamera());
+  lights.track(video, { surroundings: true });
+  const shadow: Mesh = new ContactShadow(0.4);
+  scene.add(lights, shadow, new MaskOccluder().group);
+  scene.environment = new EnvironmentTexture().update(light.prefiltered);
+  // @ts-expect-error there is no such engine
+  await AnyProbe.load({ engine: "webgl" });
+  // @ts-expect-error a click is two numbers
+  await probe.estimate(image, { click: 3 });
+  return [r + width + data.length, groundShadowOpacity(light, [0, 1, 0])];
+}

@@ -1,0 +1,54 @@
+/** anyprobe/three: estimates in three.js. */
+
+import type { DirectionalLight, Group, LightProbe, Mesh, Object3D, Object3DEventMap, Texture, WebGLRenderer } from "three";
+import type { AnyProbe, Light, Tracker, TrackOptions, Vector3 } from "./index.d.ts";
+
+export interface ProbeLightEventMap extends Object3DEventMap {
+  estimationstart: {};
+  estimationend: {};
+}
+
+/** In the place of XREstimatedLight: the same fields and events. */
+export declare class ProbeLight extends Group<ProbeLightEventMap> {
+  constructor(probe: AnyProbe, environmentEstimation?: boolean);
+  /** The light but the dominant one, as spherical harmonics; its intensity is 0 where there is an environment. */
+  lightProbe: LightProbe;
+  /** The dominant light, 5 units from the origin; set castShadow. */
+  directionalLight: DirectionalLight;
+  /** The light but the dominant one, for scene.environment; null unless it was asked for. */
+  environment: Texture | null;
+  /** The last light. */
+  estimate: Light | null;
+  /** camera: that took the picture, where it is not the scene's origin. */
+  update(light: Light, camera?: Object3D | null): void;
+  track(video: HTMLVideoElement, options?: TrackOptions & { camera?: Object3D | null }): Tracker;
+  stop(): void;
+  dispose(): void;
+}
+
+/** The whole light for scene.environment: one cube texture, used again for every light. */
+export declare class EnvironmentTexture {
+  readonly texture: Texture;
+  update(levels: Light["prefiltered"]): Texture;
+}
+
+/** Show radiance as the photo's camera does; before the first picture is drawn. */
+export declare function installCameraCurve(renderer: WebGLRenderer): void;
+
+/** A soft round spot on the ground (+Y up), of side 1. */
+export declare class ContactShadow extends Mesh {
+  constructor(opacity?: number);
+  dispose(): void;
+}
+
+/** Opacity of a ShadowMaterial on ground with this normal, for the shadow of the dominant light. */
+export declare function groundShadowOpacity(light: Light, up: Vector3): number;
+/** Opacity of black that takes a share of the light away. */
+export declare function shadowOpacity(share: number): number;
+
+/** The real object's depth: it hides what is behind it, and is not drawn itself. */
+export declare class MaskOccluder {
+  readonly group: Group;
+  /** distance of the object's base along -Z; focalPx of the camera, in the mask's pixels. */
+  show(mask: Float32Array, width: number, height: number, distance: number, focalPx: number): void;
+}
