@@ -2,5 +2,5 @@
 
 export const INTEGRITY = {
   light: "sha384-4BGeB2w0LMgEJoqrqQTjp0iuDBt9ezgkwAyJCTiWk++52Lhovyqb5/Ibog/yZ1Ah",
-  mask: "sha384-l8v28V32hRB8OJXN3UT+8EjhwjAz9nPJxI2BQmqGpllNP0SrI+TbAdsNJ1sabtQe",
+  mask: "sha384-V60id45AhGOuHkBCsdmMArLPD9asNwznxmHBsGmQ19A3of+l9ONJUyDvaJ3X/4li",
 };
