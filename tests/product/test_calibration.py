@@ -194,7 +194,7 @@ def test_a_model_without_confidence_cannot_be_calibrated():
         def __call__(self, crop, tan_half):
             return SimpleNamespace(confidence=None)
 
-    with pytest.raises(ModelError, match="paper: expected a model that tells its confidence"):
+    with pytest.raises(ModelError, match="paper: expected a model that estimates its confidence"):
         calibrate(Silent(), [sphere_pair(1)])
 
 
