@@ -23,7 +23,7 @@ from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import Pair
 from anyprobe.dataset.recipe import WORLD
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, total_reflectance
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
 POINTS = 20
@@ -152,7 +152,7 @@ class SphereLimit:
         """[N, 316, 3] in exposure units to [N, F]: logarithms and display values, as clipped as the photo is."""
         shown = np.clip(seen, FLOOR, 1.0)
         if self.given:
-            shown = shown / priors.total_reflectance(colors.albedo, colors.f0).reshape(-1, 1, 3)
+            shown = shown / total_reflectance(colors.albedo, colors.f0).reshape(-1, 1, 3)
         parts = np.log(shown), response(np.minimum(shown, 1.0)) * 2
         return np.concatenate([part.reshape(len(seen), -1) for part in parts], axis=1).astype(np.float32)
 

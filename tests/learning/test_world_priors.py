@@ -14,11 +14,12 @@ from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import PairConfig, PairSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.scatter.materials import total_reflectance
 
 
 def test_dull_things_reflect_a_tenth_to_a_half_and_some_four_fifths(rng):
     some = priors.draw_materials(rng, 40_000)
-    total = luminance(priors.total_reflectance(some.albedo, some.f0))
+    total = luminance(total_reflectance(some.albedo, some.f0))
     rough = total[some.kind == priors.KINDS.index("rough")]
     assert ((rough > 0.1) & (rough < 0.5)).mean() > 0.7
     assert 0.03 < (rough > 0.7).mean() < 0.12

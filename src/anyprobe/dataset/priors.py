@@ -150,16 +150,6 @@ def kind_given_alpha(alpha: np.ndarray) -> np.ndarray:
     return density / density.sum(axis=-1, keepdims=True)
 
 
-def total_reflectance(albedo: np.ndarray, f0: np.ndarray) -> np.ndarray:
-    """What a material reflects of an even light in all, [..., 3].
-
-    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
-    coat loses between its facets is left out.
-    """
-    fresnel = f0 + (1.0 - f0) / 21.0
-    return fresnel + (1.0 - fresnel) * albedo
-
-
 def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Weight of the object in the meter's mean and the radiance that this mean is brought to, [N] each."""
     return rng.uniform(*OBJECT_WEIGHT, count), KEY * np.exp(rng.normal(0.0, KEY_SPREAD, count))
