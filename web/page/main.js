@@ -11,6 +11,7 @@ import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
 import { readExample } from "./example.js";
+import { askReflections } from "./reflections.js";
 
 /** Expected IoU below which a mask comes with a warning. */
 const DOUBTFUL = 0.75;
@@ -42,6 +43,8 @@ const editor = new MaskEditor(
 );
 const surroundings = element("surroundings");
 const soften = element("soften");
+const reflections = element("reflections");
+element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const options = () => ({ surroundings: surroundings.checked, emitters: soften.checked ? "expected" : "mode" });
 
@@ -163,6 +166,17 @@ function showLight() {
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
   sendLight(result);
+  if (reflections.checked) attempt(reflect);
+}
+
+/** Sharp reflections for the light on show, or its own again. */
+async function reflect() {
+  const { result } = opened;
+  if (reflections.checked) result.reflections ??= await askReflections(result.light);
+  if (live.running || opened.result !== result) return;
+  const shown = reflections.checked ? result.reflections : null;
+  stage.setLight(result.light, shown);
+  light.showReflections(shown);
 }
 
 /** The example comes with its answer, so that the page is finished before any network is opened. */
@@ -205,6 +219,9 @@ for (const box of [surroundings, soften]) {
     if (opened?.mask) examine(async () => ({ mask: opened.mask, confidence: opened.confidence }));
   });
 }
+reflections.addEventListener("change", () => {
+  if (opened?.result && !live.running) attempt(reflect);
+});
 element("camera").addEventListener("click", () => {
   if (live.running) return attempt(closeCamera);
   choice++;
