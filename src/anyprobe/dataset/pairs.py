@@ -19,7 +19,7 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.dataset import priors
-from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure, phone_shot
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.material import draw_material
@@ -351,25 +351,12 @@ def take_photos(
     rng: np.random.Generator,
     tone: Callable = response,
 ) -> torch.Tensor:
-    """What `camera.take_photo` does to one photo, for a batch: display values [B, 3, S, S] in steps of 1/255.
+    """camera.take_photo of a batch, grain by rng: display values [B, 3, S, S] in steps of 1/255.
 
-    Args:
-        radiance, background: [B, 3, S, S] in exposure units before white balance.
-        mask: [B, 1, S, S] of the objects.
-        tone: response, or the same compiled.
+    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
     """
     device = radiance.device
-    scene = torch.lerp(background, radiance, mask) * _column([shot.white_balance for shot in shots], device)
-    for one, shot in zip(scene, shots, strict=True):
-        if shot.blur_px > 0.0:
-            one.copy_(blur(one, shot.blur_px))
     generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
-    display = torch.randn(scene.shape, generator=generator, device=device)
-    display.mul_(_column([shot.noise for shot in shots], device)).add_(tone(scene, curves(shots, device)))
-    display.clip_(0, 1).mul_(255).round_()
-    for one, shot in zip(display, shots, strict=True):
-        if shot.jpeg_quality is not None:
-            picture = one.permute(1, 2, 0).to(torch.uint8).cpu().numpy()
-            stored = compress(np.ascontiguousarray(picture), shot.jpeg_quality, shot.jpeg_subsampling)
-            one.copy_(torch.from_numpy(stored).permute(2, 0, 1))
-    return display.div_(255)
+    grain = torch.randn(radiance.shape, generator=generator, device=device)
+    tone = partial(tone, curve=curves(shots, device))
+    return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)
