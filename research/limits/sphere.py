@@ -19,8 +19,8 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset import priors
 from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import Pair
+from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.recipe import WORLD
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.scatter.materials import Material
@@ -111,7 +111,7 @@ def world_draw(metal: bool) -> Draw:
 
 
 def paper_draw(metal: bool) -> Draw:
-    """Of dataset.material."""
+    """Of dataset.priors."""
     return lambda rng, alpha: draw_material(rng, alpha, metal)
 
 

@@ -16,8 +16,8 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pairs import Batch, PairConfig, PairSource
+from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces, thin
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.light_net import LightNet

@@ -17,8 +17,8 @@ from anyprobe.dataset.asset_store import draw_map, room, sky, studio  # noqa: E4
 from anyprobe.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import GIVEN_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.priors import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.surfaces import (  # noqa: E402
     NUM_ELEVATIONS,
     SurfaceConfig,

@@ -8,6 +8,15 @@ from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid
 from anyprobe.dataset import room as rooms
 from anyprobe.dataset.asset_store import draw_map, room, sky, studio
 from anyprobe.dataset.catalog import normalize_map
+from anyprobe.dataset.lighting import (
+    add_lamp,
+    blend,
+    draw_variant,
+    move_dominant_light,
+    split_dominant_light,
+    turn,
+    white_balance,
+)
 from anyprobe.dataset.sky import (
     REC709_FROM_XYZ,
     clear_sky,
@@ -21,15 +30,6 @@ from anyprobe.dataset.sky import (
     soft_cap,
     sun_irradiance,
     zenith_luminance,
-)
-from anyprobe.dataset.variants import (
-    add_lamp,
-    blend,
-    draw_variant,
-    move_dominant_light,
-    split_dominant_light,
-    turn,
-    white_balance,
 )
 from anyprobe.light.environment import integral, rotate
 

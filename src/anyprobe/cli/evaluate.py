@@ -153,7 +153,7 @@ def _test_set(
     """Recipes of so many pairs, drawn by seed or the frozen ones, and the assets they name."""
     from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.catalog import load_maps, load_shapes
-    from anyprobe.dataset.plan import balanced_recipes
+    from anyprobe.dataset.recipe import balanced_recipes
     from anyprobe.dataset.samples import CONDITIONS
     from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 

@@ -167,8 +167,8 @@ pictures made of them, with maps turned, blended and relit, and shapes turned, m
 [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
 [4.0](https://creativecommons.org/licenses/by/4.0/) ask to name the author, as MIT, BSD and Apache licences do.
 
-Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.procedural_light`,
-`anyprobe.render.shapes`, `anyprobe.render.parts`): they have no files, and are anyprobe's, Apache-2.0.
+Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.sky`,
+`anyprobe.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
 """
 
 _NAMES_NOBODY = re.compile(r"cc[\s_-]?0\b|creative commons zero\b|public domain\b|own\b", re.IGNORECASE)

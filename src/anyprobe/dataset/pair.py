@@ -22,7 +22,7 @@ from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, one_photo, phone_shot
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import SPECULAR_BELOW, draw_alpha, draw_material
+from anyprobe.dataset.priors import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
 from anyprobe.dataset.textured import draw_factor, draw_share, factor_at, paint
 from anyprobe.errors import InputError, InvalidMesh

@@ -22,9 +22,9 @@ from anyprobe.dataset import priors
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
+from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
 from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.shape_augment import join_some, reshape_some

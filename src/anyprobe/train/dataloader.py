@@ -15,11 +15,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch.utils.data import DataLoader, Dataset
 
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store, own_map
-from anyprobe.dataset.lighting import Illuminator
+from anyprobe.dataset.lighting import Illuminator, draw_variant
 from anyprobe.dataset.pairs import Batch, PairSource
 from anyprobe.dataset.process_pools import one_thread
 from anyprobe.dataset.surfaces import SurfaceSet, build_surfaces
-from anyprobe.dataset.variants import draw_variant
 from anyprobe.train.config import LightConfig, RunConfig
 
 AHEAD = 2

@@ -20,8 +20,7 @@ from torch.nn import functional as F
 from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.mask_scenes.examples import Batch, SceneConfig, SceneSource
-from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
-from anyprobe.dataset.mask_scenes.patterns import TexturePool
+from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
