@@ -25,9 +25,9 @@ from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.estimate.runtime import ENGINES, Models, file_hashes
 from anyprobe.render.shapes import figure
+from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.config import lift
 from anyprobe.train.export_onnx import export
-from anyprobe.train.init_weights import load_init_weights
 from anyprobe.train.lift import Lift
 
 ROOT = Path(__file__).parents[1]

@@ -21,9 +21,9 @@ from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces, thin
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.light_net import LightNet
+from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.config import LightConfig, lift
 from anyprobe.train.dataloader import load_assets
-from anyprobe.train.init_weights import load_init_weights
 from anyprobe.train.lift import Lift
 
 SIZE = 32

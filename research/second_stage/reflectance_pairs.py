@@ -26,8 +26,7 @@ from anyprobe.dataset.surfaces import ELEVATION_SINES
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.lifting import mirror_direction
 from anyprobe.render.reflectance import lookup_coords
-from anyprobe.scatter.albedo import albedo_table, directional_albedo
-from anyprobe.scatter.microfacet import f0_from_ior
+from anyprobe.scatter.microfacet import albedo_table, directional_albedo, f0_from_ior
 from research.second_stage.first_stage import SeenSurfaces
 from research.second_stage.reflectance_tables import ALPHAS, ROWS
 

@@ -32,8 +32,8 @@ from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import lookup_coords
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.albedo import albedo_table
 from anyprobe.scatter.materials import Material
+from anyprobe.scatter.microfacet import albedo_table
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -21,7 +21,7 @@ from anyprobe.dataset.catalog import Manifest
 from anyprobe.dataset.download import Client, RemoteFile, Watch, md5_of
 from anyprobe.errors import AnyprobeError, DownloadError, InputError, ServerBusy
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.glb import buffer_paths, pack_glb, read_gltf
+from anyprobe.files.meshes import buffer_paths, pack_glb, read_gltf
 from anyprobe.files.radiance import read_radiance
 
 API = "https://api.polyhaven.com"

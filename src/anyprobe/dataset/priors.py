@@ -1,8 +1,8 @@
 """Priors of materials and cameras: the paper's, "metal and non-metal from diffuse to specular", and the real world's:
 what objects reflect, how phones expose them, what white they choose.
 
-Each of the latter distribution is given by its quantiles at PROBABILITIES, between which the logarithm is linear, so that drawing
-from it and its density are both exact. They are ours; the measurements that they follow are
+The latter are given by their quantiles at PROBABILITIES, between which the logarithm is linear, so that drawing from
+them and their density are both exact. They are ours; the measurements that they follow are
 
 - the 100 measured materials of MERL (Matusik et al., A Data-Driven Reflectance Model, SIGGRAPH 2003), as fitted by
   Bagher, Soler and Holzschuch (Accurate fitting of measured reflectances using a Shifted Gamma micro-facet

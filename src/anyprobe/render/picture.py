@@ -25,8 +25,8 @@ from anyprobe.render.integrate import (
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.reflectance import lookup_coords, read_map, reflectance_normals
 from anyprobe.render.surface import Camera, see
-from anyprobe.scatter.albedo import albedo_table
 from anyprobe.scatter.materials import Material
+from anyprobe.scatter.microfacet import albedo_table
 
 if TYPE_CHECKING:
     from jaxtyping import Float

@@ -15,7 +15,7 @@ from array_api_compat import array_namespace
 
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import corners
-from anyprobe.scatter.albedo import directional_albedo
+from anyprobe.scatter.microfacet import directional_albedo
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -68,7 +68,7 @@ def lobe_normal(n, wo, alpha):
 
     It stands for n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
     about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3.
-    Its albedo is another than n's: see anyprobe.scatter.albedo.
+    Its albedo is another than n's: see anyprobe.scatter.microfacet.
 
     Args:
         n, wo: [..., 3].   alpha: scalar or [..., 1].
@@ -82,7 +82,7 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
 
     Args:
         n, wo: [..., 3], camera frame; where n is zero, anything comes of it.
-        alpha: [..., 1].   table: anyprobe.scatter.albedo.albedo_table, an array of the same kind.
+        alpha: [..., 1].   table: anyprobe.scatter.microfacet.albedo_table, an array of the same kind.
     Returns:
         Where to look in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms,
         [..., 2] each, and what S1 and Ss found there are to be multiplied by, [...]: the lobe is

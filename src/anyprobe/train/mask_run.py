@@ -24,10 +24,16 @@ from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.mask_net import MaskNet
-from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
+from anyprobe.train.checkpoint import (
+    agreed,
+    check_goes_on,
+    init_weights_id,
+    load_init_weights,
+    load_weights,
+    read_checkpoint,
+)
 from anyprobe.train.config import LightConfig
 from anyprobe.train.dataloader import load_assets, name_assets
-from anyprobe.train.init_weights import init_weights_id, load_init_weights
 from anyprobe.train.logger import LOG_STEPS, forget_after, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS
 
@@ -116,7 +122,7 @@ def train_mask(
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         scenes: the batches, when they are at hand already.
-        start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
+        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
     Raises:
