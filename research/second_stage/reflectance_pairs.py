@@ -29,6 +29,7 @@ from anyprobe.render.reflectance import lookup_coords
 from anyprobe.scatter.microfacet import albedo_table, directional_albedo, f0_from_ior
 from research.second_stage.first_stage import SeenSurfaces
 from research.second_stage.reflectance_tables import ALPHAS, ROWS
+from research.world.materials import kind_given_alpha
 
 BASE_ROWS = 64
 """Rows of the maps that are turned."""
@@ -216,7 +217,7 @@ class ReflectanceSource:
         count = len(index)
         alpha = self.surfaces.root_alpha[index].astype(np.float64) ** 2 * np.exp(rng.normal(0.0, 0.1, count))
         alpha = np.clip(alpha, 0.01, 1.0)
-        chances = priors.kind_given_alpha(alpha).cumsum(axis=1)
+        chances = kind_given_alpha(alpha).cumsum(axis=1)
         kind = (rng.random((count, 1)) > chances[:, :3]).sum(axis=1)
         albedo, f0 = priors.draw_colors(rng, kind)
         metal, (other_albedo, other_f0) = rng.random(count) < 0.45, _older(rng, count)

@@ -19,6 +19,7 @@ from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 from anyprobe.render.shapes import sphere
 from research.limits.__main__ import limits
 from research.world import pairs as world
+from research.world.materials import total_reflectance
 
 RECIPE = Recipe(kind="object", map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
 
@@ -69,7 +70,7 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
                 low, high = priors.ALPHA[kind][[0, -1]]
                 assert low <= given.alpha <= high
                 assert np.any(given.albedo) == (kind > 0)
-                value.append(luminance(priors.total_reflectance(given.albedo, given.f0)).mean())
+                value.append(luminance(total_reflectance(given.albedo, given.f0)).mean())
         assert max(value[:4]) < min(value[4:]) + 0.1
         assert np.mean(value[:4]) < np.mean(value[4:])
 

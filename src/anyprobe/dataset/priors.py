@@ -18,8 +18,6 @@ the middle of what is dull follows MERL together with its sheen, and the upper t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from anyprobe.core.color import luminance
@@ -132,16 +130,6 @@ BALANCE_ERROR = (0.06, 0.03, 0.08)
 1.8 (Barron and Tsai, Fast Fourier Color Constancy, CVPR 2017) to 6 (grey world)."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Materials:
-    """N materials: kind [N] (of KINDS), albedo and f0 [N, 3], alpha [N]."""
-
-    kind: np.ndarray
-    albedo: np.ndarray
-    f0: np.ndarray
-    alpha: np.ndarray
-
-
 def draw_kinds(rng: np.random.Generator, count: int) -> np.ndarray:
     """[N] numbers of KINDS, by SHARES."""
     return rng.choice(len(KINDS), count, p=SHARES)
@@ -174,36 +162,11 @@ def draw_colors(
     return np.where(bare, 0.0, albedo).astype(np.float32), f0.astype(np.float32)
 
 
-def draw_materials(rng: np.random.Generator, count: int) -> Materials:
-    """N materials as they are met."""
-    kind = draw_kinds(rng, count)
-    alpha = draw_alphas(rng, kind)
-    albedo, f0 = draw_colors(rng, kind)
-    return Materials(kind=kind, albedo=albedo, f0=f0, alpha=alpha.astype(np.float32))
-
-
 def draw_one(rng: np.random.Generator, kind: int, alpha: float, rank: float | None = None) -> Material:
     """One material of a kind and a width; rank as in draw_colors."""
     ranks = None if rank is None else np.array([rank])
     albedo, f0 = draw_colors(rng, np.array([kind]), ranks)
     return Material(albedo=albedo[0], f0=f0[0], alpha=alpha)
-
-
-def kind_given_alpha(alpha: np.ndarray) -> np.ndarray:
-    """P(kind | alpha) [N, 4] by Bayes' rule: SHARES times the density of ln alpha; even where no kind has such."""
-    density = np.stack([share * _density(row, alpha) for share, row in zip(SHARES, ALPHA, strict=True)], -1)
-    density = density + 1e-12
-    return density / density.sum(axis=-1, keepdims=True)
-
-
-def total_reflectance(albedo: np.ndarray, f0: np.ndarray) -> np.ndarray:
-    """What a material reflects of an even light in all, [..., 3].
-
-    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
-    coat loses between its facets is left out.
-    """
-    fresnel = f0 + (1.0 - f0) / 21.0
-    return fresnel + (1.0 - fresnel) * albedo
 
 
 def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -246,15 +209,6 @@ def draw_white_balance(rng: np.random.Generator, ambient: np.ndarray) -> np.ndar
 def _quantile(table: np.ndarray, kind: np.ndarray, rank: np.ndarray) -> np.ndarray:
     rows = np.stack([np.interp(rank, PROBABILITIES, row) for row in np.log(table)])
     return np.exp(rows[kind, np.arange(len(kind))])
-
-
-def _density(row: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Of ln value, [N]."""
-    edges = np.log(row)
-    heights = np.diff(PROBABILITIES) / np.diff(edges)
-    place = np.searchsorted(edges, np.log(value), side="right") - 1
-    inside = (place >= 0) & (np.log(value) <= edges[-1])
-    return np.where(inside, heights[np.clip(place, 0, len(heights) - 1)], 0.0)
 
 
 def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:

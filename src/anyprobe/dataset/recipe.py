@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import gcd
 
@@ -180,56 +181,53 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
 
     Only one kind of place if the maps have no other.
     """
-    by_place, shapes = _places_and_shapes(store)
+
+    def material(k: int, rng: np.random.Generator) -> int:
+        return k % 2 + 2 * int(rng.random() < 0.4) + 4 * int(rng.integers(2))
+
+    return _test_set(store, count, seed, conditions, 2, lambda k: k // 4, material)
+
+
+def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
+    """A test set under the world's priors: in turn the kinds of priors.KINDS, the darker and the brighter half of
+    each, indoor/outdoor, every shape alike; the rest at random."""
+    return _test_set(
+        store, count, seed, WORLD, MATERIALS, lambda k: k // (2 * MATERIALS) + k, lambda k, rng: k % MATERIALS
+    )
+
+
+def _test_set(
+    store: AssetStore,
+    count: int,
+    seed: int,
+    conditions: int,
+    run: int,
+    shape: Callable[[int], int],
+    material: Callable[[int, np.random.Generator], int],
+) -> list[Recipe]:
+    """Recipes 0 to count - 1: of shape number shape(k), of material(k, rng), `run` of one kind of place in turn."""
+    if not store.maps or not store.shapes:
+        raise InputError(
+            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+        )
+    ids, shapes = sorted(store.maps), sorted(store.shapes)
+    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
     recipes = []
     for k in range(count):
         rng = np.random.default_rng((seed, k))
-        places = by_place[bool(k // 2 % 2)]
+        places = by_place[bool(k // run % 2)]
         recipes.append(
             Recipe(
                 kind="object",
                 map_id=places[rng.integers(len(places))],
-                shape_id=shapes[k // 4 % len(shapes)],
-                material=k % 2 + 2 * int(rng.random() < 0.4) + 4 * int(rng.integers(2)),
+                shape_id=shapes[shape(k) % len(shapes)],
+                material=material(k, rng),
                 view=int(rng.integers(VIEWPOINTS)),
                 conditions=conditions,
                 seed=_seed(seed, k),
             )
         )
     return recipes
-
-
-def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
-    """A test set under the world's priors: in turn the kinds of priors.KINDS, the darker and the brighter half of
-    each, indoor/outdoor, every shape alike; the rest at random."""
-    by_place, shapes = _places_and_shapes(store)
-    recipes = []
-    for k in range(count):
-        rng = np.random.default_rng((seed, k))
-        places = by_place[bool(k // MATERIALS % 2)]
-        recipes.append(
-            Recipe(
-                kind="object",
-                map_id=places[rng.integers(len(places))],
-                shape_id=shapes[(k // (2 * MATERIALS) + k) % len(shapes)],
-                material=k % MATERIALS,
-                view=int(rng.integers(VIEWPOINTS)),
-                conditions=WORLD,
-                seed=_seed(seed, k),
-            )
-        )
-    return recipes
-
-
-def _places_and_shapes(store: AssetStore) -> tuple[dict[bool, list[str]], list[str]]:
-    """Ids of the maps, by whether they are indoor, all where there are none such, and of the shapes."""
-    if not store.maps or not store.shapes:
-        raise InputError(
-            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
-        )
-    ids = sorted(store.maps)
-    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
-    return by_place, sorted(store.shapes)
 
 
 def _seed(seed: int, index: int) -> int:

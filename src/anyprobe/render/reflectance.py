@@ -37,12 +37,6 @@ def reflectance_normals(size: int) -> Float[np.ndarray, "S S 3"]:
     return np.stack([right * scale, up * scale, np.cos(theta)], axis=-1).astype(np.float32)
 
 
-def reflectance_disc(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """reflectance_normals and which pixels lie in the disc, [S, S] bool."""
-    x = (np.arange(size) + 0.5) / size * 2 - 1
-    return reflectance_normals(size), np.hypot(*np.meshgrid(x, x)) < 1
-
-
 def normal_to_reflectance_xy(n):
     """Where a normal lies in a reflectance map: (x right, y down) in [-1, 1], [..., 3] -> [..., 2]."""
     xp = array_namespace(n)
