@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from anyprobe.cli.render import Conditions
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LIFT_STAGES
 
@@ -49,13 +49,6 @@ PATHS = 128
 """Paths per pixel of a path-traced photo."""
 CELL = 64
 """Side of a picture in the grid [pixels]."""
-
-
-class Conditions(StrEnum):
-    """How the test photos are taken; the members are dataset.samples.CONDITIONS."""
-
-    clean = "clean"
-    world = "world"
 
 
 def evaluate(

@@ -22,9 +22,10 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     hints_for,
+    pixels_of,
     with_bundles,
 )
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import OutputError
 
 if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
@@ -63,6 +64,10 @@ class InsertOptions:
         typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks."),
     ] = None
 
+    def foot(self) -> tuple[float, ...] | None:
+        """The pixel of --at; None where it is absent."""
+        return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
+
 
 @with_bundles
 def relight(
@@ -100,7 +105,7 @@ def relight(
 
     material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
-    foot = point(placed.at)
+    foot = placed.foot()
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
@@ -185,16 +190,3 @@ def _radiance(
         return radiance, 1.0
     gain = least_scale(photo, radiance)
     return radiance * np.float32(gain), gain
-
-
-def point(text: str | None) -> tuple[float, float] | None:
-    """The pixel of --at; None where it is absent."""
-    if text is None:
-        return None
-    try:
-        found = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        found = ()
-    if len(found) != 2 or not np.isfinite(found).all():
-        raise InputError(f"--at: expected X,Y in pixels, got {text!r}; for instance --at 400,380")
-    return found

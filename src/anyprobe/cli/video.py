@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from anyprobe.cli.options import JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
-from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, point
+from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer
 from anyprobe.errors import InputError
 
 LINE_S = 30
@@ -68,7 +68,7 @@ def video(
         "normals": normals if isinstance(normals, Path) else None
     }
     given = {key: value for key, value in hints.items() if value and key not in ("near", "far")}
-    foot = point(placed.at)
+    foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError(
             "--poses and --insert: expected one of them; relit clips need a camera that stands still"

@@ -26,7 +26,7 @@ from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import OutputError
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.exported_light import SCALE, ExportedLight, numbers, write_maps
+from anyprobe.export.exported_light import SCALE, ExportedLight, numbers, read_template, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.meshes import glb_file
 from anyprobe.files.paths import utf8_path
@@ -149,58 +149,6 @@ def _png(rgba: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-STAGE = """#usda 1.0
-(
-    defaultPrim = "Light"
-    doc = "Linear Rec. 709 radiance, relative scale. Front is -Z, up is +Y."
-    metersPerUnit = 1
-    upAxis = "Y"
-)
-
-def Xform "Light" (
-    variants = {{
-        string mainLight = "separate"
-    }}
-    prepend variantSets = "mainLight"
-)
-{{
-    def DomeLight "Dome"
-    {{
-        float inputs:intensity = 1
-        token inputs:texture:format = "latlong"
-    }}
-
-    variantSet "mainLight" = {{
-        "separate" (
-            doc = "The dome without the dominant light, and the dominant light as a DistantLight."
-        ) {{
-            over "Dome"
-            {{
-                asset inputs:texture:file = {ambient}
-            }}
-
-            def DistantLight "Main"
-            {{
-                float inputs:angle = {angle}
-                color3f inputs:color = ({r}, {g}, {b})
-                float inputs:intensity = {intensity}
-                bool inputs:normalize = true
-                matrix4d xformOp:transform = ( {matrix} )
-                uniform token[] xformOpOrder = ["xformOp:transform"]
-            }}
-        }}
-        "inTheDome" (
-            doc = "Everything in the dome."
-        ) {{
-            over "Dome"
-            {{
-                asset inputs:texture:file = {full}
-            }}
-        }}
-    }}
-}}
-"""
-
 USDZ_ALIGNMENT = 64
 """Every file in a .usdz begins at a multiple of this, stored as it is."""
 
@@ -213,7 +161,7 @@ def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """
     write_maps(light, folder, OPENEXR, ".exr")
     r, g, b = numbers(light.main.color)
-    stage = STAGE.format(
+    stage = read_template("stage.usda").format(
         ambient=asset_path(f"./{light.name}_ambient.exr"),
         full=asset_path(f"./{light.name}.exr"),
         angle=round(light.main_angle_deg, 4),
@@ -258,53 +206,6 @@ def pack_usdz(path: Path, files: list[Path]) -> None:
             archive.writestr(entry, file.read_bytes())
 
 
-SCENE = """<!-- mitsuba {name}.xml; the emitter is all that other scenes need -->
-<scene version="3.0.0">
-  <default name="spp" value="64"/>
-  <integrator type="path">
-    <integer name="max_depth" value="6"/>
-  </integrator>
-  <emitter type="envmap" id="light">
-    <string name="filename" value={map}/>
-  </emitter>
-  <sensor type="perspective">
-    <float name="fov" value="26"/>
-    <string name="fov_axis" value="y"/>
-    <transform name="to_world">
-      <lookat origin="0, 0, 9" target="0, 0, 0" up="0, 1, 0"/>
-    </transform>
-    <film type="hdrfilm">
-      <integer name="width" value="480"/>
-      <integer name="height" value="180"/>
-      <string name="pixel_format" value="rgb"/>
-    </film>
-    <sampler type="multijitter">
-      <integer name="sample_count" value="$spp"/>
-    </sampler>
-  </sensor>
-  <shape type="sphere">
-    <point name="center" x="-2.3" y="0" z="0"/>
-    <bsdf type="diffuse">
-      <rgb name="reflectance" value="1, 1, 1"/>
-    </bsdf>
-  </shape>
-  <shape type="sphere">
-    <bsdf type="roughconductor">
-      <string name="material" value="none"/>
-      <float name="alpha" value="0.16"/>
-      <rgb name="specular_reflectance" value="0.8, 0.8, 0.8"/>
-    </bsdf>
-  </shape>
-  <shape type="sphere">
-    <point name="center" x="2.3" y="0" z="0"/>
-    <bsdf type="conductor">
-      <string name="material" value="none"/>
-    </bsdf>
-  </shape>
-</scene>
-"""
-
-
 def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
     """The map [H, 2H, 3] in 2H + 1 rows that lie at i / 2H, first and last on the poles.
 
@@ -334,6 +235,10 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
             OpenEXR.File(header, channels).write(plain)
     except RuntimeError as error:  # its only report of a full disk
         raise OutputError(f"{path}: cannot be written ({' '.join(str(error).split())})") from error
-    scene = SCENE.replace("{name}", light.name.replace("--", "__")).replace("{map}", quoteattr(path.name))
+    scene = (
+        read_template("mitsuba.xml")
+        .replace("{name}", light.name.replace("--", "__"))
+        .replace("{map}", quoteattr(path.name))
+    )
     (folder / f"{light.name}.xml").write_text(scene, encoding="utf-8")
     return {"rows": "pole to pole: v = row / (rows - 1)", "to_world": "none: the roll is in the file"}
