@@ -118,14 +118,10 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
 
 
 def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
-    """The gain at which a share of the sphere is 1 and brighter (hdrcnn: 5 to 15 %).
+    """The gain at which a share of the sphere, in (0, 1), is 1 and brighter in luminance [H, 2H] (hdrcnn: 5 to 15 %).
 
-    A map that is black but for less than that share cannot be exposed so; it gets the
-    gain at which all brighter than a thousandth of its mean clips.
-
-    Args:
-        luminance: [H, 2H] of a map; weighted by solid angle.
-        share: between 0 and 1.
+    A map that is black but for less than that share cannot be exposed so; it gets the gain at which all brighter than a
+    thousandth of its mean clips.
     """
     if not 0.0 < share < 1.0:
         raise InputError(f"share: expected a share of the sphere between 0 and 1, got {share:g}")

@@ -28,7 +28,7 @@ from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
 from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.shape_augment import join_some, reshape_some
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import lookup_coords
 from anyprobe.render.surface import pixel_rays
@@ -45,7 +45,6 @@ class PairConfig:
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
         phones expose and balance them.
-    every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
         tracked model.
@@ -66,7 +65,6 @@ class PairConfig:
     lanes: int = 2
     conditions: int = 1
     world: float = 0.0
-    every: int = 1
     cut_out: float = 0.0
     given_normals: float = 0.0
     surroundings: float = 0.0
@@ -109,7 +107,7 @@ class PairSource:
 
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
         self.config, self.illuminator = config, illuminator
-        self.surfaces = thinned(surfaces, config.every)
+        self.surfaces = surfaces
         self.device = illuminator.device
         self._places, self._tone = illuminator.wrap(lookup_coords), illuminator.wrap(response)
         self._groups: dict[tuple[int, int], list[LitMaterial]] = {}

@@ -58,14 +58,11 @@ def straight_on_normal(n, wo):
 
 
 def lobe_normal(n, wo, alpha):
-    """The normal that, seen along +Z, has the middle of its lobe where n has it, seen from wo.
+    """The normal that, seen along +Z, has the middle of its lobe where n has it, seen from wo; [..., 3] each.
 
     It stands for n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
-    about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3.
-    Its albedo is another than n's: see anyprobe.scatter.microfacet.
-
-    Args:
-        n, wo: [..., 3].   alpha: scalar or [..., 1].
+    about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3; alpha is
+    a number or [..., 1]. Its albedo is another than n's: see anyprobe.scatter.microfacet.
     """
     mirrored = (1.0 - alpha) * ((1.0 - alpha) ** 0.5 + alpha)
     return normalize(n + mirrored * (straight_on_normal(n, wo) - n))

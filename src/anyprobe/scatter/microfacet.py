@@ -78,14 +78,8 @@ def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
 
 
 def directional_albedo(n_dot_wo, alpha, table):
-    """E1 and Es by albedo_table between its entries.
-
-    Args:
-        n_dot_wo, alpha: arrays of shapes that go together; what lies beyond the table takes its edge.
-        table: albedo_table() as an array of the same kind.
-    Returns:
-        E1, Es: of the joint shape.
-    """
+    """E1 and Es by albedo_table (an array of the same kind) between its entries, of the joint shape of n_dot_wo, alpha;
+    what lies beyond the table takes its edge."""
     xp = array_namespace(n_dot_wo, table)
     column = xp.clip(n_dot_wo * (COSINES - 1), 0.0, COSINES - 1.001)
     row = xp.clip((alpha**0.5 - 0.1) * ((ROUGHNESSES - 1) / 0.9), 0.0, ROUGHNESSES - 1.001) + 0.0 * column

@@ -35,10 +35,8 @@ EXPLAINED = {
 def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
     """Refuse to go on from a checkpoint that has weights alone, with other settings, or to fewer steps than are done.
 
-    Args:
-        path: where it is.
-        stored: of train.checkpoint.read_checkpoint.
-        config: a run's configuration, a dataclass with `steps`.
+    stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
+
     Raises:
         InputError: naming the first setting that differs.
         ModelError: it was kept without what the next step needs.
@@ -98,9 +96,8 @@ def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
 def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("nets",)) -> dict[str, Any]:
     """What save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
 
-    Args:
-        device: where its tensors go.
-        holds: names of which one has the weights.
+    holds: names of which one has the weights.
+
     Raises:
         ModelError: no file, a damaged one, or none of a run.
     """

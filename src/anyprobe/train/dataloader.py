@@ -91,11 +91,11 @@ def make_pairs(
 
 
 def _pairs(config: RunConfig, store: AssetStore, cache: Path, device: str, compiled: bool) -> PairSource:
-    maps = _maps(config.light, store)
+    maps = make_maps(config.light, store)
     return PairSource(Illuminator(maps, device, compiled), _surfaces(config, store, cache), config.pairs)
 
 
-def _maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
+def make_maps(light: LightConfig, store: AssetStore) -> list[np.ndarray]:
     """Real maps, our own, and what is made of all these."""
     radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
     radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]

@@ -37,8 +37,8 @@ from anyprobe.train.logger import RunLogger, run_folder
 CHECKPOINT_SECONDS = 120.0
 
 
-def learning_rate(config: RunConfig, step: int) -> float:
-    """Linear warm-up, constant, linear cool-down to zero."""
+def learning_rate(config: Any, step: int) -> float:
+    """Linear warm-up, constant, linear cool-down to zero, of a run's configuration."""
     falling = config.cooldown * config.steps
     return config.learning_rate * min(
         1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)

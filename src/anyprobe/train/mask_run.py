@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.nn import functional as F
 
-from anyprobe.dataset.asset_store import AssetStore, own_map
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.mask_scenes.examples import Batch, SceneConfig, SceneSource
 from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
@@ -33,9 +33,9 @@ from anyprobe.train.checkpoint import (
     read_checkpoint,
 )
 from anyprobe.train.config import LightConfig
-from anyprobe.train.dataloader import load_assets, name_assets
+from anyprobe.train.dataloader import load_assets, make_maps, name_assets
 from anyprobe.train.logger import LOG_STEPS, forget_after, run_folder
-from anyprobe.train.loop import CHECKPOINT_SECONDS
+from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,9 +81,7 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
 
 def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
     """The endless scenes of a run: training assets, if there are any, and our own."""
-    light = config.light
-    radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
-    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
+    radiance = make_maps(config.light, store)
     surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
     textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
     views = ViewSource(Illuminator(radiance, compiled=False), surfaces, textures, config.scenes.seed)
@@ -116,18 +114,9 @@ def train_mask(
     scenes: SceneSource | None = None,
     start: Path | None = None,
 ) -> Path:
-    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one.
+    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
 
-    Args:
-        data: folder with hdri/train and meshes/train; None trains on procedural assets.
-        stop_after: stop (with a checkpoint) once this many steps are done in all.
-        scenes: the batches, when they are at hand already.
-        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
-    Returns:
-        The checkpoint's path.
-    Raises:
-        InputError: a checkpoint of another run (train.checkpoint).
-        ModelError: a damaged checkpoint, or weights of another network.
+    Args, errors: as of train.loop.train; scenes: the batches, when they are at hand already.
     """
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
@@ -172,7 +161,7 @@ def train_mask(
             rows.writerow(["step", "examples", "loss", "iou", "learning_rate", "seconds"])
         task = progress.add_task("", total=config.steps, completed=first)
         for step in range(first, last):
-            rate = _learning_rate(config, step)
+            rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
             batch = scenes.batch(step)
@@ -242,10 +231,3 @@ def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
             kept.lerp_(new, 1.0 - decay)
         else:
             kept.copy_(new)
-
-
-def _learning_rate(config: MaskRunConfig, step: int) -> float:
-    falling = config.cooldown * config.steps
-    return config.learning_rate * min(
-        1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
-    )
