@@ -64,6 +64,28 @@ def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict
     return {**now, **began}
 
 
+def resumed(
+    path: Path,
+    config: Any,
+    origin: dict[str, Any],
+    start: Path | None,
+    device: str = "cpu",
+    holds: tuple[str, ...] = ("nets",),
+) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
+
+    Raises:
+        InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
+    """
+    if start is not None:
+        origin["start"] = init_weights_id(start)
+    if not path.is_file():
+        return None, {"start": None, **origin}
+    stored = read_checkpoint(path, device, holds)
+    check_goes_on(path, stored, config)
+    return stored, agreed(path, stored.get("origin", {}), origin)
+
+
 def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Name, as part.name, then its stored value and the one now, of each setting in which a dataclass differs from
     its stored form; one that is not stored had its default."""

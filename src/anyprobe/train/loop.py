@@ -23,11 +23,10 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.checkpoint import (
     agreed,
-    check_goes_on,
-    init_weights_id,
     load_init_weights,
     load_weights,
     read_checkpoint,
+    resumed,
 )
 from anyprobe.train.config import RunConfig
 from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches
@@ -142,20 +141,13 @@ def train(
         nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = seen = 0
-    origin: dict[str, Any] = {"processes": processes.size}
-    if start is not None:
-        origin["start"] = init_weights_id(start)
-    if path.is_file():
-        stored = read_checkpoint(path, device)
-        check_goes_on(path, stored, config)
-        origin = agreed(path, stored.get("origin", {}), origin)
+    stored, origin = resumed(path, config, {"processes": processes.size}, start, device)
+    if stored is not None:
         load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
     elif start is not None:
         load_init_weights(nets, start)
-    else:
-        origin["start"] = None
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
