@@ -63,7 +63,7 @@ def evaluate(
     ] = False,
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos, or as phones take them: noise, JPEG, blur, rough masks.")
-    ] = Conditions.clean,
+    ] = "clean",
     noisy_masks: Annotated[
         bool, typer.Option("--noisy-masks", help="Masks 3 pixels too wide or narrow, with 5 % holes.")
     ] = False,
@@ -119,7 +119,7 @@ def evaluate(
         "settings": {
             "pairs": len(recipes),
             **({"frozen": True} if frozen else {"seed": seed}),
-            "conditions": conditions.value,
+            "conditions": conditions,
             "noisy_masks": noisy_masks,
             "path_traced": path_traced,
             "textured": textured,
@@ -160,7 +160,7 @@ def _test_set(
         )
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
-    return [replace(one, conditions=CONDITIONS.index(conditions.value)) for one in recipes], store
+    return [replace(one, conditions=CONDITIONS.index(conditions)) for one in recipes], store
 
 
 class Watch:

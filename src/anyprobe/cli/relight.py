@@ -7,10 +7,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import typer
@@ -31,18 +30,12 @@ if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
     from anyprobe.scatter.materials import Material
 
+Renderer = Literal["auto", "own", "mitsuba"]
+"""What renders the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 SHOWN_AFTER_S = 1.0
 SHAPES = "sphere, vase, pebble, block, solid"
-
-
-class Renderer(StrEnum):
-    """What renders the inserted object."""
-
-    auto = "auto"
-    own = "own"
-    mitsuba = "mitsuba"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -89,7 +82,7 @@ def relight(
     before: Annotated[bool, typer.Option("--before", help="The photo and the result side by side.")] = False,
     renderer: Annotated[
         Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")
-    ] = Renderer.auto,
+    ] = "auto",
     light: Annotated[
         Path | None, typer.Option(help="An .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,

@@ -36,7 +36,7 @@ def video(
         str | None,
         typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file."),
     ] = None,
-    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = Renderer.own,
+    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = "own",
     every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
     poses: Annotated[

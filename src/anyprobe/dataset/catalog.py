@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -17,7 +15,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.files.atomic import atomic_path
+from anyprobe.files.atomic import atomic_path, held
 from anyprobe.files.meshes import SUFFIXES as MESH_SUFFIXES
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.paths import visible_files
@@ -279,7 +277,7 @@ class Manifest:
     def put(self, row: Row) -> None:
         """Add a row, or replace the one with the same source; rows that others added meanwhile stay. The folder is
         there."""
-        with _alone_in(self.path.parent):
+        with held(self.path.parent, wait=True):
             self._read()
             old = self.row(row["source"])
             if old is None:
@@ -295,20 +293,3 @@ class Manifest:
             writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
             writer.writeheader()
             writer.writerows(self.rows)
-
-
-@contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Wait until no other process is inside such a block for the folder; the table itself is replaced by each."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: the user sees to it
-        yield
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # a shared file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
