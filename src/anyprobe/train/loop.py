@@ -112,7 +112,7 @@ def train(
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
-    Started by torchrun, its processes train together (train.loop).
+    Started by torchrun, its processes train together (ProcessGroup).
 
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
