@@ -133,7 +133,8 @@ class Job:
 
 @lru_cache(maxsize=1)
 def _renderer(job: Job) -> Renderer:
-    return _open(job, job.plan, report=_silent)
+    # what is left out of a folder of assets was said when the dataset was begun
+    return _open(job, job.plan, report=lambda line: None)
 
 
 def _open(job: Job, plan: Mapping, **options) -> Renderer:
@@ -143,10 +144,6 @@ def _open(job: Job, plan: Mapping, **options) -> Renderer:
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
     _same_assets(job.folder, plan, renderer)
     return renderer
-
-
-def _silent(line: str) -> None:
-    """What is left out of a folder of assets was said when the dataset was begun."""
 
 
 def num_shards(plan: Mapping) -> int:

@@ -219,8 +219,8 @@ class Estimator:
         surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
-            known["surroundings"] = _share(surroundings_map)
-        estimated = time.perf_counter()
+            known["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+        estimated, sure = time.perf_counter(), photo.mask_confidence
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         if outputs.confidence is None:
             confidence = np.full(radiance.shape[:2], exposed, np.float32)
@@ -245,7 +245,7 @@ class Estimator:
                 **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
-                "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
+                "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
                 "priors": known,
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
@@ -319,15 +319,6 @@ def _well_exposed(image: np.ndarray) -> float:
         return 0.0
     display = luminance(image[inside][:, :3] / image[inside][:, 3:])
     return float(((display > 0.02) & (display < 0.98)).mean())
-
-
-def _share(surroundings_map: np.ndarray) -> float:
-    """How much of the sphere is known."""
-    return round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
-
-
-def _rounded(confidence: float | None) -> float | None:
-    return None if confidence is None else round(confidence, 4)
 
 
 @lru_cache(maxsize=2)
