@@ -23,9 +23,9 @@ from anyprobe.dataset.pair import Pair
 from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.recipe import WORLD
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, total_reflectance
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
-from research.world.materials import kind_given_alpha, total_reflectance
+from research.world.materials import kind_given_alpha
 
 POINTS = 20
 """Of a square of so many points along either side, those on the sphere are seen: 316."""

@@ -1,4 +1,4 @@
-"""What a material's roughness says of its kind under the world's priors, and what a material reflects in all."""
+"""What a material's roughness says of its kind under the world's priors."""
 
 from __future__ import annotations
 
@@ -14,16 +14,6 @@ def kind_given_alpha(alpha: np.ndarray) -> np.ndarray:
     )
     density = density + 1e-12
     return density / density.sum(axis=-1, keepdims=True)
-
-
-def total_reflectance(albedo: np.ndarray, f0: np.ndarray) -> np.ndarray:
-    """What a material reflects of an even light in all, [..., 3].
-
-    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
-    coat loses between its facets is left out.
-    """
-    fresnel = f0 + (1.0 - f0) / 21.0
-    return fresnel + (1.0 - fresnel) * albedo
 
 
 def _density(row: np.ndarray, value: np.ndarray) -> np.ndarray:

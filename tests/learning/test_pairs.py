@@ -374,6 +374,20 @@ def test_told_normals_err_by_a_small_turn(maps, surfaces):
     assert 0.7 * GIVEN_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_ERROR_DEG
 
 
+def test_given_materials_err_a_little_and_change_nothing_else(maps, surfaces):
+    plain = make_source(maps, surfaces, batch=24).batch(1)
+    given = make_source(maps, surfaces, batch=24, given_material=0.5).batch(1)
+    assert torch.equal(plain.photo, given.photo)
+    assert torch.equal(plain.material, given.material)
+    assert not plain.given_material.any()
+    has = given.given_material[:, 0] == 1
+    assert 4 < has.sum() < 20
+    assert not given.given_material[~has].any()
+    wrong = (given.given_material - given.material)[has]
+    assert 0.02 < wrong[:, 2:5].std() < 0.2
+    assert not wrong[:, 5:].any()
+
+
 def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):
     """They change nothing else, are what the photo's camera makes of its map, and come with no cut-out."""
     config = PairConfig(batch=4, seed=0, group=2, pool=2, reuse=4)

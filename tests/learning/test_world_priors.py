@@ -14,7 +14,8 @@ from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import PairConfig, PairSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
-from research.world.materials import kind_given_alpha, total_reflectance
+from anyprobe.scatter.materials import total_reflectance
+from research.world.materials import kind_given_alpha
 
 
 def test_dull_things_reflect_a_tenth_to_a_half_and_some_four_fifths(rng):

@@ -17,9 +17,9 @@ from anyprobe.dataset.recipe import WORLD, Recipe, world_recipes
 from anyprobe.errors import InputError
 from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 from anyprobe.render.shapes import sphere
+from anyprobe.scatter.materials import total_reflectance
 from research.limits.__main__ import limits
 from research.world import pairs as world
-from research.world.materials import total_reflectance
 
 RECIPE = Recipe(kind="object", map_id="0" * 8, shape_id="1" * 8, material=3, view=4, conditions=WORLD, seed=9)
 

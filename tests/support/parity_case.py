@@ -15,11 +15,16 @@ from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.propose import default_graph, shared_network
+from anyprobe.scatter.materials import given_material, material_input
 
 HINTS = {
     "none": {"on": [], "off": []},
     "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
+}
+GIVEN_MATERIALS = {
+    "gold": {"name": "gold"},
+    "clay": {"albedo": [0.4, 0.3, 0.2], "roughness": 0.7},
 }
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03, 0.05, 0.04, 0.03, 0.05]
 
@@ -87,6 +92,10 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
         answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
+        for name, given in GIVEN_MATERIALS.items():
+            material = given_material(**given)
+            answers[f"material_{name}"] = material_input(material)
+            answers[f"radiance_{name}"] = estimator.from_photo(loaded, material=material).radiance
     rgb = photo[..., :3].astype(np.float32) / 255
     for name, hints in HINTS.items():
         answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover
@@ -103,6 +112,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "long_fov_deg": long_fov_deg,
         "weights": weights,
         "hints": HINTS,
+        "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
     }
     (folder / "case.json").write_text(json.dumps(case))

@@ -5,6 +5,7 @@ import { Tracker } from "./live/tracker.js";
 import { WorkerClient } from "./networks/workerClient.js";
 import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
 import { hintsOf } from "./photo/hints.js";
+import { givenMaterial, materialInput } from "./photo/material.js";
 import { maskFromAlpha } from "./photo/picture.js";
 import { readMask, readSource } from "./photo/source.js";
 
@@ -58,13 +59,14 @@ export class AnyProbe {
    * @param {import("../types/index.d.ts").EstimateOptions} [options]
    * @returns {Promise<Light>}
    */
-  async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, ...hints } = {}) {
+  async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, ...hints } = {}) {
+    const options = { surroundings, emitters, material: describe(material) };
     const picture = readSource(image);
     const found = mask ? readMask(mask, picture) : (maskFromAlpha(picture) ?? (await this.#findMask(picture, hints)).mask);
     if (normals && normals.length !== 3 * found.length) {
       throw new Error(`normals: expected ${picture.width} x ${picture.height} x 3 numbers, got ${normals.length}`);
     }
-    const { light } = await this.examine({ picture, mask: found, normals, longFovDeg: fovDeg, options: { surroundings, emitters } });
+    const { light } = await this.examine({ picture, mask: found, normals, longFovDeg: fovDeg, options });
     return light;
   }
 
@@ -83,13 +85,14 @@ export class AnyProbe {
    * @param {import("../types/index.d.ts").TrackOptions} [options]
    * @returns {Tracker}
    */
-  track(video, onLight, { fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, onError, onLost, withViews = false, ...hints } = {}) {
+  track(video, onLight, { fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, onError, onLost, withViews = false, ...hints } = {}) {
+    const options = { surroundings, emitters, material: describe(material) };
     this.#tracker?.stop();
     const tracker = (this.#tracker = new Tracker(video, this.#client, {
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? reportError,
     }));
-    const given = { hints, longFovDeg: fovDeg, options: { surroundings, emitters }, withViews };
+    const given = { hints, longFovDeg: fovDeg, options, withViews };
     tracker.start(given).catch((error) => tracker.running && tracker.onError(error));
     return tracker;
   }
@@ -104,3 +107,6 @@ export class AnyProbe {
     return this.#client.ask("mask", { picture, hints: hintsOf(hints, picture.scale) });
   }
 }
+
+/** A given material as the network takes it. */
+const describe = (material) => (material === undefined ? undefined : materialInput(givenMaterial(material)));

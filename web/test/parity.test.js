@@ -15,6 +15,7 @@ import { cameraRadiance, describe } from "../src/light/light.js";
 import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { shown, step } from "../src/light/temporal.js";
 import { cropNormals, cropObject } from "../src/photo/crop.js";
+import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { propose } from "../src/photo/propose.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
@@ -52,7 +53,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, frameSeconds: given.frame_seconds });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -104,6 +105,15 @@ test("given normals, cropped, and the map with them", { skip }, async (t) => {
   const normals = cropNormals(floats("normals"), floats("mask"), found.picture.width, found.crop);
   assertClose(normals, floats("normals_crop"), 1e-4, "normals");
   assertMostlyClose((await lit({ normals })).radiance, floats("radiance_normals"), 3e-3, "radiance with normals");
+});
+
+test("a given material, and the map with it", { skip }, async (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
+  for (const [name, given] of Object.entries(found.materials)) {
+    const material = materialInput(givenMaterial(given));
+    assertClose(material, floats(`material_${name}`), 1e-6, name);
+    assertMostlyClose((await lit({ material })).radiance, floats(`radiance_${name}`), 3e-3, `radiance of ${name}`);
+  }
 });
 
 test("the confidence, its mean, and how much of the object is well exposed", { skip }, async () => {

@@ -58,7 +58,15 @@ export interface LightOptions {
   emitters?: "mode" | "expected";
   /** Field of view of the longer side, degrees. Default 65, a phone's main camera. */
   fovDeg?: number;
+  /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
+  material?: GivenMaterial;
 }
+
+export type MaterialName = "chrome" | "gold" | "plastic" | "matte";
+/** A name, or "matte" where none is given, with a linear diffuse albedo and a roughness (0.1 to 1) of its own. */
+export type GivenMaterial =
+  | MaterialName
+  | { name?: MaterialName; albedo?: number | [number, number, number]; roughness?: number };
 
 export interface EstimateOptions extends Hints, LightOptions {
   /** White on the object: a picture, or numbers in [0, 1] of the picture's size. */
@@ -109,8 +117,8 @@ export declare class Light {
   /** Share of the object's pixels that are neither black nor clipped. */
   readonly wellExposedFraction: number;
   readonly emitters: "mode" | "expected";
-  /** What was given: the share of the map that the background shows, and whether normals were. */
-  readonly priors: { surroundings: number; normals: boolean };
+  /** What was given: the share of the map that the background shows, and whether normals and material were. */
+  readonly priors: { surroundings: number; normals: boolean; material: boolean };
 }
 
 export interface Tracker {

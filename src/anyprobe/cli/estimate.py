@@ -45,6 +45,7 @@ class Done:
 
     photo: Path
     direction: np.ndarray | None = None
+    level_stops: float | None = None
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     error: str = ""
@@ -163,7 +164,10 @@ class Job:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
-        return Done(photo=path, direction=direction, seconds=seconds, warnings=light.warnings)
+        unsure = light.info.get("uncertainty", {}).get("level_stops")
+        return Done(
+            photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
+        )
 
 
 def stem_of(path: Path) -> str:
@@ -184,20 +188,25 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     columns = (
         Column("photo", overflow="fold"),
         "dominant light",
+        "brightness",
         "seconds",
         Column("result", overflow="fold"),
     )
     table = Table(*columns, box=None, pad_edge=False)
     for one in done:
         if one.error:
-            table.add_row(str(one.photo), "", "", "failed")
+            table.add_row(str(one.photo), "", "", "", "failed")
             continue
         x, y, z = one.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
         table.add_row(
-            str(one.photo), where, f"{one.seconds:.2f}", str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}"
+            str(one.photo),
+            where,
+            "" if one.level_stops is None else f"± {one.level_stops:.1f} stops",
+            f"{one.seconds:.2f}",
+            str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}",
         )
     talk.print(table)
     for one in done:

@@ -23,6 +23,7 @@ from anyprobe.files.paths import visible_files
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
+    from anyprobe.estimate.normals_model import NormalsEstimator
     from anyprobe.scatter.materials import Material
 
 STDIN = Path("-")
@@ -128,6 +129,13 @@ class ObjectOptions(MaskOptions):
             "+Z to the camera; a folder of them named like the photos; or sphere, if the object is one.",
         ),
     ] = None
+    normals_from: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.onnx",
+            help="Estimate the normals by this graph, which FILE.json beside it describes (docs/inputs.md).",
+        ),
+    ] = None
     material: Annotated[
         str | None,
         typer.Option(
@@ -160,10 +168,15 @@ class ObjectOptions(MaskOptions):
             "surroundings": self.surroundings_source(),
         }
 
-    def normals_source(self) -> Path | str | None:
-        """A path, or the word for a sphere as it is."""
+    def normals_source(self) -> Path | str | NormalsEstimator | None:
+        """A path, the word for a sphere as it is, or an estimator."""
+        from anyprobe.estimate.normals_model import open_normals_model
         from anyprobe.estimate.normals_prior import SPHERE
 
+        if self.normals_from is not None:
+            if self.normals is not None:
+                raise InputError("--normals and --normals-from: expected one of them, got both")
+            return open_normals_model(self.normals_from)
         return self.normals if self.normals in (None, SPHERE) else Path(self.normals)
 
     def surroundings_source(self) -> Path | str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -215,16 +216,30 @@ def _export_light(
 ) -> dict[str, float]:
     """A chain's graphs, whole or not at all; ranges are of photos as the world gives them, confidence of clean ones."""
     from anyprobe.estimate.runtime import Models
-    from anyprobe.evaluate.calibration import calibrate, left_out_pairs
-    from anyprobe.train.export_onnx import AS_LEARNED, export, lift_examples, quantize
+    from anyprobe.evaluate.calibration import (
+        calibrate,
+        calibrate_errors,
+        left_out_pairs,
+        left_out_world_pairs,
+    )
+    from anyprobe.train.export_onnx import AS_LEARNED, Sureness, export, lift_examples, quantize
 
     kept, sureness = runs / "cache" / "left_out", AS_LEARNED
     with TemporaryDirectory() as folder:
         as_learned = Path(folder)
         if calibrate_on is not None:  # it is asked how sure it is
             export(checkpoint, as_learned)
-            sureness = calibrate(Models(folder), left_out_pairs(calibrate_on, kept))
-            typer.echo(f"confidence: logit times {sureness[0]:.3g}, plus {sureness[1]:.3g}")
+            models = Models(folder)
+            sureness = Sureness(logit=calibrate(models, left_out_pairs(calibrate_on, kept)))
+            typer.echo("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
+            if models.takes_material:
+                pairs = chain(left_out_pairs(calibrate_on, kept), left_out_world_pairs(calibrate_on, kept))
+                sureness = replace(sureness, errors=calibrate_errors(models, pairs))
+                typer.echo(
+                    "errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(
+                        *sureness.errors
+                    )
+                )
         if ranges_on is None:
             return export(checkpoint, to, sureness)
         exported = export(checkpoint, as_learned, sureness)

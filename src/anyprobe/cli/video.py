@@ -88,7 +88,7 @@ def video(
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
     every_frame = {"fov_deg": fov, "near": hints["near"], "far": hints["far"]} | (
-        {"normals": normals} if isinstance(normals, str) else {}
+        {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
     )
     follower = MaskFollower(folders, given, every_frame, surroundings)
     estimator = by.estimator()
@@ -103,7 +103,11 @@ def video(
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
         "emitters": by.emitters,
-        "normals": normals if isinstance(normals, str) else None,
+        "normals": str(taken.normals_from)
+        if callable(normals)
+        else normals
+        if isinstance(normals, str)
+        else None,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_material": material if name else None,

@@ -32,7 +32,7 @@ from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import lookup_coords
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, material_input
 from anyprobe.scatter.microfacet import albedo_table
 
 
@@ -51,6 +51,7 @@ class PairConfig:
     surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.seen_surroundings).
     merged_surroundings: of these, the share of which also what other photos of the object show is known.
+    given_material: share of photos that come with their material, a little wrong (GIVEN_MATERIAL_ERROR).
     joined, shape_augment: shares of surfaces before which another is put, and that are given another shape
         (dataset.shape_augment).
     textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
@@ -69,6 +70,7 @@ class PairConfig:
     given_normals: float = 0.0
     surroundings: float = 0.0
     merged_surroundings: float = 0.0
+    given_material: float = 0.0
     joined: float = 0.0
     shape_augment: float = 0.0
     textured: float = 0.0
@@ -77,6 +79,8 @@ class PairConfig:
 
 GIVEN_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
+GIVEN_MATERIAL_ERROR = np.float32([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0])
+"""Standard deviations of a given material's numbers, in the order of scatter.materials.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,7 +89,9 @@ class Batch:
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
     zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from
     these normals to the given ones, a small turn, or zero where none are given; surroundings [B, 4, H, 2H]:
-    what else the photo shows, see dataset.seen_surroundings, or zero."""
+    what else the photo shows, see dataset.seen_surroundings, or zero; material [B, 8]: of the object
+    (scatter.materials.material_input; zero where a dataset does not say), and given_material [B, 8]: as it is given,
+    or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -96,6 +102,8 @@ class Batch:
     tan_half: torch.Tensor
     given_normals_rotation: torch.Tensor
     surroundings: torch.Tensor
+    material: torch.Tensor
+    given_material: torch.Tensor
 
     def to(self, device: str) -> Batch:
         """The same on another device."""
@@ -177,6 +185,7 @@ class PairSource:
         """
         count, size = len(chosen), normals.shape[-1]
         materials = [_material_of(lit, rng) for lit in chosen]
+        described = np.stack([material_input(one) for one in materials])
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -228,7 +237,18 @@ class PairSource:
             tan_half=angles,
             given_normals_rotation=torch.from_numpy(given.astype(np.float32)).to(self.device),
             surroundings=surroundings_map,
+            material=torch.from_numpy(described).to(self.device),
+            given_material=torch.from_numpy(self._given(described, rng)).to(self.device),
         )
+
+    def _given(self, described: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Of materials [B, 8] those that come with their photos, with their errors; the rest zero."""
+        if self.config.given_material == 0:
+            return np.zeros_like(described)
+        rng = rng.spawn(1)[0]  # all else of a photo stays as it is
+        wrong = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
+        wrong[:, 1] = wrong[:, 1].clip(0.1, 1.0)
+        return wrong * (rng.random((len(wrong), 1)) < self.config.given_material)
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
         """From radiance to each photo's exposure units, [B, 1, 1, 1]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Sequence
 from copy import copy
@@ -20,7 +21,7 @@ from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
-from anyprobe.estimate.result import Light
+from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import (
     DEFAULT_ENGINE,
     DEFAULT_MODEL,
@@ -208,7 +209,7 @@ class Estimator:
         start = loaded if start is None else start
         material = as_material(material)
         self._check_use(crop, material)
-        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
+        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
@@ -247,6 +248,7 @@ class Estimator:
                 "fov_source": photo.fov_source,
                 "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
                 "priors": known,
+                **_said(outputs.posterior),
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
                     "load": round(loaded - start, 4),
@@ -319,6 +321,24 @@ def _well_exposed(image: np.ndarray) -> float:
         return 0.0
     display = luminance(image[inside][:, :3] / image[inside][:, 3:])
     return float(((display > 0.02) & (display < 0.98)).mean())
+
+
+def _said(posterior: dict[str, float] | None) -> Info:
+    """What a model says of the object and of its own errors, in stops and degrees; nothing where it does not."""
+    if posterior is None:
+        return {}
+    stop = math.log(2.0)
+    return {
+        "object": {
+            "metal": round(posterior["metal"], 3),
+            "reflectance": [round(posterior[name], 3) for name in ("red", "green", "blue")],
+            "reflectance_stops": round(posterior["reflectance_error"] / stop, 2),
+        },
+        "uncertainty": {
+            "level_stops": round(posterior["level_error"] / stop, 2),
+            "color_deg": round(posterior["color_error"], 1),
+        },
+    }
 
 
 @lru_cache(maxsize=2)

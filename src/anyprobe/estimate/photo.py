@@ -9,6 +9,7 @@ import numpy as np
 
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidPhoto
+from anyprobe.estimate.normals_model import NormalsEstimator, estimated_normals
 from anyprobe.estimate.normals_prior import (
     SHORTEST,
     SPHERE,
@@ -103,7 +104,7 @@ def load_photo(
     source: ImageSource,
     *,
     fov_deg: float | None = None,
-    normals: NormalsSource | None = None,
+    normals: NormalsSource | NormalsEstimator | None = None,
     surroundings: SurroundingsSource | None = None,
     name: str | None = None,
     **where: Unpack[Where],
@@ -113,7 +114,8 @@ def load_photo(
     Args:
         source: path, bytes, Pillow image or array, see read_image.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
-        normals: known ones, see estimate.normals_prior.read_normals; or "sphere", where the object is one.
+        normals: known ones, see estimate.normals_prior.read_normals; "sphere", where the object is
+            one; or an estimator of them, see estimate.normals_model.
         surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
             the photo itself shows beside the object.
         name: what messages call the photo; None: its file's name, or what it is.
@@ -141,15 +143,19 @@ def load_photo(
         + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=_known_normals(normals, found.mask, long_fov_deg),
+        normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
         surroundings_map=_known_surroundings(surroundings),
         exposure=pixels.exposure,
     )
 
 
-def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
+def _known_normals(
+    source: NormalsSource | NormalsEstimator | None, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
+) -> np.ndarray | None:
     if source is None:
         return None
+    if callable(source):
+        return estimated_normals(source, rgb, mask, long_fov_deg)
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     return read_normals(source, mask.shape)

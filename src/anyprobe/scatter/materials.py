@@ -49,6 +49,32 @@ def evaluate(material: Material, wo, wi, n):
     return xp.where(above, value, xp.zeros_like(value))
 
 
+def total_reflectance(albedo, f0):
+    """What a material reflects of an even light in all, [..., 3].
+
+    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
+    coat loses between its facets is left out.
+    """
+    fresnel = f0 + (1.0 - f0) / 21.0
+    return fresnel + (1.0 - fresnel) * albedo
+
+
+MATERIAL_INPUTS = 8
+"""Numbers by which a network is given a material."""
+LEAST_REFLECTANCE = 0.02
+"""Darker than this is taken as this: a hollow of black velvet."""
+
+
+def material_input(material: Material) -> np.ndarray:
+    """A material as networks are given it, [8] float32: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB.
+
+    All zero stands for a material that is not known.
+    """
+    albedo, f0 = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in (material.albedo, material.f0))
+    reflected = np.log(np.maximum(total_reflectance(albedo, f0), LEAST_REFLECTANCE))
+    return np.concatenate([[1.0, np.sqrt(float(material.alpha))], reflected, f0]).astype(np.float32)
+
+
 MATERIALS: dict[str, Material] = {
     "chrome": Material(albedo=np.zeros(3), f0=np.array([0.65, 0.66, 0.66]), alpha=0.03),
     "gold": Material(albedo=np.zeros(3), f0=np.array([1.00, 0.77, 0.34]), alpha=0.12),

@@ -177,6 +177,8 @@ def _no_checkpoint(path: Path, found: str) -> ModelError:
     return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
 
 
+ADDED = ("light.object.material.", "light.posterior.")
+"""Parts that weights of older releases lack; they begin untrained."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
 
@@ -211,7 +213,9 @@ def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
 
 def load_init_weights(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
-    kept = current_names(_read_init_weights(path)[0], nets.state_dict())
+    fresh = nets.state_dict()
+    kept = current_names(_read_init_weights(path)[0], fresh)
+    kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
     try:
         nets.load_state_dict(
             {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}

@@ -30,6 +30,7 @@ from anyprobe.dataset.shards import ShardIndex, is_done, read_index, tar_path
 from anyprobe.dataset.surfaces import SurfaceSet, build_surfaces
 from anyprobe.errors import InputError
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
+from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe.train.config import LightConfig, RunConfig
 
 AHEAD = 2
@@ -222,10 +223,13 @@ class ShardSource:
         chosen = [self.keys[k] for k in order[place * size : (place + 1) * size]]
         rows = [self._pair(*one) for one in chosen]
         arrays = {name: torch.from_numpy(np.stack([row[name] for row in rows])) for name in rows[0]}
-        zeros = torch.zeros(size, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
-        return Batch(**arrays, given_normals_rotation=torch.zeros(size, 3, 3), surroundings=zeros).to(
-            self.device
-        )
+        nothing = {
+            "given_normals_rotation": torch.zeros(size, 3, 3),
+            "surroundings": torch.zeros(size, 4, MAP_HEIGHT, 2 * MAP_HEIGHT),
+            "material": torch.zeros(size, MATERIAL_INPUTS),
+            "given_material": torch.zeros(size, MATERIAL_INPUTS),
+        }
+        return Batch(**arrays, **nothing).to(self.device)
 
     def _pair(self, shard: int, key: str) -> dict[str, np.ndarray]:
         """The arrays of Batch, channels first."""

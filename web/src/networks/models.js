@@ -23,7 +23,10 @@ const MAP_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
 /** Zero: nothing of the map is given. */
 const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
 
-/** What the lifting graph's parts are called by contract 2, and by contract 1. */
+/** Zero: the object's material is not given. */
+const NO_MATERIAL = new Float32Array(8);
+
+/** What the lifting graph's parts are called by contracts 2 and 3, and by contract 1. */
 const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };
 
 export class Models {
@@ -75,6 +78,7 @@ export class Models {
    * @param {"mode" | "expected"} [options.emitters] light sources at their most likely positions (sharp shadows), or their
    *   mean radiance (soft)
    * @param {Float32Array | null} [options.normals] [3, 64, 64] given ones in the crop's frame, unit, zero where unknown
+   * @param {Float32Array | null} [options.material] [8] of materialInput
    * @returns {Promise<{radiance: Float32Array, confidence: Float32Array | null, irradiance: Float32Array,
    *   ldr: Float32Array, lnRadiance: Float32Array}>} row by row, channel last: maps [64, 128, 3] in the crop's frame,
    *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain
@@ -88,12 +92,18 @@ export class Models {
     return "light" in this.sessions;
   }
 
-  async #lift(image, tanHalf, { withStages = true, surroundings = null, emitters = "mode", normals = null }) {
+  /** Whether it can be given the object's material. */
+  get takesMaterial() {
+    return this.lifts && this.sessions.light.inputNames.includes("material");
+  }
+
+  async #lift(image, tanHalf, { withStages = true, surroundings = null, emitters = "mode", normals = null, material = null }) {
     const outputs = await this.#runByName("light", {
       photo: [image, PHOTO_SHAPE],
       tan_half: [Float32Array.of(tanHalf), [1, 1]],
       given_normals: [normals ?? NO_NORMALS, NORMALS_SHAPE],
       surroundings: [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
+      ...(this.takesMaterial ? { material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]] } : {}),
     });
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
