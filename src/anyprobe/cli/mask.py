@@ -38,9 +38,9 @@ def mask(
 
 def _one(path: Path, out: Path, hints: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
     """Write one photo's two files; a line that says what was found and how, and warnings."""
+    from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
-    from anyprobe.masks.overlay import draw_overlay
 
     hints = hints_for(path, hints)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
