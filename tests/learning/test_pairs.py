@@ -14,11 +14,11 @@ from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import lighting, pairs  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
+from anyprobe.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import GIVEN_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.priors import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.surfaces import (  # noqa: E402
     NUM_ELEVATIONS,
     SurfaceConfig,
@@ -162,7 +162,7 @@ def test_a_batch_is_photographed_as_one_image_is(rng):
     together = pairs.take_photos(shots, radiance, masks, background, rng).permute(0, 2, 3, 1).numpy() * 255
     for k, shot in enumerate(shots):
         front, behind = (x[k].permute(1, 2, 0).numpy() for x in (radiance, background))
-        alone = take_photo(shot, front, mask, behind, rng)
+        alone = one_photo(shot, front, mask, behind, rng)
         difference = np.abs(together[k] - alone)
         assert (difference < 1.001).mean() > 0.98, shot
         if shot.jpeg_quality is None:

@@ -10,13 +10,13 @@ import pytest
 from PIL import Image
 
 from anyprobe.errors import InvalidMask, ModelError
+from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.masks import find
 from anyprobe.masks.cut import Cut, cut_out, tidy
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
-from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.pointing import check_clicks
 from anyprobe.masks.prompts import BOX_LEVEL, draw_prompts
 from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, Proposal, keep_large_parts, shared_network

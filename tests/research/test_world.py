@@ -13,8 +13,7 @@ from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.plan import world_recipes
-from anyprobe.dataset.recipe import WORLD, Recipe
+from anyprobe.dataset.recipe import WORLD, Recipe, world_recipes
 from anyprobe.errors import InputError
 from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 from anyprobe.render.shapes import sphere

@@ -24,12 +24,13 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
+    check_names,
     hints_for,
     list_photos,
     photo_source,
     with_bundles,
 )
-from anyprobe.errors import AnyprobeError, InputError, OutputError
+from anyprobe.errors import AnyprobeError, InputError
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -112,13 +113,8 @@ class Job:
 
         start = time.perf_counter()
         try:
-            twins = [other for other in self.listed if other.stem == path.stem]
-            if twins[0] != path:
-                raise OutputError(
-                    f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
-                )
             hints = hints_for(path, self.hints)
-            _check_files(path, self.out, self.listed, hints)
+            self._check(path, hints)
             photo = load_photo(photo_source(path), name="stdin" if path == STDIN else None, **hints)
             light = self.estimator.from_photo(photo, start, material=self.material)
             return self._write(path, photo, light, sum(light.info["seconds"].values()))
@@ -139,7 +135,7 @@ class Job:
 
         def load(path: Path) -> Photo:
             hints = hints_for(path, self.hints)
-            _check_files(self.listed[0], self.out, [*self.listed, poses], hints)
+            self._check(self.listed[0], hints, poses)
             if hints["fov_deg"] is None:
                 hints["fov_deg"] = fovs[path]
             try:
@@ -151,6 +147,14 @@ class Job:
         first = next(photos)
         light = self.estimator.multiview(chain([first], photos), turned, start=start, material=self.material)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
+
+    def _check(self, path: Path, hints: dict[str, Any], poses: Path | None = None) -> None:
+        """Refuse names that do not differ, and a result that would replace an input."""
+        from anyprobe.estimate.outputs import SUFFIXES
+
+        given = (poses, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
+        targets = (self.out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES)
+        check_names(path, self.listed, targets, given)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
         from anyprobe.estimate.outputs import write_results
@@ -177,18 +181,6 @@ def _line(path: Path, error: AnyprobeError) -> str:
     if not text.startswith((f"{path}: ", f"{path.name}: ")):
         text = f"{path}: {text}"
     return " ".join(text.splitlines())  # a name may hold a line break
-
-
-def _check_files(path: Path, out: Path, listed: list[Path], hints: dict) -> None:
-    """Refuse a result that would replace one of the inputs."""
-    from anyprobe.estimate.outputs import SUFFIXES
-
-    files = (*listed, hints["mask"], hints["depth"], hints["normals"], hints["surroundings"])
-    inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
-    for target in (out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES):
-        if target.resolve() in inputs:
-            lost = inputs[target.resolve()]
-            raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:

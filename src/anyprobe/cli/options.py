@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from anyprobe.errors import InputError, InvalidMask, MissingExtra
+from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.paths import visible_files
 
@@ -98,9 +99,9 @@ class MaskOptions:
             "mask": mask,
             "box": None
             if self.box is None
-            else _numbers("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
+            else pixels_of("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
             **{
-                name: [_numbers(option, text, 2, "X,Y", example) for text in texts] if texts else None
+                name: [pixels_of(option, text, 2, "X,Y", example) for text in texts] if texts else None
                 for name, (option, texts, example) in points.items()
             },
             "depth": self.depth,
@@ -331,12 +332,27 @@ def list_photos(photos: list[Path]) -> list[Path]:
     return list(dict.fromkeys(chosen))
 
 
-def _numbers(option: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
+def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
+    """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
+    twins = [other for other in listed if other.stem == photo.stem]
+    if twins and twins[0] != photo:
+        raise OutputError(
+            f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them"
+        )
+    inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}
+    for target in targets:
+        if target.resolve() in inputs:
+            lost = inputs[target.resolve()]
+            raise OutputError(f"{photo}: the result would replace {lost}; choose another folder with -o")
+
+
+def pixels_of(option: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
+    """So many numbers of an option's text; InvalidMask, with an example, for another."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != count:
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise InvalidMask(
             f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}"
         )

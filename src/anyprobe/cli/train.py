@@ -15,7 +15,7 @@ from anyprobe.errors import InputError
 
 if TYPE_CHECKING:
     from anyprobe.train.config import RunConfig
-    from anyprobe.train.shard_source import ShardSource
+    from anyprobe.train.dataloader import ShardSource
 
 RUNS = Path("runs")
 MASK_RUN = "mask"
@@ -97,7 +97,7 @@ def train(
 
 def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, workers: int) -> ShardSource:
     """The batches of a rendered dataset; InputError where the run cannot learn from it."""
-    from anyprobe.train.shard_source import ShardSource
+    from anyprobe.train.dataloader import ShardSource
 
     if workers:
         raise InputError("--workers: expected pairs made on the fly, got --shards; leave one of them out")
@@ -169,8 +169,8 @@ def weights(
         if asked and data is None and option in ("--calibrated", "--int8"):
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
+    from anyprobe.train.checkpoint import keep_apart, mean_checkpoint, save_init_weights
     from anyprobe.train.config import RUNS as NAMED
-    from anyprobe.train.init_weights import keep_apart, mean_checkpoint, save_init_weights
 
     if mean_map is not None and run not in NAMED:
         raise InputError(

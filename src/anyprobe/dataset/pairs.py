@@ -19,21 +19,21 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.dataset import priors
-from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure, phone_shot
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
+from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
 from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.shape_augment import join_some, reshape_some
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import lookup_coords
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.albedo import albedo_table
 from anyprobe.scatter.materials import Material, material_input
+from anyprobe.scatter.microfacet import albedo_table
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,7 +45,6 @@ class PairConfig:
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
         phones expose and balance them.
-    every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
         tracked model.
@@ -67,7 +66,6 @@ class PairConfig:
     lanes: int = 2
     conditions: int = 1
     world: float = 0.0
-    every: int = 1
     cut_out: float = 0.0
     given_normals: float = 0.0
     surroundings: float = 0.0
@@ -117,7 +115,7 @@ class PairSource:
 
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
         self.config, self.illuminator = config, illuminator
-        self.surfaces = thinned(surfaces, config.every)
+        self.surfaces = surfaces
         self.device = illuminator.device
         self._places, self._tone = illuminator.wrap(lookup_coords), illuminator.wrap(response)
         self._groups: dict[tuple[int, int], list[LitMaterial]] = {}
@@ -371,25 +369,12 @@ def take_photos(
     rng: np.random.Generator,
     tone: Callable = response,
 ) -> torch.Tensor:
-    """What `camera.take_photo` does to one photo, for a batch: display values [B, 3, S, S] in steps of 1/255.
+    """camera.take_photo of a batch, grain by rng: display values [B, 3, S, S] in steps of 1/255.
 
-    Args:
-        radiance, background: [B, 3, S, S] in exposure units before white balance.
-        mask: [B, 1, S, S] of the objects.
-        tone: response, or the same compiled.
+    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
     """
     device = radiance.device
-    scene = torch.lerp(background, radiance, mask) * _column([shot.white_balance for shot in shots], device)
-    for one, shot in zip(scene, shots, strict=True):
-        if shot.blur_px > 0.0:
-            one.copy_(blur(one, shot.blur_px))
     generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
-    display = torch.randn(scene.shape, generator=generator, device=device)
-    display.mul_(_column([shot.noise for shot in shots], device)).add_(tone(scene, curves(shots, device)))
-    display.clip_(0, 1).mul_(255).round_()
-    for one, shot in zip(display, shots, strict=True):
-        if shot.jpeg_quality is not None:
-            picture = one.permute(1, 2, 0).to(torch.uint8).cpu().numpy()
-            stored = compress(np.ascontiguousarray(picture), shot.jpeg_quality, shot.jpeg_subsampling)
-            one.copy_(torch.from_numpy(stored).permute(2, 0, 1))
-    return display.div_(255)
+    grain = torch.randn(radiance.shape, generator=generator, device=device)
+    tone = partial(tone, curve=curves(shots, device))
+    return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.detail.match import seen_in_photo
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
-from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
@@ -238,8 +238,8 @@ class Estimator:
         surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
-            known["surroundings"] = _share(surroundings_map)
-        estimated = time.perf_counter()
+            known["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+        estimated, sure = time.perf_counter(), photo.mask_confidence
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         if outputs.confidence is None:
             confidence = np.full(radiance.shape[:2], exposed, np.float32)
@@ -264,7 +264,7 @@ class Estimator:
                 **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
-                "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
+                "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
                 "priors": known,
                 **_said(outputs.posterior),
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
@@ -357,15 +357,6 @@ def _said(posterior: dict[str, float] | None) -> Info:
             "color_deg": round(posterior["color_error"], 1),
         },
     }
-
-
-def _share(surroundings_map: np.ndarray) -> float:
-    """How much of the sphere is known."""
-    return round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
-
-
-def _rounded(confidence: float | None) -> float | None:
-    return None if confidence is None else round(confidence, 4)
 
 
 @lru_cache(maxsize=2)

@@ -53,7 +53,7 @@ class Photo:
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
-        around: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
+        surroundings_map: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
             True: what the photo itself shows beside the object; None: nothing.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
     """
@@ -88,7 +88,7 @@ class Crop:
         center_px: x, y of its centre; pixel i covers [i, i + 1).
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
-        around: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
+        surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
     """
 
     image: np.ndarray

@@ -229,7 +229,7 @@ class Light:
 
         Args:
             seed: 0 takes the best match, 1 the next, and so on.
-            seen: what the photo shows around the object, see detail.seen.
+            seen: what the photo shows around the object, see detail.match.
         Raises:
             InputError: detailed already; or see detail.plausible.add_detail.
         """

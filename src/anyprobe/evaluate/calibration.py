@@ -11,7 +11,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import load_left_out
 from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.plan import balanced_recipes, world_recipes
+from anyprobe.dataset.recipe import balanced_recipes, world_recipes
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
 from anyprobe.evaluate.metrics import power_ratio_stops
