@@ -39,7 +39,7 @@ export default async ({ page, url, arguments: given }) => {
     const sh9 = {};
     for (const [name, source] of Object.entries(sources)) sh9[name] = [...(await probe.estimate(source, { fovDeg: 24 })).sh9];
     sh9.masked = [...(await probe.estimate(image, { mask, fovDeg: 24 })).sh9];
-    const { mask: found, confidence } = await probe.mask(image, { box: [145, 95, 367, 417] });
+    const { mask: found, quality } = await probe.mask(image, { box: [145, 95, 367, 417] });
     const refused = {};
     const tell = async (name, ask) => (refused[name] = await ask().then(() => null, (error) => error.message));
     await tell("empty", () => probe.estimate(new Image()));
@@ -51,6 +51,6 @@ export default async ({ page, url, arguments: given }) => {
     probe.dispose();
     await tell("disposed", () => asked);
     const covered = found.reduce((sum, value) => sum + value, 0) / found.length;
-    return { sh9, refused, covered, confidence, hasWebgpu: Boolean(await navigator.gpu?.requestAdapter()) };
+    return { sh9, refused, covered, quality, hasWebgpu: Boolean(await navigator.gpu?.requestAdapter()) };
   });
 };

@@ -4,7 +4,7 @@
 import { estimated, openPage } from "./page_steps.mjs";
 
 /** The overlay once a material is drawn, with the light that it was drawn by. */
-function drawn(page, name) {
+export function drawn(page, name) {
   return page.evaluate(async (name) => {
     const [overlay, material] = ["overlay", "material"].map((id) => document.getElementById(id));
     const base64 = (bytes) => {

@@ -141,6 +141,7 @@ def test_static_page_works_without_a_server(static_url, tmp_path):
     assert seen["elsewhere"] == []
     assert seen["isolated"]
     assert seen["targets_hidden"]
+    assert seen["reflections_hidden"]
     assert read_radiance(Path(seen["file"])).shape == (64, 128, 3)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 
 import numpy as np
@@ -67,6 +68,28 @@ def test_an_estimator_gives_detail_where_it_is_asked_for(folder):
     assert response(fine.radiance).std() != response(plain.radiance).std()
     with pytest.raises(InputError, match="detail 'sharp': expected one of none, plausible"):
         anyprobe.Estimator(detail="sharp")
+
+
+def test_the_function_takes_what_an_estimator_takes(folder):
+    """Each of Estimator's settings but the engine's, on networks that are opened once."""
+    photo, mask = sphere_photo()[..., :3], sphere_photo()[..., 3]
+
+    class Given:
+        needs_prompt = False
+
+        def segment(self, rgb, on, off, box):
+            return mask / np.float32(255)
+
+    light = anyprobe.estimate(photo, segmenter=Given(), detail="plausible", size=64, detail_library=folder)
+    assert light.info["detail"]["from"].startswith("place-")
+    assert light.radiance.shape == (64, 128, 3)
+    plain = anyprobe.estimate(photo, mask=mask)
+    assert "detail" not in plain.info
+    np.testing.assert_allclose(plain.sh9(), light.sh9(), atol=5e-3 * np.abs(plain.sh9()).max())
+    of_estimator = inspect.signature(anyprobe.Estimator).parameters
+    taken = inspect.signature(anyprobe.estimate).parameters
+    assert set(of_estimator) - set(taken) == {"threads", "engine"}
+    assert all(name in inspect.getdoc(anyprobe.estimate) for name in taken)
 
 
 def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):

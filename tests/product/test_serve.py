@@ -427,6 +427,7 @@ def test_openapi_describes_every_address(client):
         "/healthz",
         "/v1/estimate",
         "/v1/fuse",
+        "/v1/detail",
         "/v1/mask",
         "/v1/photo",
         "/v1/export/{target}",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import json
 import tempfile
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,8 +24,9 @@ from fastapi.testclient import TestClient
 
 from anyprobe.serve import openapi
 from anyprobe.serve.answers import png as as_png
-from anyprobe.serve.api import create_app
+from anyprobe.serve.api import CLIENT_GONE, create_app
 from anyprobe.serve.page import Page
+from anyprobe.serve.pool import Limits
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +71,7 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
     ("address", "name", "known"),
     [
         ("estimate", "not", "box, click, click_off, fov,"),
-        ("estimate", "clik", "include, format"),
+        ("estimate", "clik", "detail, size, format"),
         ("estimate", "world_from_camera", "material"),
         ("mask", "material", "one of box, click, click_off, fov, format, got"),
         ("photo", "fov", "expected none here"),
@@ -108,6 +111,8 @@ def test_all_that_is_described_is_taken(client, photo):
         "material": "matte",
         "albedo": "0.5",
         "emitters": "expected",
+        "detail": "plausible",
+        "size": "64",
         "include": "mask",
         "format": "json",
     }
@@ -118,6 +123,75 @@ def test_all_that_is_described_is_taken(client, photo):
     files = {"photo": ("p.png", photo)}
     for address, data in (("estimate", {}), ("fuse", poses)):
         assert client.post(f"/v1/{address}", files=files, data=data, params=given).status_code == 200
+
+
+# Statuses
+
+DOORS = Path(create_app.__code__.co_filename).parent
+UNDESCRIBED = {404, 405, CLIENT_GONE}
+"""No operation of the API: other addresses and methods, and what nobody reads."""
+
+
+def operations(app) -> list[tuple[str, str, set[int]]]:
+    """Address, method and described statuses of each."""
+    paths = app.openapi()["paths"]
+    return [
+        (path.replace("{target}", "three"), method, {int(status) for status in one["responses"]})
+        for path, methods in paths.items()
+        for method, one in methods.items()
+    ]
+
+
+def test_every_status_that_the_server_s_code_names_is_described(client):
+    found = set()
+    for file in DOORS.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            values = [*node.args, *(one.value for one in node.keywords)] if isinstance(node, ast.Call) else []
+            numbers = [part for value in values for part in ast.walk(value) if isinstance(part, ast.Constant)]
+            found |= {one.value for one in numbers if isinstance(one.value, int) and 400 <= one.value < 600}
+    described = set().union(*(statuses for _, _, statuses in operations(client.app)))
+    assert {400, 401, 403, 406, 408, 413, 422, 429, 500, 501} <= found
+    assert found - UNDESCRIBED <= described
+
+
+class Failing:
+    """Networks that fail at everything, with a name."""
+
+    model_id = "failing"
+
+    def __getattr__(self, name):
+        raise RuntimeError(name)
+
+
+def test_each_address_answers_with_statuses_that_are_described_for_it():
+    """By a foreign name or page, without a token, in no format, with nothing or too much, where no place is free."""
+    app = create_app(Failing(), Limits(max_bytes=1000, workers=1), hosts=["localhost"], token="secret")
+    full = create_app(Failing(), Limits(workers=1, waiting=-1), hosts=["localhost"])
+    ours = {"Authorization": "Bearer secret"}
+    ways = [
+        (app, 400, {**ours, "Host": "elsewhere.example"}, b""),
+        (app, 401, {}, b""),
+        (app, 403, {**ours, "Origin": "https://elsewhere.example"}, b""),
+        (app, 406, {**ours, "Accept": "text/css"}, b""),
+        (app, 413, ours, bytes(1001)),
+        (app, 422, ours, b""),
+        (app, 400, {**ours, "Content-Type": "multipart/form-data"}, b"no boundary"),
+        (full, 429, {}, b""),
+    ]
+    seen = set()
+    for at, status, headers, body in ways:
+        with TestClient(at, base_url="http://localhost", raise_server_exceptions=False) as client:
+            for address, method, described in operations(at):
+                answer = client.request(
+                    method, address, headers=headers, content=body if method == "post" else None
+                )
+                assert answer.status_code in described, (address, status, answer.text)
+                if method == "post" and status in described:
+                    assert answer.status_code == status, (address, answer.text)
+                    seen.add(status)
+                if answer.status_code >= 400:
+                    assert set(answer.json()) == {"error"}
+    assert seen == {400, 401, 403, 406, 413, 422, 429}
 
 
 # Maps

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,11 @@ from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
+from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.propose import default_graph, shared_network
+from anyprobe.masks.quality import Evidence, examine
+from anyprobe.relight.ground import View
+from anyprobe.relight.placement import Spot, find_spot
 from anyprobe.scatter.materials import given_material, material_input
 
 HINTS = {
@@ -51,6 +56,50 @@ def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):
         state = step(state, frame, seconds)
     return frames, state.radiance
+
+
+def _quality(evidence: Evidence) -> dict:
+    return {**asdict(evidence), "expected_iou": evidence.expected_iou(), "doubts": evidence.doubts()}
+
+
+def _broken(rgb: np.ndarray) -> tuple[np.ndarray, dict]:
+    """A bad mask, two stripes across the photo with a hole and a speck, and what is said of it."""
+    mask = np.zeros(rgb.shape[:2], np.float32)
+    mask[20:120, 30:] = 1.0
+    mask[60:64, 90:94] = 0.0
+    mask[150:200, 10:60] = 0.9
+    mask[260:263, 5:9] = 1.0
+    network, tidied = shared_network(), tidy(rgb, mask)
+    evidence = examine(network, rgb, network.propose(rgb), replace(tidied, mask=mask))
+    return mask, _quality(evidence)
+
+
+BOXES = [(10, 20, 150, 180), (200, 100, 400, 300), (480, 300, 599, 399), (5, 5, 595, 395), (0, 200, 330, 400)]
+CARDS = [(100, 100), (700, 120), (60, 700), (500, 30)]
+PITCHES_DEG = [-15.0, 0.0, 12.0]
+
+
+def _placements() -> list[dict]:
+    """Where find_spot puts flat things of some size beside boxes, under cameras of some pitch."""
+    cases = []
+    for box, (wide, high), pitch_deg in product(BOXES, CARDS, PITCHES_DEG):
+        tilt = np.radians(pitch_deg)
+        view = View(width=600, height=400, focal=500.0, up=np.array([0.0, np.cos(tilt), np.sin(tilt)]))
+
+        def covered(spot: Spot, wide=wide, high=high) -> tuple[float, float, float, float]:
+            scale = spot.share * max(0.5 + 0.5 * spot.y / 400, 0.1)
+            return (
+                spot.x - wide * scale / 2,
+                spot.y - high * scale,
+                spot.x + wide * scale / 2,
+                spot.y + 0.3 * high * scale,
+            )
+
+        given = {"box": box, "row": box[3], "behind": box[3] - 60, "most_behind": 0.8}
+        spot, is_behind = find_spot(view, *given.values(), covered)
+        found = {"x": spot.x, "y": spot.y, "share": spot.share, "is_behind": is_behind}
+        cases.append(given | {"card": [wide, high], "pitch_deg": pitch_deg, "found": found})
+    return cases
 
 
 def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, long_fov_deg: float) -> None:
@@ -96,9 +145,22 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             material = given_material(**given)
             answers[f"material_{name}"] = material_input(material)
             answers[f"radiance_{name}"] = estimator.from_photo(loaded, material=material).radiance
-    rgb = photo[..., :3].astype(np.float32) / 255
+    rgb, qualities = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
-        answers[f"cover_{name}"] = shared_network().propose(rgb, **hints).cover
+        proposal = shared_network().propose(rgb, **hints)
+        answers[f"cover_{name}"] = proposal.cover
+        cut = cut_out(rgb, proposal.cover, **hints)
+        tidied = tidy(rgb, cut.mask)  # the page measures all masks as those of other segmenters
+        evidence = examine(
+            shared_network(),
+            rgb,
+            proposal,
+            replace(cut, loose=tidied.loose, told_apart=tidied.told_apart),
+            **hints,
+        )
+        answers[f"cut_{name}"] = cut.mask
+        qualities[name] = _quality(evidence)
+    answers["cut_broken"], qualities["broken"] = _broken(rgb)
     answers["frames"], answers["steadied"] = _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
@@ -114,5 +176,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "hints": HINTS,
         "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
+        "placements": _placements(),
+        "qualities": qualities,
     }
     (folder / "case.json").write_text(json.dumps(case))

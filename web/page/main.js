@@ -11,9 +11,8 @@ import { LiveSession } from "./live/session.js";
 import { maskFromAlpha, objectBox } from "../src/photo/picture.js";
 import { openPhoto } from "./openPhoto.js";
 import { readExample } from "./example.js";
-
-/** Expected IoU below which a mask comes with a warning. */
-const DOUBTFUL = 0.75;
+import { showQuality } from "./view/maskQuality.js";
+import { askReflections } from "./reflections.js";
 
 const config = await (await fetch("config.json")).json();
 if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.hostname)) {
@@ -42,6 +41,8 @@ const editor = new MaskEditor(
 );
 const surroundings = element("surroundings");
 const soften = element("soften");
+const reflections = element("reflections");
+element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const options = () => ({ surroundings: surroundings.checked, emitters: soften.checked ? "expected" : "mode" });
 
@@ -58,7 +59,10 @@ const live = new LiveSession({
   stages,
   editor,
   options,
-  onShown: () => turn++,
+  onShown: () => {
+    turn++;
+    showQuality(null);
+  },
   onFault: (error) => {
     showAgain();
     setStatus(error.message, "fault");
@@ -79,7 +83,7 @@ async function open(blob, name) {
 function put(found) {
   live.stop();
   turn++;
-  opened = { mask: null, box: null, result: null, ...found };
+  opened = { mask: null, box: null, result: null, found: null, ...found };
   showOpened();
 }
 
@@ -88,6 +92,7 @@ function showOpened() {
   stage.showPicture(picture);
   editor.open(picture);
   if (mask) editor.show(mask);
+  showQuality(opened.found);
   if (result) return showLight();
   light.clear();
   stages.clear();
@@ -101,7 +106,7 @@ function showAgain() {
 /** The picture's own transparency or the mask network's proposal; null without both: then a click is needed. */
 async function ownMask(picture) {
   const mask = maskFromAlpha(picture);
-  if (mask) return { mask, confidence: null };
+  if (mask) return { mask, quality: null, warnings: [] };
   const probe = await networks.open();
   return probe.hasMask ? findMask(probe, picture, editor.hints) : null;
 }
@@ -125,18 +130,20 @@ async function examine(maskOf) {
   const isLate = () => mine !== turn;
   try {
     const found = await maskOf(opened.picture, isLate);
-    if (!isLate()) await estimate(found?.mask ?? null, found?.confidence ?? null, isLate);
+    if (!isLate()) await estimate(found, isLate);
   } catch (error) {
     if (!isLate()) setStatus(error.message, "fault");
   }
 }
 
-async function estimate(mask, confidence, isLate) {
+async function estimate(found, isLate) {
   const { picture, longFovDeg } = opened;
+  const mask = found?.mask ?? null;
   editor.show(mask);
   const box = mask && objectBox(mask, picture.width);
+  showQuality(box ? found : null);
   if (!box) return setStatus("Click on the object in the picture “Object” below, or draw a box around it.");
-  Object.assign(opened, { mask, box, confidence, result: null });
+  Object.assign(opened, { mask, box, found, result: null });
   const probe = await networks.open();
   if (isLate()) return;
   setStatus("Estimating the lighting …");
@@ -149,9 +156,8 @@ async function estimate(mask, confidence, isLate) {
   if (surroundings.checked && !result.light.priors.surroundings) {
     return setStatus("The background of this photo is one colour or transparent: the lighting was estimated from the object alone.");
   }
-  if (confidence !== null && confidence < DOUBTFUL) {
-    const share = `${(100 * confidence).toFixed(0)} %`;
-    return setStatus(`Estimated, but the mask is doubtful (expected overlap ${share}): click on the object below, or draw a box around it.`, "warning");
+  if (found.warnings.length) {
+    return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
   }
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
@@ -163,6 +169,17 @@ function showLight() {
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });
   sendLight(result);
+  if (reflections.checked) attempt(reflect);
+}
+
+/** Sharp reflections for the light on show, or its own again. */
+async function reflect() {
+  const { result } = opened;
+  if (reflections.checked) result.reflections ??= await askReflections(result.light);
+  if (live.running || opened.result !== result) return;
+  const shown = reflections.checked ? result.reflections : null;
+  stage.setLight(result.light, shown);
+  light.showReflections(shown);
 }
 
 /** The example comes with its answer, so that the page is finished before any network is opened. */
@@ -171,7 +188,7 @@ async function openExample() {
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
-  if (surroundings.checked || soften.checked) return examine(async () => ({ mask }));
+  if (surroundings.checked || soften.checked) return examine(async () => ({ mask, quality: null, warnings: [] }));
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 
@@ -202,9 +219,12 @@ element("reset").addEventListener("click", () => {
 for (const box of [surroundings, soften]) {
   box.addEventListener("change", () => {
     if (live.running) return attempt(() => live.setOptions());
-    if (opened?.mask) examine(async () => ({ mask: opened.mask, confidence: opened.confidence }));
+    if (opened?.mask) examine(async () => ({ ...opened.found, mask: opened.mask }));
   });
 }
+reflections.addEventListener("change", () => {
+  if (opened?.result && !live.running) attempt(reflect);
+});
 element("camera").addEventListener("click", () => {
   if (live.running) return attempt(closeCamera);
   choice++;

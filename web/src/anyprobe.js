@@ -44,8 +44,8 @@ export class AnyProbe {
   /**
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
-   * @returns {Promise<{mask: Float32Array, width: number, height: number, confidence: number | null}>} confidence: the
-   *   IoU that the mask network expects or finds in other ways, the less; null where it was not asked
+   * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[]}>}
+   *   quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.8
    */
   async mask(image, hints = {}) {
     const picture = readSource(image);
@@ -62,12 +62,14 @@ export class AnyProbe {
   async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, ...hints } = {}) {
     const options = { surroundings, emitters, material: describe(material) };
     const picture = readSource(image);
-    const found = mask ? readMask(mask, picture) : (maskFromAlpha(picture) ?? (await this.#findMask(picture, hints)).mask);
-    if (normals && normals.length !== 3 * found.length) {
+    const given = mask ? readMask(mask, picture) : maskFromAlpha(picture);
+    const found = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, hints);
+    if (normals && normals.length !== 3 * found.mask.length) {
       throw new Error(`normals: expected ${picture.width} x ${picture.height} x 3 numbers, got ${normals.length}`);
     }
-    const { light } = await this.examine({ picture, mask: found, normals, longFovDeg: fovDeg, options });
-    return light;
+    const { light } = await this.examine({ picture, mask: found.mask, normals, longFovDeg: fovDeg, options });
+    const { quality, warnings } = found;
+    return new Light({ ...light, mask: { quality, warnings } });
   }
 
   /** estimate for a page that shows the networks' stages and three spheres too; a picture in memory and its mask. */

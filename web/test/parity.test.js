@@ -17,9 +17,11 @@ import { shown, step } from "../src/light/temporal.js";
 import { cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { propose } from "../src/photo/propose.js";
+import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
+import { beside, farthestRow } from "../page/view/placement.js";
 import { Models } from "../src/networks/models.js";
 
 const folder = process.env.PARITY;
@@ -53,7 +55,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, qualities: given.qualities });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -149,6 +151,23 @@ test("the mask that is proposed from nothing, from clicks and from a box", { ski
   }
 });
 
+test("what is said of a mask's quality", { skip }, async () => {
+  const run = (input) => found.models.mask(input);
+  assert.equal(Object.keys(found.qualities).length, 4);
+  for (const [name, { expected_iou: expected, doubts: lines, ...evidence }] of Object.entries(found.qualities)) {
+    const hints = found.hints[name] ?? { on: [], off: [] };
+    const cover = await propose(run, found.picture, hints);
+    const seen = await examine(run, found.picture, cover, floats(`cut_${name}`), hints);
+    for (const [key, value] of Object.entries(evidence)) {
+      const own = key.replace(/_(.)/g, (_, letter) => letter.toUpperCase());
+      assert.ok(Math.abs(seen[own] - value) < 0.003, `${name} ${key}: ${seen[own]}, not ${value}`);
+    }
+    assert.ok(Math.abs(expectedIou(seen) - expected) < 0.01, `${name}: ${expectedIou(seen)}, not ${expected}`);
+    assert.deepEqual(doubts(seen), lines);
+  }
+  assert.ok(found.qualities.broken.expected_iou < 0.5 && found.qualities.none.expected_iou > 0.8);
+});
+
 test("the filter of a video's lights", { skip }, () => {
   const frames = floats("frames");
   const size = frames.length / found.frameSeconds.length;
@@ -162,4 +181,19 @@ test("the filter of a video's lights", { skip }, () => {
 test("blurs of Python's own map", { skip }, () => {
   assertClose(irradianceMap(floats("radiance"), 64), floats("irradiance_map"), 1e-4, "irradiance map");
   assertClose(blurCosinePower(floats("radiance"), 64, 3, 5), floats("blurred"), 1e-4, "blur");
+});
+
+test("where a virtual object stands", { skip }, () => {
+  const atFarRow = found.placements.filter(({ box, row, behind, most_behind: mostBehind, card, pitch_deg: pitchDeg, found: expected }) => {
+    const extentAt = ({ x, y, share }) => {
+      const scale = share * Math.max(0.5 + (0.5 * y) / 400, 0.1);
+      return [x - (card[0] * scale) / 2, y - card[1] * scale, x + (card[0] * scale) / 2, y + 0.3 * card[1] * scale];
+    };
+    const farRow = farthestRow(400, 500, pitchDeg);
+    const spot = beside({ width: 600, height: 400, box, row, behind, farRow, mostBehind }, extentAt);
+    assertClose([spot.x, spot.y, spot.share], [expected.x, expected.y, expected.share], 1e-6, `${box} ${card} ${pitchDeg}`);
+    assert.equal(spot.isBehind ?? false, expected.is_behind);
+    return Math.abs(spot.y - farRow) < 1e-9;
+  });
+  assert.ok(atFarRow.length > 3);
 });

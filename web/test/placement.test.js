@@ -5,7 +5,7 @@ import { test } from "node:test";
 import { BoxGeometry, Group, Matrix4, Mesh, PerspectiveCamera, SphereGeometry } from "three";
 
 import { extentOf, outlineOf } from "../page/view/outline.js";
-import { beside, contactOf, likelyPitchDeg } from "../page/view/placement.js";
+import { beside, contactOf, farthestRow, likelyPitchDeg } from "../page/view/placement.js";
 
 const [WIDTH, HEIGHT] = [600, 400];
 
@@ -15,13 +15,16 @@ const card = (wide, high) => ({ x, y, share }) => {
   return [x - (wide * scale) / 2, y - high * scale, x + (wide * scale) / 2, y + 0.1 * high * scale];
 };
 
+/** The photo of such an object; its ground reaches up to the picture's upper border. */
+const photo = (box, behind) => ({ width: WIDTH, height: HEIGHT, box, row: box[3], behind, farRow: 0, mostBehind: 1 });
+
 const isInside = ([x0, y0, x1, y1]) => x0 >= 0 && y0 >= 0 && x1 <= WIDTH && y1 <= HEIGHT;
 
 test("nothing is cut off by the border, and what can stands beside", () => {
   for (const box of [[10, 20, 150, 180], [200, 100, 400, 300], [480, 300, 599, 399], [5, 5, 595, 395], [0, 200, 330, 400]]) {
     for (const [wide, high] of [[100, 100], [700, 120], [60, 700], [20, 30]]) {
       const extentAt = card(wide, high);
-      const spot = beside({ width: WIDTH, height: HEIGHT, box, row: box[3], behind: box[3] - 60 }, extentAt);
+      const spot = beside(photo(box, box[3] - 60), extentAt);
       const covered = extentAt(spot);
       assert.ok(isInside(covered), `${box} ${wide} ${high}: ${covered}`);
       const isBeside = covered[0] >= box[2] || covered[2] <= box[0];
@@ -33,14 +36,14 @@ test("nothing is cut off by the border, and what can stands beside", () => {
 });
 
 test("it is as large as asked where there is room, on the roomier side, and on the other where only that holds it", () => {
-  const right = beside({ width: WIDTH, height: HEIGHT, box: [100, 100, 250, 300], row: 300, behind: 250 }, card(120, 120));
+  const right = beside(photo([100, 100, 250, 300], 250), card(120, 120));
   assert.equal(right.share, 1);
   assert.ok(right.x > 250);
-  const left = beside({ width: WIDTH, height: HEIGHT, box: [350, 100, 500, 300], row: 300, behind: 250 }, card(120, 120));
+  const left = beside(photo([350, 100, 500, 300], 250), card(120, 120));
   assert.ok(left.share === 1 && left.x < 350);
   // things beyond its left are drawn so large that only the right holds them
   const uneven = (spot) => card(spot.x < 300 ? 900 : 60, 60)(spot);
-  const other = beside({ width: WIDTH, height: HEIGHT, box: [310, 100, 480, 300], row: 300, behind: 250 }, uneven);
+  const other = beside(photo([310, 100, 480, 300], 250), uneven);
   assert.ok(other.x > 480 && other.share > 0.9);
 });
 
@@ -90,4 +93,14 @@ test("an unknown camera is level where the ground is seen from above, and looks 
   assert.equal(likelyPitchDeg(HEIGHT, HEIGHT, focal), 0);
   const pitch = likelyPitchDeg(HEIGHT / 2, HEIGHT, focal);
   assert.ok(Math.abs(pitch - 12) < 1e-9);
+});
+
+test("nothing stands above the farthest ground, though it would have to for all of it to be seen", () => {
+  const farRow = farthestRow(HEIGHT, 500, -15);
+  assert.ok(Math.abs(farRow - (200 + 500 * Math.tan(Math.PI / 12) + 8)) < 1e-9);
+  const ground = { ...photo([180, 200, 420, 398], 345), farRow };
+  const heavy = ({ x, y, share }) => [x - 250 * share, y - 20 * share, x + 250 * share, y + 300 * share];
+  const spot = beside(ground, heavy);
+  assert.equal(spot.y, farRow);
+  assert.ok(beside({ ...ground, farRow: 0 }, heavy).y < farRow);
 });

@@ -119,6 +119,8 @@ export declare class Light {
   readonly emitters: "mode" | "expected";
   /** What was given: the share of the map that the background shows, and whether normals and material were. */
   readonly priors: { surroundings: number; normals: boolean; material: boolean };
+  /** Of an estimate from a picture: how good the found mask is, see AnyProbe.mask; quality is null where it was given. */
+  readonly mask?: { quality: number | null; warnings: string[] };
 }
 
 export interface Tracker {
@@ -139,11 +141,10 @@ export declare class AnyProbe {
   readonly threads: number;
   readonly hasMask: boolean;
   /**
-   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and a confidence: the IoU that the
-   * mask network expects or that it finds when it is asked in other ways, the less; null where it was not asked (a box is cut
-   * out without it). Below 0.75 the mask is doubtful.
+   * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
+   * null without a mask network, with a line on what looks wrong where that is below 0.8.
    */
-  mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; confidence: number | null }>;
+  mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
   /** The light of every frame of a playing video, steady on a still scene. One video at a time. */

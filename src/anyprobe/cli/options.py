@@ -22,6 +22,7 @@ from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MO
 from anyprobe.files.paths import visible_files
 
 if TYPE_CHECKING:
+    from anyprobe.detail.library import Library
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.estimate.normals_model import NormalsEstimator
     from anyprobe.scatter.materials import Material
@@ -244,6 +245,13 @@ class DetailOptions:
     def settings(self) -> dict[str, Any]:
         """For Estimator."""
         return {"detail": self.detail, "detail_library": self.detail_library}
+
+    def library(self) -> Library | None:
+        """What detail is from; None where none is asked for."""
+        from anyprobe.detail.library import open_library
+        from anyprobe.detail.plausible import check_detail
+
+        return open_library(self.detail_library) if check_detail(self.detail) else None
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:

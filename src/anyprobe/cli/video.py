@@ -14,7 +14,14 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
+from anyprobe.cli.options import (
+    DetailOptions,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    with_bundles,
+)
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer
 from anyprobe.errors import InputError
 
@@ -27,6 +34,7 @@ def video(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
     taken: ObjectOptions,
     by: ModelOptions,
+    fine: DetailOptions,
     placed: InsertOptions,
     out: Annotated[
         Path | None,
@@ -91,7 +99,7 @@ def video(
         {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
     )
     follower = MaskFollower(folders, given, every_frame, surroundings)
-    estimator = by.estimator()
+    estimator, library = by.estimator(), fine.library()
     settings = {
         "clip": clip.name,
         "clip_bytes": clip.stat().st_size,
@@ -115,6 +123,7 @@ def video(
         "scale": size,
         "pitch_deg": pitch,
         "renderer": virtual.renderer if virtual else None,
+        "detail": None if library is None else library.digest(),
     }
     if restart:
         forget_run(out)
@@ -129,6 +138,7 @@ def video(
         virtual=virtual,
         poses=turned,
         material=object_material,
+        library=library,
     )
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     begun, start = run.progress.next_index, time.monotonic()

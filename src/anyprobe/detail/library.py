@@ -60,6 +60,10 @@ class Library:
     features: np.ndarray
     richness: np.ndarray
 
+    def digest(self) -> str:
+        """16 hexadecimal digits that identify its maps."""
+        return hashlib.sha256(self.features.tobytes()).hexdigest()[:16]
+
     def candidate(self, index: int) -> np.ndarray:
         """Codes of a map, [H, 2H, 3] uint8, the last two kept for the next call; see decode."""
         return _picture(str(self.path), index)

@@ -19,6 +19,13 @@ SIZES = (64, 128, 256, 512)
 ROWS = SIZES[-1]
 
 
+def check_detail(detail: str) -> bool:
+    """Whether detail is asked for; InputError where the word is none of DETAILS."""
+    if detail not in DETAILS:
+        raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+    return detail != DETAILS[0]
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detailed:
     """radiance: [rows, 2 rows, 3]; name: of the candidate that lent the detail; seed: as given."""

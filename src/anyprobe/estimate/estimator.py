@@ -15,7 +15,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.detail.match import seen_in_photo
-from anyprobe.detail.plausible import DETAILS, ROWS
+from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
@@ -76,17 +76,35 @@ class Estimator:
         detail: "none", or "plausible": maps of `size` rows with detail of detail_library, a folder of maps (None: our
             own), see Light.with_detail; of single photos, not of several together.
         """
-        self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.models = Models(model, threads, engine, emitters)
         self.model_id, self.emitters = model_id(model), emitters
-        if detail not in DETAILS:
-            raise InputError(f"detail {detail!r}: expected one of {', '.join(DETAILS)}")
+        self._set(segmenter, detail, size, detail_library)
+
+    def _set(
+        self, segmenter: str | Segmenter | None, detail: str, size: int, detail_library: str | Path | None
+    ) -> None:
+        check_detail(detail)
+        self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.detail, self.size, self.detail_library = detail, size, detail_library
 
     def with_emitters(self, emitters: str) -> Estimator:
         """The same open networks with other emitters."""
         other = copy(self)
         other.models, other.emitters = self.models.with_emitters(emitters), emitters
+        return other
+
+    def with_settings(
+        self,
+        *,
+        emitters: str,
+        segmenter: str | Segmenter | None,
+        detail: str,
+        size: int,
+        detail_library: str | Path | None,
+    ) -> Estimator:
+        """The same open networks with all else as __init__ takes it."""
+        other = self.with_emitters(emitters)
+        other._set(segmenter, detail, size, detail_library)
         return other
 
     def __call__(
@@ -364,14 +382,22 @@ def estimate(
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
     emitters: str = MODE,
+    segmenter: str | Segmenter | None = None,
+    detail: str = DETAILS[0],
+    size: int = ROWS,
+    detail_library: str | Path | None = None,
 ) -> Light:
-    """The light around the object of one photo; an Estimator used once (and kept for the next call).
+    """The light around the object of one photo; an Estimator used once (its networks are kept for the next call).
 
     Args:
-        model, emitters: of Estimator.
-        source and all others: of Estimator.__call__, which also lists what is raised.
+        source, mask, click, click_off, box, depth, near, far, fov_deg, normals, material, albedo, roughness,
+            surroundings: of Estimator.__call__, which also lists what is raised.
+        model, emitters, segmenter, detail, size, detail_library: of Estimator.
     """
-    return _shared(model).with_emitters(emitters)(
+    estimator = _shared(model).with_settings(
+        emitters=emitters, segmenter=segmenter, detail=detail, size=size, detail_library=detail_library
+    )
+    return estimator(
         source,
         mask=mask,
         click=click,

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from typing import Any
 
+import numpy as np
 from fastapi import FastAPI, Request
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
@@ -18,13 +19,14 @@ from anyprobe import __version__
 from anyprobe.errors import AnyprobeError, InputError, MissingExtra
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.multiview import estimate_crops
+from anyprobe.estimate.result import Light
 from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve import answers, openapi
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancelled, Job, Limits, WorkerPool
-from anyprobe.serve.tasks import TooManyPixels, Upload
+from anyprobe.serve.tasks import Cut, TooManyPixels, Upload
 from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
@@ -99,10 +101,15 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         arguments = (upload, limits.max_pixels, *arguments)
         return await pool.decode(task, *arguments, quick=upload.is_quick, gone=_leaving(request))
 
-    async def cut(request: Request, upload: Upload, first: bool = True) -> Any:
+    async def cut(request: Request, upload: Upload, first: bool = True) -> Cut:
         return await decode(request, "cut", upload, first, first and "mask" in upload.include)
 
-    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"])
+    @app.get(
+        "/healthz",
+        summary="Is the server up, and how busy is it?",
+        tags=["server"],
+        openapi_extra=openapi.HEALTH,
+    )
     async def healthz() -> dict[str, Any]:
         return {
             "status": "ok",
@@ -124,12 +131,13 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             upload = await read_upload(request, pool, openapi.ESTIMATE)
             material = given_material(upload.material, upload.albedo)
             start = time.perf_counter()
-            photo, crop, mask = await cut(request, upload)
+            taken = await cut(request, upload)
 
             def work(job: Job) -> Response:
-                light = asked_of(upload).from_crop(photo, crop, start, material=material)
+                light = asked_of(upload).from_crop(taken.photo, taken.crop, start, material=material)
                 job.step()
-                return answers.light_response(light, media, upload.include, mask)
+                light = _detailed(light, upload, taken.seen)
+                return answers.light_response(light, media, upload.include, taken.mask)
 
             return await pool.run(work, _leaving(request))
 
@@ -144,20 +152,34 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             views = await read_views(request, pool)
             common = views.uploads[0]
             material = given_material(common.material, common.albedo)
-            taken, spent, mask = [], [], None
+            cuts: list[Cut] = []
+            spent: list[float] = []
             for upload in views.uploads:
                 start = time.perf_counter()
-                photo, crop, found = await cut(request, upload, first=not taken)
-                taken.append((photo, crop))
+                cuts.append(await cut(request, upload, first=not cuts))
                 spent.append(time.perf_counter() - start)
-                mask = mask or found
 
             def work(job: Job) -> Response:
+                taken = [(one.photo, one.crop) for one in cuts]
                 light = estimate_crops(
                     asked_of(common).from_crop, taken, views.world_from_camera, spent, material
                 )
                 job.step()
-                return answers.light_response(light, media, common.include, mask)
+                light = _detailed(light, common)
+                return answers.light_response(light, media, common.include, cuts[0].mask)
+
+            return await pool.run(work, _leaving(request))
+
+    @app.post("/v1/detail", openapi_extra=openapi.DETAIL, tags=["light"], response_class=Response)
+    async def detail(request: Request) -> Response:
+        """A map (.exr or .hdr as the body) with the structure of a real-looking place, for mirrors; SH9 stays."""
+        media = answers.choose_type(request, answers.LIGHT_TYPES)
+        async with pool.place():
+            upload = await read_upload(request, pool, openapi.DETAIL)
+            light = await decode(request, "sharpened", upload)
+
+            def work(job: Job) -> Response:
+                return answers.light_response(light, media, upload.include, None)
 
             return await pool.run(work, _leaving(request))
 
@@ -189,9 +211,19 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 
-    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"])
+    @app.get(
+        "/v1/targets",
+        summary="What /v1/export can write.",
+        tags=["light"],
+        openapi_extra=openapi.TARGETS,
+    )
     async def targets() -> list[str]:
         return list(TARGETS)
+
+
+def _detailed(light: Light, upload: Upload, seen: np.ndarray | None = None) -> Light:
+    """With detail, where that is asked for."""
+    return light if upload.rows is None else light.with_detail(size=upload.rows, seen=seen)
 
 
 def _leaving(request: Request) -> Callable[[], Any]:

@@ -35,13 +35,25 @@ _ANSWER = {
 }
 
 
+_DETAIL = {
+    "detail": "none, or plausible: the structure of a real-looking place under the estimated light, for mirrors",
+    "size": "rows of a map with detail: 64, 128, 256 or 512, which is the default",
+}
+
+
 def _error(text: str) -> dict[str, Any]:
     schema = {"type": "object", "properties": {"error": {"type": "string"}}}
     return {"description": text, "content": {"application/json": {"schema": schema}}}
 
 
-_ERRORS = {
+_AT_THE_DOOR = {
+    "400": _error("the server does not go by this host name, or the form is malformed"),
     "401": _error("the server asks for its token: Authorization: Bearer TOKEN"),
+    "500": _error("the server failed; its log says more"),
+}
+
+_ERRORS = _AT_THE_DOOR | {
+    "403": _error("a page of another origin asks; start the server with --allow-origin ORIGIN"),
     "406": _error("Accept names nothing this can be sent as"),
     "408": _error("the body took too long"),
     "413": _error("too many bytes or pixels"),
@@ -67,6 +79,7 @@ def _upload(
     fields |= {name: {"type": "string", "description": text} for name, text in options.items()}
     fields |= {name: {**_FILE, "description": text} for name, text in files.items()}
     form = {"schema": {"type": "object", "required": ["photo"], "properties": fields}}
+    errors = {status: text for status, text in _ERRORS.items() if formats or status != "406"}
     extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
     return {
         "parameters": _parameters(options | extra),
@@ -74,7 +87,7 @@ def _upload(
             "required": True,
             "content": {FORM: form, "image/*": {"schema": _FILE}},
         },
-        "responses": {"200": {"description": "done", "content": answer}, **_ERRORS},
+        "responses": {"200": {"description": "done", "content": answer}, **errors},
     }
 
 
@@ -89,7 +102,7 @@ _ANY: dict[str, Any] = {"schema": {"type": "object"}}
 _BYTES = {"schema": _FILE}
 
 ESTIMATE = _upload(
-    _OPTIONS | _PRIORS | _ANSWER,
+    _OPTIONS | _PRIORS | _ANSWER | _DETAIL,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
     files=_MASK | _NORMALS | _SURROUNDINGS,
@@ -98,7 +111,7 @@ ESTIMATE = _upload(
 
 def _multiview() -> dict[str, Any]:
     """As ESTIMATE, of several photos in a form."""
-    texts = {"fov": _OPTIONS["fov"], **_PRIORS, **_ANSWER}
+    texts = {"fov": _OPTIONS["fov"], **_PRIORS, **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     fields: dict[str, Any] = {
         "photo": {"type": "array", "items": _FILE, "description": "1 to 16 photos of one object"},
@@ -116,8 +129,16 @@ def _multiview() -> dict[str, Any]:
 
 
 FUSE = _multiview()
+TARGETS = {"responses": _AT_THE_DOOR}
+HEALTH = {"responses": {status: text for status, text in _AT_THE_DOOR.items() if status != "401"}}
 MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_MASK)
 PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
+DETAIL = _upload(
+    {"size": _DETAIL["size"]},
+    ["json", "exr", "hdr", "png"],
+    ESTIMATE["responses"]["200"]["content"],
+    files={"confidence": "map of the same size: how much each direction counts, 0 to 1"},
+)
 EXPORT = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
 
 

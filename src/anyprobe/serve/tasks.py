@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,12 +13,15 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.frames import rotation_of
+from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
+from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
+from anyprobe.estimate.result import Light
 from anyprobe.files.headers import declared_pixels
 from anyprobe.files.images import read_image
-from anyprobe.files.radiance import read_radiance
+from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 
 PAGE_LONG_PX = 2048
@@ -47,6 +52,8 @@ class Upload:
         clicks_off: likewise beside it.
         fov_deg: field of view of the longer side.
         material: name of the object's; albedo: its linear albedo, one number or three.
+        confidence: bytes of a map that says how much each direction of a map counts.
+        detail: of detail.plausible.DETAILS; size: rows of the map with it, None for the default.
         emitters: how the light sources are asked for, of estimate.runtime.EMITTERS.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
         exposure: stops that an export is brightened by.
@@ -64,10 +71,18 @@ class Upload:
     fov_deg: float | None = None
     material: str | None = None
     albedo: tuple[float, ...] | None = None
+    confidence: bytes | None = None
+    detail: str | None = None
+    size: int | None = None
     emitters: str | None = None
     include: frozenset[str] = frozenset()
     exposure: float | None = None
     world_from_camera: tuple[float, ...] | None = None
+
+    @property
+    def rows(self) -> int | None:
+        """Of the map with detail; None where none is asked for."""
+        return (self.size or ROWS) if check_detail(self.detail or DETAILS[0]) else None
 
     @property
     def is_quick(self) -> bool:
@@ -88,10 +103,23 @@ def ready() -> None:
     """Nothing; for a process that is to have its imports done."""
 
 
-def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> tuple[Photo, Crop, bytes | None]:
-    """The object cut out of its photo, what the photo is without its pixels, and its mask as PNG if it is wanted."""
-    photo = _open(upload, max_pixels)
-    return photo.without_pixels(), cut_out(photo, first=first), mask_png(photo.mask) if with_mask else None
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cut:
+    """photo: without its pixels. crop: its object. mask: as PNG. seen: of detail.match.seen_in_photo. None what is not wanted."""
+
+    photo: Photo
+    crop: Crop
+    mask: bytes | None
+    seen: np.ndarray | None
+
+
+def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
+    """The object cut out of its photo, and what else of the photo the light or the answer needs."""
+    photo, seen = _open(upload, max_pixels), None
+    if upload.rows is not None and photo.surroundings_map is True:
+        seen = seen_in_photo(photo.rgb, photo.mask, photo.long_fov_deg, upload.rows)
+    mask = mask_png(photo.mask) if with_mask else None
+    return Cut(photo=photo.without_pixels(), crop=cut_out(photo, first=first), mask=mask, seen=seen)
 
 
 def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | bytes:
@@ -121,20 +149,13 @@ def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
 
 def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
     """A map (.exr or .hdr bytes in the place of the photo) as the files of one target, in a zip."""
-    from anyprobe.export.exported_light import check_front, map_from_camera, origin_turned
+    from anyprobe.export.exported_light import map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
     _check_pixels(upload, min(max_pixels, 2 * MAP_MAX_ROWS**2))
-    suffix = ".hdr" if upload.photo.startswith(b"#?") else ".exr"
-    with tempfile.TemporaryDirectory() as scratch, tempfile.TemporaryDirectory() as folder:
-        path = Path(scratch) / f"map{suffix}"
-        path.write_bytes(upload.photo)
+    with _map_file(upload.photo) as path, tempfile.TemporaryDirectory() as folder:
         radiance = read_radiance(path)
-        try:
-            check_front(path)
-            turned = origin_turned(map_from_camera(path))
-        except InputError as error:
-            raise InvalidEnvironment(str(error).replace(str(path), "map")) from error
+        turned = origin_turned(map_from_camera(path))
         given, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
         turn = None if given is None else rotation_of(given)
         export(
@@ -147,6 +168,41 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
             origin=turned,
         )
         return zip_folder(Path(folder))
+
+
+def sharpened(upload: Upload, max_pixels: int) -> Light:
+    """A map (.exr or .hdr bytes in the place of the photo) as a light with plausible detail."""
+    _check_pixels(upload, min(max_pixels, 2 * MAP_MAX_ROWS**2))
+    confidence = None
+    if upload.confidence is not None:
+        with _map_file(upload.confidence, "confidence") as path:
+            confidence = read_radiance(path)[..., 0].clip(0.0, 1.0)
+    with _map_file(upload.photo) as path:
+        if "detail" in map_attributes(path):
+            raise InvalidEnvironment(
+                "map: expected one without detail, got one that has it; send the estimate"
+            )
+        radiance = read_radiance(path)
+    if confidence is not None and confidence.shape != radiance.shape[:2]:
+        raise InvalidEnvironment(
+            f"confidence: expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both of one size"
+        )
+    return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.size or ROWS)
+
+
+@contextmanager
+def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
+    """A map's bytes as a file with the front in its centre; errors call it by its name."""
+    from anyprobe.export.exported_light import check_front
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}{'.hdr' if data.startswith(b'#?') else '.exr'}"
+        path.write_bytes(data)
+        try:
+            check_front(path)
+            yield path
+        except InputError as error:
+            raise InvalidEnvironment(str(error).replace(str(path), name)) from error
 
 
 def _open(upload: Upload, max_pixels: int) -> Photo:
@@ -168,6 +224,7 @@ def _open(upload: Upload, max_pixels: int) -> Photo:
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
     """TooManyPixels where a picture's header claims more."""
     pictures = {upload.name: upload.photo, "mask": upload.mask, "normals": upload.normals}
+    pictures["confidence"] = upload.confidence
     bounds = dict.fromkeys(pictures, max_pixels) | {"surroundings": min(max_pixels, MAX_PANORAMA_PIXELS)}
     for name, picture in (pictures | {"surroundings": upload.surroundings}).items():
         if isinstance(picture, bytes) and declared_pixels(picture) > bounds[name]:

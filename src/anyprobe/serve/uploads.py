@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -15,6 +15,7 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 
+from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.normals_prior import SPHERE
 from anyprobe.estimate.runtime import EXPECTED, MODE
@@ -63,11 +64,12 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         HTTPException: 408 too slow.
         InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
-    name, mask, normals, surroundings = "photo", b"", b"", b""
+    name, mask, normals, surroundings, confidence = "photo", b"", b"", b"", b""
     async with _read_form(request, pool, max_files=4) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
             mask, _ = await _file(form, "mask")
+            confidence, _ = await _file(form, "confidence")
             if not isinstance(form.get("normals"), str):
                 normals, _ = await _file(form, "normals")
             if not isinstance(form.get("surroundings"), str):
@@ -84,6 +86,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         photo=photo,
         name=name,
         mask=mask or None,
+        confidence=confidence or None,
         normals=normals or option.word("normals", SHAPES),
         surroundings=surroundings or option.word("surroundings", {PHOTO: PHOTO}),
         box=option.numbers("box", 4),
@@ -255,6 +258,8 @@ class Options:
             "material": self.text("material"),
             "albedo": self.numbers("albedo", 1, 3),
             "emitters": self._emitters(),
+            "detail": self._one_of("detail", {word: word for word in DETAILS}),
+            "size": self._one_of("size", {str(rows): rows for rows in SIZES}),
             "include": self.words("include", {"radiance", "stages", "mask"}),
         }
 
@@ -263,6 +268,13 @@ class Options:
         if text not in (None, *EMITTERS):
             raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
         return EMITTERS.get(text)
+
+    def _one_of(self, name: str, known: Mapping[str, Any]) -> Any:
+        """What a word stands for; None where none came."""
+        text = self.text(name)
+        if text not in (None, *known):
+            raise InputError(f"{name}: expected one of {', '.join(known)}, got {text[:60]!r}")
+        return known.get(text)
 
 
 def parse_numbers(name: str, text: str, *counts: int, shape: str | None = None) -> tuple[float, ...]:

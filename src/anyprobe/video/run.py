@@ -10,6 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import to_bytes
+from anyprobe.detail.blend import blend
+from anyprobe.detail.hold import exposed_match, hold_match
+from anyprobe.detail.library import Library
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
@@ -46,6 +49,13 @@ SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 """For a picture of which there are many; a photo's has 192 and 256."""
 
 
+DETAIL_ROWS = 256
+"""Of a frame's map with detail."""
+
+DULL_ALPHA = 0.5
+"""GGX width of a material above which detail is not drawn in it."""
+
+
 def forget_run(folder: Path) -> None:
     """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
     if not (folder / STATE).is_file():
@@ -65,6 +75,11 @@ class VirtualObject:
     material: str
     arrangement: Arrangement
     renderer: str = "own"
+
+
+def is_dull(material: Material) -> bool:
+    """Whether a material shows no mirror image worth the name."""
+    return float(material.alpha) > DULL_ALPHA
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +107,7 @@ class ClipRun:
         virtual: VirtualObject | None = None,
         poses: np.ndarray | None = None,
         material: Material | None = None,
+        library: Library | None = None,
     ) -> None:
         """Args:
         settings: plain values that the result depends on; a folder goes on only with the same.
@@ -101,9 +117,11 @@ class ClipRun:
             while the camera turns, and the surroundings that frames show are gathered; what is written is in each
             frame's camera all the same.
         material: the real object's, if given.
+        library: of the detail that maps and mirror images get; the light itself, its harmonics and the shadow stay
+            without.
         """
         self.clip, self.folder, self.estimator, self.follower = clip, folder, estimator, follower
-        self.material = material
+        self.material, self.library = material, library
         self.every, self.exr, self.virtual, self.poses = every, exr, virtual, poses
         self.progress = load_progress(folder, settings) or Progress(settings=settings)
         self._stage: Stage | None = None
@@ -177,9 +195,15 @@ class ClipRun:
         done.light = step(done.light, light.radiance, dt_s)
         done.light_time_s, self._shown = frame.time_s, None
         steady = self._seen(frame.index)
+        if self.library is not None:
+            done.held = hold_match(done.held, done.light.radiance, light.confidence, self.library)
+            record["detail"] = done.held.match.name
         if self.exr:
             header = {"model": self.estimator.model_id, "frame": FRAME, "scale": SCALE}
-            write_exr(self.folder / "lights" / f"{frame.index:06d}.exr", steady, attributes=header)
+            if done.held is not None:
+                header["detail"] = f"plausible, from {done.held.match.name}, seed 0"
+            path = self.folder / "lights" / f"{frame.index:06d}.exr"
+            write_exr(path, self._detailed(frame.index), attributes=header)
         if self.virtual is not None:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
@@ -213,6 +237,17 @@ class ClipRun:
         radiance = self.progress.light.radiance
         return radiance if self.poses is None else np.maximum(rotate(radiance, self.poses[index].T), 0.0)
 
+    def _detailed(self, index: int) -> np.ndarray:
+        """The same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it is."""
+        held, seen = self.progress.held, self._seen(index)
+        if self.library is None or held is None:
+            return seen
+        match = exposed_match(held, self.progress.light.radiance)
+        turn = match.candidate_from_estimate
+        if self.poses is not None:
+            turn = turn @ self.poses[index]
+        return blend(seen, self.library.candidate(match.index), turn, match.ln_gain, DETAIL_ROWS)
+
     def _turned(self, index: int) -> dict:
         """What a frame without a light of its own sees of the last one, where its pose is known."""
         return {} if self.poses is None or self.progress.light is None else describe(self._seen(index))
@@ -238,7 +273,12 @@ class ClipRun:
         if self._shown is None:
             numbers = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
-            drawn = stage.draw(radiance, material, self.virtual.renderer)
+            lit = (
+                radiance
+                if is_dull(material)
+                else self._detailed(frame.index) * np.float32(self.progress.gain)
+            )
+            drawn = stage.draw(lit, material, self.virtual.renderer)
             self._shown = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID), drawn
         shadow, drawn = self._shown
         return to_bytes(stage.relit(radiance, self.virtual.material, shadow=shadow, drawn=drawn))

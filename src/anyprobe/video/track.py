@@ -11,6 +11,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from anyprobe.detail.hold import HeldMatch
+from anyprobe.detail.match import Match
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
@@ -20,6 +22,7 @@ from anyprobe.light.temporal import FilterState
 
 STATE = ".state.npz"
 MAPS = ("steady", "fast", "last")
+MATCH_ARRAYS = ("candidate_from_estimate", "ln_gain")
 NUMBERS = tuple(part.name for part in fields(FilterState) if part.name not in MAPS)
 
 
@@ -36,6 +39,7 @@ class Progress:
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
+    held: where the detail of maps is from.
     """
 
     settings: dict[str, Any]
@@ -50,13 +54,20 @@ class Progress:
     material: dict | None = None
     gain: float = 1.0
     panorama: np.ndarray | None = None
+    held: HeldMatch | None = None
 
 
 def save_progress(folder: Path, progress: Progress) -> None:
     """Write it whole or not at all."""
     words = asdict(progress)
-    light, panorama = words.pop("light"), words.pop("panorama")
+    light, panorama, held = words.pop("light"), words.pop("panorama"), words.pop("held")
     arrays = {} if panorama is None else {"panorama": panorama}
+    if held is not None:
+        match = held["match"]
+        arrays |= {"held_features": held["features"]} | {
+            f"held_{name}": match.pop(name) for name in MATCH_ARRAYS
+        }
+        words["match"] = match
     if light is not None:
         arrays |= {name: light[name] for name in MAPS}
         words["filter"] = {name: light[name] for name in NUMBERS}
@@ -87,7 +98,11 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             light, panorama = None, kept["panorama"] if "panorama" in kept else None
             if numbers is not None:
                 light = FilterState(**{name: kept[name] for name in MAPS}, **numbers)
-        found = Progress(light=light, panorama=panorama, **words)
+            match, held = words.pop("match", None), None
+            if match is not None:
+                match = Match(**match, **{name: kept[f"held_{name}"] for name in MATCH_ARRAYS})
+                held = HeldMatch(match=match, features=kept["held_features"])
+        found = Progress(light=light, panorama=panorama, held=held, **words)
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise InputError(
             f"{path}: expected what a run of this version left, got another or damaged file; --restart, or another "

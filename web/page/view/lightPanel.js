@@ -2,7 +2,8 @@
 
 import { OWN_FILES, exportTarget, save } from "../downloads.js";
 import { element, setStatus } from "./elements.js";
-import { describeDirection, drawSpherePictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
+import { drawMirror } from "../../src/light/spheres.js";
+import { describeDirection, drawSpherePicture, drawSpherePictures, drawFalseColor, drawMap, placeOnMap } from "./pictures.js";
 
 const TITLES = {
   three: "three.js",
@@ -37,6 +38,13 @@ export class LightPanel {
     Object.assign(marker.style, placeOnMap(direction));
     element("direction").textContent = marker.hidden ? "none stands out" : describeDirection(direction);
     this.#setReady(true);
+  }
+
+  /** The mirror sphere by a map with detail, or by the light again. */
+  showReflections(reflections) {
+    if (!this.result) return;
+    const mirror = reflections ? drawMirror(reflections.radiance, reflections.height) : this.result.spheres.mirror;
+    drawSpherePicture(this.spheres.mirror, mirror);
   }
 
   /** Nothing is known of the light any more. */

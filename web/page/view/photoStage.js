@@ -55,8 +55,8 @@ export class PhotoStage {
     element("pitch").value = this.stage.pitchDeg;
   }
 
-  setLight(light) {
-    this.stage.setLight(light);
+  setLight(light, reflections = null) {
+    this.stage.setLight(light, reflections);
     this.overlay.style.visibility = "visible";
     this.render();
   }

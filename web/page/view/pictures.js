@@ -78,5 +78,9 @@ export function describeDirection([x, y, z]) {
 
 /** @param {Record<string, HTMLCanvasElement>} canvases by sphere @param {object} spheres of drawSpheres */
 export function drawSpherePictures(canvases, spheres) {
-  for (const name of SPHERE_NAMES) putRgba(canvases[name], spheres[name].slice(), SPHERE_SIZE, SPHERE_SIZE);
+  for (const name of SPHERE_NAMES) drawSpherePicture(canvases[name], spheres[name]);
+}
+
+export function drawSpherePicture(canvas, sphere) {
+  putRgba(canvas, sphere.slice(), SPHERE_SIZE, SPHERE_SIZE);
 }

@@ -1,5 +1,5 @@
 /**
- * Where a virtual object stands by default, as anyprobe.relight.ground: beside the real one on the same ground, all of it
+ * Where a virtual object stands by default, as anyprobe.relight.placement: beside the real one on the same ground, all of it
  * in the photo and never over the real one.
  *
  * On the side with more room; on the other if only that holds it; smaller if neither does; and where it would become too
@@ -25,6 +25,20 @@ const CONTACT_BAND = 0.04;
 
 /** The ground at the real object's base is seen at least this far below the horizon. */
 const LEAST_SLOPE_DEG = 12;
+
+/** Ground is used up to this far below the horizon, of the photo's height. */
+const LEAST_ABOVE = 0.02;
+
+/**
+ * Row of the farthest ground that is used, a little below the horizon: nothing is placed above it.
+ *
+ * @param {number} height of the picture
+ * @param {number} focal pixels
+ * @param {number} pitchDeg how far the camera looks down
+ */
+export function farthestRow(height, focal, pitchDeg) {
+  return height / 2 - focal * Math.tan((pitchDeg * Math.PI) / 180) + LEAST_ABOVE * height;
+}
 
 /**
  * Where an object touches the ground: the middle of its mask's lower border.
@@ -81,10 +95,12 @@ export function likelyPitchDeg(row, height, focal) {
  * @param {number[]} photo.box of the real object, x0, y0, x1, y1 in pixels
  * @param {number} photo.row on which both stand: the lowest that is seen of them
  * @param {number} photo.behind row of the ground behind the real object
+ * @param {number} photo.farRow of farthestRow
+ * @param {number} photo.mostBehind the share of what was asked that is tried there
  * @param {(spot: Spot) => number[]} extentAt what the object covers there, x0, y0, x1, y1 in pixels
  * @returns {Spot}
  */
-export function beside({ width, height, box, row, behind }, extentAt) {
+export function beside({ width, height, box, row, behind, farRow, mostBehind }, extentAt) {
   const [x0, , x1] = box;
   const edge = MARGIN * width;
   const sides = [
@@ -92,19 +108,19 @@ export function beside({ width, height, box, row, behind }, extentAt) {
     { foot: x1, gap: 1, bounds: [x1, edge, width - edge, height - edge] },
   ];
   if (width - x1 >= x0) sides.reverse();
-  const found = sides.map(({ foot, gap, bounds }) => fit({ x: foot, y: row, share: 1 }, bounds, gap, extentAt));
+  const found = sides.map(({ foot, gap, bounds }) => fit({ x: foot, y: row, share: 1 }, bounds, gap, farRow, extentAt));
   const best = found[1].share > found[0].share + 0.01 ? found[1] : found[0];
   if (best.share >= LEAST_SHARE) return best;
   const { gap } = sides[0];
-  const far = { x: gap > 0 ? width : 0, y: behind, share: 1 };
-  return { ...fit(far, [edge, edge, width - edge, height - edge], 0, extentAt), isBehind: true };
+  const far = { x: gap > 0 ? width : 0, y: behind, share: mostBehind };
+  return { ...fit(far, [edge, edge, width - edge, height - edge], 0, farRow, extentAt), isBehind: true };
 }
 
 /**
  * The spot moved into the bounds, by GAP away from their side where the real object is and on its row; smaller where they
  * are too narrow. What is nearer is larger, so that size and place depend on each other: later tries only shrink.
  */
-function fit({ x, y, share: most }, [left, top, right, bottom], gap, extentAt) {
+function fit({ x, y, share: most }, [left, top, right, bottom], gap, farRow, extentAt) {
   const row = y;
   let share = most;
   if (right - left < 1) return { x, y, share: 0 };
@@ -119,7 +135,7 @@ function fit({ x, y, share: most }, [left, top, right, bottom], gap, extentAt) {
     const down = gap ? Math.min(bottom, row) - y1 : into(y0, y1, top, bottom);
     if (Math.abs(larger - 1) < 0.001 && Math.abs(across) < CLOSE_PX && Math.abs(down) < CLOSE_PX) break;
     x = Math.min(Math.max(x + across, left), right);
-    y += down;
+    y = Math.max(y + down, farRow);
     share *= larger;
   }
   return { x, y, share };

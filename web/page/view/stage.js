@@ -25,8 +25,9 @@ import {
 import { pixelDirection } from "../../src/photo/crop.js";
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
+import { SHARP_FACE_SIZES } from "../../src/light/prefilter.js";
 import { extentOf, outlineOf } from "./outline.js";
-import { beside, contactOf, likelyPitchDeg } from "./placement.js";
+import { beside, contactOf, farthestRow, likelyPitchDeg } from "./placement.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
@@ -134,18 +135,21 @@ export class Stage {
     const { width, height, box, size } = this;
     const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
     const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
+    const farRow = farthestRow(height, this.#focalPx(), this.pitchDeg);
     const extentAt = ({ x, y, share }) => {
-      this.#setFoot(x, y);
+      this.#setFoot(x, Math.max(y, farRow));
       this.standing.scale.setScalar(asked * share * size);
       this.standing.updateWorldMatrix(true, false);
       const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
       return extentOf(this.outline, clip, width, height);
     };
     const [, row] = this.contact;
-    const { x, y, share, isBehind } = beside({ width, height, box, row, behind: this.#rowBehind(asked) }, extentAt);
+    const behind = this.#rowBehind(asked * Math.min(size, 1 / OF_REAL));
+    const mostBehind = Math.min(1, 1 / (OF_REAL * size));
+    const { x, y, share, isBehind } = beside({ width, height, box, row, behind, farRow, mostBehind }, extentAt);
     this.unit = asked * share;
     this.isBehind = isBehind;
-    this.#setFoot(x, y);
+    this.#setFoot(x, Math.max(y, farRow));
     this.#place();
   }
 
@@ -260,10 +264,18 @@ export class Stage {
     return caster.intersectObject(this.object, true).length > 0 || Math.hypot(x - fx, y - fy) < reach;
   }
 
-  /** @param {import("../../src/light/light.js").Light} light */
-  setLight(light) {
+  /**
+   * @param {import("../../src/light/light.js").Light} light
+   * @param {import("../reflections.js").Reflections | null} [reflections] for what mirrors; shadows are the light's
+   */
+  setLight(light, reflections = null) {
     this.light = light;
-    this.scene.environment = this.environment.update(light.prefiltered);
+    if (reflections) {
+      this.sharpEnvironment ??= new EnvironmentTexture(SHARP_FACE_SIZES);
+      this.scene.environment = this.sharpEnvironment.update(reflections.levels);
+    } else {
+      this.scene.environment = this.environment.update(light.prefiltered);
+    }
     this.#aimShadow();
   }
 

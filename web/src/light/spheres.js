@@ -25,8 +25,13 @@ export function drawSpheres(radiance) {
   return {
     matte: drawSphere(blurCosinePower(small, SMALL, 3, 1), SMALL, 1, false),
     silver: drawSphere(blurCosinePower(small, SMALL, 3, SILVER_SHARPNESS), SMALL, SILVER_F0, true),
-    mirror: drawSphere(radiance, MAP_HEIGHT, 1, true),
+    mirror: drawMirror(radiance, MAP_HEIGHT),
   };
+}
+
+/** The mirror sphere alone, under a map [height, 2 height, 3]. */
+export function drawMirror(radiance, height) {
+  return drawSphere(radiance, height, 1, true);
 }
 
 function drawSphere(map, height, gain, mirrors) {

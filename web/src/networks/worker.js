@@ -8,11 +8,11 @@
 import { describe } from "../light/light.js";
 import { drawSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
-import { agreement } from "../photo/agreement.js";
 import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
 import { flood } from "../photo/flood.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
 import { propose } from "../photo/propose.js";
+import { qualityOf } from "../photo/quality.js";
 import { resize } from "../photo/resize.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
@@ -39,8 +39,8 @@ const tasks = {
   },
 
   /**
-   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With its confidence: the
-   * IoU that the network expects or that it finds when it is asked in other ways, the less; null where it was not asked.
+   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With its quality, the IoU
+   * to expect, null where there is no mask network; and a line where that is little.
    */
   mask({ picture, hints }) {
     return findMask(picture, hints);
@@ -106,12 +106,15 @@ function letGo(frame) {
 
 /** The mask of a picture, cut out along the photo's own edges. */
 async function findMask(picture, hints) {
-  if (hints.box) return { mask: cutOutOfBox(picture, hints), confidence: null };
-  if (!models.hasMask) return { mask: flood(picture, hints), confidence: null };
+  if (!models.hasMask) {
+    const mask = hints.box ? cutOutOfBox(picture, hints) : flood(picture, hints);
+    return { mask, quality: null, warnings: [] };
+  }
   const run = (input) => models.mask(input);
   const cover = await propose(run, picture, hints);
-  const mask = cutOut(picture, cover, hints);
-  return { mask, confidence: Math.min(cover.confidence, await agreement(run, picture, mask, hints)) };
+  const mask = hints.box ? cutOutOfBox(picture, hints) : cutOut(picture, cover, hints);
+  if (!objectBox(mask, picture.width)) return { mask, quality: 0, warnings: ["Nothing stands out there."] };
+  return { mask, ...(await qualityOf(run, picture, cover, mask, hints)) };
 }
 
 /** The same at one look and without refining, for video. */

@@ -1,6 +1,7 @@
 /** The mask network finds the object, from clicks, a box or nothing, as anyprobe.masks.propose. */
 
 import { MASK_SIZE } from "../networks/models.js";
+import { labelParts } from "./parts.js";
 import { objectBox } from "./picture.js";
 import { resize } from "./resize.js";
 
@@ -37,7 +38,7 @@ export async function propose(run, picture, hints, { again = true } = {}) {
   const box = [seen[0] * across, seen[1] * down, seen[2] * across, seen[3] * down];
   const longer = Math.max(box[2] - box[0], box[3] - box[1]);
   if (longer >= AGAIN_BELOW * Math.max(width, height)) return first;
-  const window = squareAround(box, AGAIN_SIDE * longer, width, height);
+  const window = around(box, width, height);
   const closer = await look(run, picture, window, hints, hints.box ?? (hints.on.length ? null : box));
   return closer.confidence < first.confidence ? first : paste(closer, window, width, height);
 }
@@ -54,7 +55,9 @@ function windowOf(origin, size) {
   return { origin, size, inner, start, place };
 }
 
-function squareAround(box, side, width, height) {
+/** A square window around a box, moved into the photo. */
+export function around(box, width, height) {
+  const side = AGAIN_SIDE * Math.max(box[2] - box[0], box[3] - box[1]);
   const spans = [width, height].map((length, axis) => {
     const extent = Math.min(length, Math.max(1, Math.round(side)));
     const middle = (box[axis] + box[axis + 2]) / 2;
@@ -63,8 +66,8 @@ function squareAround(box, side, width, height) {
   return windowOf([spans[0][0], spans[1][0]], [spans[0][1], spans[1][1]]);
 }
 
-/** One run of the network on a window. */
-async function look(run, picture, window, clicks, box) {
+/** One run of the network on a window; the cover is the window's. */
+export async function look(run, picture, window, clicks, box) {
   const corners = box && [...window.place(box.slice(0, 2)), ...window.place(box.slice(2))];
   const hints = drawHints(clicks.on.map(window.place), clicks.off.map(window.place), corners);
   const answer = await run(networkInput(picture, window, hints));
@@ -93,7 +96,7 @@ function networkInput({ width, height, rgba }, window, hints) {
   const [w, h] = window.size;
   let part = rgba;
   if (w !== width || h !== height) {
-    part = new Uint8ClampedArray(4 * w * h);
+    part = new rgba.constructor(4 * w * h);
     for (let y = 0; y < h; y++) {
       const from = 4 * ((y0 + y) * width + x0);
       part.set(rgba.subarray(from, from + 4 * w), 4 * y * w);
@@ -146,34 +149,11 @@ function drawBlobs(points, values) {
 /** The mask without loose parts below PART_SHARE of the largest, grown by a pixel. */
 export function keepLargeParts(inside, width) {
   const count = inside.length;
-  const part = new Int32Array(count);
-  const sizes = [0];
-  const waiting = new Int32Array(count);
-  for (let start = 0; start < count; start++) {
-    if (!inside[start] || part[start]) continue;
-    const number = sizes.length;
-    let [size, last] = [0, 0];
-    const visit = (at) => {
-      if (at < 0 || at >= count || !inside[at] || part[at]) return;
-      part[at] = number;
-      waiting[last++] = at;
-    };
-    visit(start);
-    while (last > 0) {
-      const at = waiting[--last];
-      const x = at % width;
-      size += 1;
-      if (x > 0) visit(at - 1);
-      if (x < width - 1) visit(at + 1);
-      visit(at - width);
-      visit(at + width);
-    }
-    sizes.push(size);
-  }
+  const { labels, sizes } = labelParts(inside, width);
   const least = PART_SHARE * Math.max(...sizes);
   const grown = new Uint8Array(count);
   for (let at = 0; at < count; at++) {
-    if (!part[at] || sizes[part[at]] < least) continue;
+    if (!labels[at] || sizes[labels[at]] < least) continue;
     const x = at % width;
     grown[at] = 1;
     if (x > 0) grown[at - 1] = 1;

@@ -4,12 +4,13 @@ import { CompressedCubeTexture, DataUtils, HalfFloatType, LinearFilter, LinearMi
 import { FACE_SIZES } from "../light/prefilter.js";
 
 export class EnvironmentTexture {
-  constructor() {
+  /** @param {number[]} [sizes] of the faces, sharpest first */
+  constructor(sizes = FACE_SIZES) {
     // "compressed" is what three.js calls every cube whose levels are given; these are plain half floats
     const faces = Array.from({ length: 6 }, () => ({
-      width: FACE_SIZES[0],
-      height: FACE_SIZES[0],
-      mipmaps: FACE_SIZES.map((size) => ({ width: size, height: size, data: new Uint16Array(4 * size * size) })),
+      width: sizes[0],
+      height: sizes[0],
+      mipmaps: sizes.map((size) => ({ width: size, height: size, data: new Uint16Array(4 * size * size) })),
     }));
     this.texture = new CompressedCubeTexture(faces, RGBAFormat, HalfFloatType);
     this.texture.isPMREMTexture = true;

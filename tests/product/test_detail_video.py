@@ -1,0 +1,173 @@
+"""anyprobe video --detail plausible: one place for all frames, the light as it was, and the same after an end."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.places import place
+from support.scenes import made_map
+
+pytest.importorskip("av", reason="the extra `video` is not installed")
+
+from support.clips import sphere_frame, write_clip, write_masks
+
+from anyprobe.core.frames import rotation_y
+from anyprobe.detail.hold import exposed_match, hold_match
+from anyprobe.detail.library import open_library
+from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
+from anyprobe.light.environment import reduced, rotate
+from anyprobe.light.filtering import blur_cosine_power
+from anyprobe.light.harmonics import project
+from anyprobe.relight.insert import Arrangement
+from anyprobe.render.shapes import sphere
+from anyprobe.video import run as run_module
+from anyprobe.video.clip import open_clip
+from anyprobe.video.following import MaskFollower
+from anyprobe.video.run import ClipRun, VirtualObject
+
+COUNT, FPS = 8, 24
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("library")
+    for seed in range(4):
+        write_exr(folder / "maps" / f"place-{seed}.exr", place(seed, 64))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        return open_library(folder / "maps")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """clip.mp4 of a light that stays, seen with noise, and masks/."""
+    folder = tmp_path_factory.mktemp("clip")
+    rng = np.random.default_rng(1)
+    write_clip(folder / "clip.mp4", [sphere_frame(made_map(), 0.02, rng) for _ in range(COUNT)], FPS)
+    write_masks(folder / "masks", COUNT)
+    return folder
+
+
+@pytest.fixture
+def begin(made, estimator, library, monkeypatch):
+    monkeypatch.setattr(run_module, "SAVE_EVERY", 3)
+    monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
+
+    def begin(folder, *, material="chrome", detail=True, **more) -> ClipRun:
+        virtual = VirtualObject(mesh=sphere(8), material=material, arrangement=Arrangement(pitch_deg=15))
+        follower = MaskFollower({"mask": made / "masks"}, {}, {})
+        more = {"virtual": virtual} | more
+        clip = open_clip(made / "clip.mp4")
+        return ClipRun(
+            clip, folder, estimator, follower, {}, exr=True, library=library if detail else None, **more
+        )
+
+    return begin
+
+
+def results(folder) -> dict[str, bytes]:
+    return {
+        path.name: path.read_bytes() for path in folder.rglob("*") if path.suffix in (".json", ".mp4", ".exr")
+    }
+
+
+@pytest.fixture
+def estimate():
+    return np.maximum(blur_cosine_power(reduced(place(2), 64), 30.0), 0.0)
+
+
+def test_a_place_is_held_until_the_estimate_moves_clearly_away(estimate, library):
+    """Noise, a lamp that dims and a small turn keep it; a large turn takes the place with it."""
+    first = hold_match(None, estimate, None, library)
+    assert first.match.name == "place-2"
+    rng = np.random.default_rng(0)
+    for near in (
+        estimate * np.exp(rng.normal(0, 0.1, estimate.shape)).astype(np.float32),
+        0.2 * estimate,
+        rotate(estimate, rotation_y(0.03)),
+    ):
+        assert hold_match(first, np.maximum(near, 0.0), None, library) is first
+    far = hold_match(first, np.maximum(rotate(estimate, rotation_y(1.2)), 0.0), None, library)
+    assert far.match.name == "place-2"
+    expected = first.match.candidate_from_estimate @ rotation_y(1.2).T
+    cosine = (np.trace(expected.T @ far.match.candidate_from_estimate) - 1) / 2
+    assert np.degrees(np.arccos(min(cosine, 1.0))) < 10
+
+
+def test_the_exposure_of_a_held_place_follows_the_light(estimate, library):
+    held = hold_match(None, estimate, None, library)
+    tinted = estimate * np.array([0.5, 0.25, 0.125], np.float32)
+    change = exposed_match(held, tinted).ln_gain - held.match.ln_gain
+    np.testing.assert_allclose(change, np.log([0.5, 0.25, 0.125]), atol=0.02)
+
+
+def test_reflections_do_not_change_their_place_and_the_light_stays(begin, tmp_path):
+    """The same records as without but for the place's name, and chrome that shows more and stays as still."""
+    plain, fine = begin(tmp_path / "plain", detail=False), begin(tmp_path / "fine")
+    for run in (plain, fine):
+        run(lambda done: None)
+    names = [record.pop("detail") for record in fine.progress.frames]
+    assert len(set(names)) == 1
+    assert fine.progress.frames == plain.progress.frames
+    maps = [read_radiance(tmp_path / "fine" / "lights" / f"{i:06d}.exr") for i in (4, 7)]
+    assert maps[0].shape == (run_module.DETAIL_ROWS, 2 * run_module.DETAIL_ROWS, 3)
+    assert names[0] in map_attributes(tmp_path / "fine" / "lights" / "000004.exr")["detail"]
+    for radiance, record in zip(maps, (fine.progress.frames[i] for i in (4, 7)), strict=True):
+        np.testing.assert_allclose(project(radiance), record["sh9"], atol=0.01 * np.abs(record["sh9"]).max())
+    ln = [np.log(one + 0.02) for one in maps]
+    assert np.std(ln[1] - ln[0]) < 0.1 * np.std(ln[0])
+    assert results(tmp_path / "fine")["relit.mp4"] != results(tmp_path / "plain")["relit.mp4"]
+
+
+def test_what_is_dull_is_drawn_as_without(begin, tmp_path):
+    drawn = []
+    for name, detail in (("plain", False), ("fine", True)):
+        run = begin(tmp_path / name, material="matte", detail=detail)
+        run(lambda done: None)
+        drawn.append(run._shown[1])
+    np.testing.assert_array_equal(*drawn)
+
+
+def test_a_stopped_run_goes_on_with_the_place_that_it_held(begin, tmp_path, monkeypatch):
+    """Also where the estimate of the frame it goes on with would choose another."""
+    begin(tmp_path / "whole")(lambda done: None)
+
+    def stop(done: int) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        begin(tmp_path / "stopped")(stop)
+    again = begin(tmp_path / "stopped")
+    assert again.progress.next_index == 3
+    chosen = []
+    monkeypatch.setattr("anyprobe.detail.hold.find_match", lambda *given: chosen.append(given))
+    again(lambda done: None)
+    assert not chosen
+    assert results(tmp_path / "stopped") == results(tmp_path / "whole")
+
+
+def test_the_place_stands_still_in_the_world(begin, tmp_path):
+    """Cameras that look elsewhere see other parts of one place."""
+    run = begin(tmp_path, virtual=None, poses=np.array([rotation_y(0.5)] * COUNT))
+    run(lambda done: None)
+    run.poses = np.array([rotation_y(0.5), rotation_y(-0.9)])
+    seen = [np.maximum(rotate(run._detailed(i), run.poses[i]), 0.0) for i in (0, 1)]
+    one, other = (np.log(radiance + 0.02) for radiance in seen)
+    assert np.corrcoef(one.ravel(), other.ravel())[0, 1] > 0.97
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_command_takes_detail_and_its_library(command, work, made):
+    options = ("-o", "out", "--mask", made / "masks", "--every", "4", "--exr", "-q")
+    assert command("video", made / "clip.mp4", *options, "--detail", "plausible").status == 0
+    track = json.loads((work / "out" / "track.json").read_text())
+    assert track["detail"] == open_library().digest()
+    assert all("detail" in one for one in track["frames"] if "held" in one)
+    assert "another detail" in command("video", made / "clip.mp4", *options).complaint
+    assert (
+        "expected one of none, plausible"
+        in command("video", made / "clip.mp4", *options, "--detail", "sharp").complaint
+    )
