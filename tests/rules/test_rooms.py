@@ -23,7 +23,6 @@ ROOMS = {
     "cli.mask": COMMAND,
     "dataset.seen_surroundings": "of dataset.pairs, which would be longer than 400 lines with it",
     "export.templates.blender_world": "a text that is filled in and written, imported by nothing",
-    "video.track": "of video.run, which would be longer than 350 lines with it",
     "nets.lifting": "the step between the two halves of nets.light_net, which docs/conventions.md describes",
     "nets.mask_net": "nets is a layer: networks, which training imports",
 }

@@ -38,10 +38,7 @@ from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.pointing import Clicks
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
-from anyprobe.scatter.materials import MATERIALS, Material, given_material
-
-Albedo = float | Sequence[float]
-"""Linear: one number for grey, or red, green and blue."""
+from anyprobe.scatter.materials import Albedo, Material, as_material
 
 ENOUGH_EXPOSED = 0.5
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
@@ -285,51 +282,6 @@ class Estimator:
                 f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
-
-
-def as_material(
-    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
-) -> Material | None:
-    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
-
-    Raises:
-        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
-    """
-    if not isinstance(material, Material | str | None):
-        raise InputError(
-            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
-            "give an albedo alone as albedo="
-        )
-    try:
-        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
-        ) from error
-    if not isinstance(material, Material):
-        return given_material(material, values, roughness)
-    if albedo is not None or roughness is not None:
-        raise InputError(
-            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
-            "leave one of them out"
-        )
-    return _checked(material)
-
-
-def _checked(material: Material) -> Material:
-    """The same with arrays for its numbers; InputError where they are no surface's."""
-    albedo, f0, alpha = material.albedo, material.f0, material.alpha
-    try:
-        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
-        alpha = float(alpha)
-    except (TypeError, ValueError):
-        colors = np.full((2, 3), np.nan)
-    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
-        raise InputError(
-            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
-            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
-        )
-    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)
 
 
 def _well_exposed(image: np.ndarray) -> float:

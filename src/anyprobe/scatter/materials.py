@@ -17,6 +17,9 @@ from anyprobe.core.frames import dot, normalize
 from anyprobe.errors import InputError
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
+Albedo = float | Sequence[float]
+"""Linear: one number for grey, or red, green and blue."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Material:
@@ -103,7 +106,7 @@ def alpha_from_roughness(roughness: float) -> float:
 
 def given_material(
     name: str | None = None,
-    albedo: float | Sequence[float] | None = None,
+    albedo: Albedo | None = None,
     roughness: float | None = None,
 ) -> Material | None:
     """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
@@ -138,3 +141,48 @@ def given_material(
             f"albedo: expected a material that has one, got the metal {name}; leave one of them out"
         )
     return replace(material, albedo=np.broadcast_to(values, 3).copy())
+
+
+def as_material(
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
+) -> Material | None:
+    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
+
+    Raises:
+        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
+    """
+    if not isinstance(material, Material | str | None):
+        raise InputError(
+            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
+            "give an albedo alone as albedo="
+        )
+    try:
+        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
+        ) from error
+    if not isinstance(material, Material):
+        return given_material(material, values, roughness)
+    if albedo is not None or roughness is not None:
+        raise InputError(
+            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
+            "leave one of them out"
+        )
+    return _checked(material)
+
+
+def _checked(material: Material) -> Material:
+    """The same with arrays for its numbers; InputError where they are no surface's."""
+    albedo, f0, alpha = material.albedo, material.f0, material.alpha
+    try:
+        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
+        alpha = float(alpha)
+    except (TypeError, ValueError):
+        colors = np.full((2, 3), np.nan)
+    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
+        raise InputError(
+            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
+            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
+        )
+    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)
