@@ -105,7 +105,7 @@ def ready() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """photo: without its pixels. crop: its object. mask: as PNG. seen: of detail.match.seen_in_photo. Else None."""
+    """photo: without its pixels. crop: its object. mask: as PNG. seen: of seen_in_photo. None what is not wanted."""
 
     photo: Photo
     crop: Crop
