@@ -31,7 +31,7 @@ from anyprobe.dataset.mask_scenes.foregrounds import (  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.masks.propose import MaskNetwork  # noqa: E402
 from anyprobe.nets.mask_net import MaskNet  # noqa: E402
-from anyprobe.train import export_mask as export  # noqa: E402
+from anyprobe.train import mask_run as export  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
 
 

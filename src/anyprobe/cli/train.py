@@ -182,8 +182,8 @@ def weights(
         )
     from anyprobe.train.checkpoint import read_checkpoint
     from anyprobe.train.dataloader import make_pairs
-    from anyprobe.train.export_mask import export_mask
     from anyprobe.train.export_onnx import write_mean_map
+    from anyprobe.train.mask_run import export_mask
 
     checkpoint = runs / run / "checkpoint.pt"
     if keep is not None:

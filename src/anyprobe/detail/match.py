@@ -1,4 +1,5 @@
-"""Matching: the library map that agrees best with an estimate, its rotation and exposure.
+"""Matching: the library map that agrees best with an estimate, its rotation and exposure; and what a photo shows, as
+sharp as the map with detail.
 
 Turned about the vertical alone; but which way is up in a photo is not known, so that the camera may look up a little
 or down by up to 75 degrees. Compared are ln radiance and ln shading of low orders, each difference counted by the

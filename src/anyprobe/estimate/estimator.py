@@ -38,10 +38,7 @@ from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.pointing import Clicks
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
-from anyprobe.scatter.materials import Material, as_material
-
-Albedo = float | Sequence[float]
-"""Linear: one number for grey, or red, green and blue."""
+from anyprobe.scatter.materials import Albedo, Material, as_material
 
 ENOUGH_EXPOSED = 0.5
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""

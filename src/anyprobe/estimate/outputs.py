@@ -1,4 +1,4 @@
-"""What one photo leaves on disk: .exr, .hdr, .json and .png, all four or none."""
+"""What one photo leaves on disk: .exr, .hdr, .json and .png, all four or none, and the picture that shows a mask."""
 
 from __future__ import annotations
 

@@ -17,6 +17,9 @@ from anyprobe.core.frames import dot, normalize
 from anyprobe.errors import InputError
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
+Albedo = float | Sequence[float]
+"""Linear: one number for grey, or red, green and blue."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Material:
@@ -103,7 +106,7 @@ def alpha_from_roughness(roughness: float) -> float:
 
 def given_material(
     name: str | None = None,
-    albedo: float | Sequence[float] | None = None,
+    albedo: Albedo | None = None,
     roughness: float | None = None,
 ) -> Material | None:
     """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
@@ -141,9 +144,7 @@ def given_material(
 
 
 def as_material(
-    material: Material | str | None = None,
-    albedo: float | Sequence[float] | None = None,
-    roughness: float | None = None,
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
     """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
 
