@@ -13,6 +13,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
+from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.cut import cut_out, tidy
@@ -144,7 +145,10 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         for name, given in GIVEN_MATERIALS.items():
             material = given_material(**given)
             answers[f"material_{name}"] = material_input(material)
-            answers[f"radiance_{name}"] = estimator.from_photo(loaded, material=material).radiance
+            crop = crop_object(loaded)
+            outputs = estimator.models(crop.image, crop.tan_half, None, None, material)
+            answers[f"radiance_{name}"] = rotate(outputs.radiance, crop.camera_from_crop).clip(0.0)
+        answers["uncertainty"] = list(light.info["uncertainty"].values())
     rgb, qualities = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
         proposal = shared_network().propose(rgb, **hints)

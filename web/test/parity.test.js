@@ -118,6 +118,12 @@ test("a given material, and the map with it", { skip }, async (t) => {
   }
 });
 
+test("what it says of its own map's level and colour", { skip }, async (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain says nothing");
+  const { levelStops, colorDeg } = (await lit({})).uncertainty;
+  assertClose([levelStops, colorDeg], floats("uncertainty"), 0.02, "uncertainty");
+});
+
 test("the confidence, its mean, and how much of the object is well exposed", { skip }, async () => {
   const { confidence, meanConfidence, wellExposedFraction } = await lit({});
   assertMostlyClose(confidence, floats("confidence"), 3e-3, "confidence");

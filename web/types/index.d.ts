@@ -117,6 +117,10 @@ export declare class Light {
   /** Share of the object's pixels that are neither black nor clipped. */
   readonly wellExposedFraction: number;
   readonly emitters: "mode" | "expected";
+  /** What the object is taken for: probability of a metal, share of an even light that it reflects; null where unknown. */
+  readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number } | null;
+  /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
+  readonly uncertainty: { levelStops: number; colorDeg: number } | null;
   /** What was given: the share of the map that the background shows, and whether normals and material were. */
   readonly priors: { surroundings: number; normals: boolean; material: boolean };
   /** Of an estimate from a picture: how good the found mask is, see AnyProbe.mask; quality is null where it was given. */

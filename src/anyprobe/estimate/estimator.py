@@ -282,6 +282,11 @@ class Estimator:
                 f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
+        if material is not None and not self.models.takes_material:
+            raise InputError(
+                f"material: expected a graph of contract 3, which takes it, got {self.models.name} of an older one; "
+                f"use {DEFAULT_MODEL}"
+            )
 
 
 def _well_exposed(image: np.ndarray) -> float:

@@ -43,6 +43,8 @@ export async function lightOfObject(models, picture, longFovDeg, crop, { surroun
     confidence,
     meanConfidence: sphereMean(confidence),
     wellExposedFraction: wellExposed,
+    object: prediction.object ?? null,
+    uncertainty: prediction.uncertainty ?? null,
     emitters: models.lifts ? emitters : "mode",
     priors: {
       surroundings: seen ? coverageOf(seen) : 0,

@@ -109,9 +109,10 @@ export class Models {
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
     const { confidence } = outputs;
-    if (!withStages) return { radiance, confidence };
+    const said = outputs.posterior ? readPosterior(outputs.posterior) : {};
+    if (!withStages) return { radiance, confidence, ...said };
     const irradiance = clipped(channelLast(outputs.irradiance));
-    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance };
+    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance, ...said };
   }
 
   async #chain(image) {
@@ -145,8 +146,8 @@ export class Models {
       feeds[nameIn(session.inputNames, name)] = new this.ort.Tensor("float32", values, shape);
     }
     const outputs = await session.run(feeds);
-    const wanted = ["irradiance", "ln_radiance", "confidence", "ln_radiance_expected"];
-    return Object.fromEntries(wanted.map((name) => [name, outputs[nameIn(session.outputNames, name)].data]));
+    const wanted = ["irradiance", "ln_radiance", "confidence", "ln_radiance_expected", "posterior"];
+    return Object.fromEntries(wanted.map((name) => [name, outputs[nameIn(session.outputNames, name)]?.data]));
   }
 
   /** Values and shape of each input, to the values of each output, in the graph's order. */
@@ -171,6 +172,14 @@ async function graphOf(weights) {
     const name = new URL(url).pathname.split("/").at(-1);
     throw new Error(`${name} could not be fetched (${error.message})`);
   }
+}
+
+/** What the graph says of the object, and how far off its map is in two of three cases: stops and degrees. */
+function readPosterior([metal, red, green, blue, reflectance, level, color]) {
+  return {
+    object: { metal, reflectance: [red, green, blue], reflectanceStops: reflectance / Math.LN2 },
+    uncertainty: { levelStops: level / Math.LN2, colorDeg: color },
+  };
 }
 
 const clipped = (values) => values.map((value) => Math.min(Math.max(value, 0), 1));
