@@ -32,7 +32,9 @@ def packed(chromium, tmp_path_factory) -> Path:
     if not (MODULES / "onnxruntime-web").is_dir():
         pytest.skip("needs the packages of web/ (cd web && npm ci)")
     folder = tmp_path_factory.mktemp("packed")
-    subprocess.run(["node", "build/weights.js"], cwd=WEB, check=True, capture_output=True)  # npm may skip prepack
+    subprocess.run(
+        ["node", "build/weights.js"], cwd=WEB, check=True, capture_output=True
+    )  # npm may skip prepack
     subprocess.run(
         ["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True
     )

@@ -172,7 +172,10 @@ def use_material(
     if outputs.normals is None:
         raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
-    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {"material": done, "gain": _list(gain)}
+    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {
+        "material": done,
+        "gain": _list(gain),
+    }
 
 
 def _list(values: np.ndarray) -> list[float]:
