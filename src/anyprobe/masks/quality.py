@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,9 @@ WEIGHTS = {
 
 DARKER = 1.8
 """Power of the display values of the photo that is asked about again, exposed less."""
+
+LOOK_PX = 2048
+"""Longer side of the photo that is asked about again: several copies of a larger one would take too much memory."""
 
 WORK_PX = 160
 """Longer side at which edges are compared."""
@@ -103,6 +106,12 @@ def examine(
         rgb: [H, W, 3] display values in [0, 1]. proposal: the rough mask; cut: what was cut out there.
         on, off, box: the prompts that gave it, in pixels.
     """
+    scale = min(1.0, LOOK_PX / max(rgb.shape[:2]))
+    if scale < 1.0:
+        size = [round(length * scale) for length in rgb.shape[1::-1]]
+        rgb, cut = resize(rgb, *size), replace(cut, mask=resize(cut.mask, *size))
+        on, off = ([(x * scale, y * scale) for x, y in points] for points in (on, off))
+        box = None if box is None else [side * scale for side in box]
     height, width = rgb.shape[:2]
     inside = cut.mask > 0.5
     rough = resize(proposal.cover, width, height) > 0.5
