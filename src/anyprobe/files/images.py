@@ -39,7 +39,8 @@ class Pixels:
     """A picture as it is displayed.
 
     Attributes:
-        rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1].
+        rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1]; a read-only view of one
+            channel where the picture is grey.
         alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
         long_fov_deg: field of view of the longer side from EXIF, or None.
         exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
@@ -159,7 +160,7 @@ def _color_values(image: Image.Image) -> np.ndarray:
         if values.min() < 0 or values.max() > 65535:
             raise ValueError("whole numbers outside 0 to 65535")
         return values.astype(np.uint16)
-    if image.mode == "F":
+    if image.mode == "F" or (image.mode == "L" and not image.info.get("icc_profile")):
         return np.asarray(image)
     if image.mode not in ("L", "RGB", "CMYK"):
         image = image.convert("RGB")
@@ -227,7 +228,7 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         alpha = np.ascontiguousarray(display[..., 3])
     if display.shape[2] == 4:
         display = display[..., :3].copy()
-    rgb = np.repeat(display, 3, axis=2) if display.shape[2] == 1 else display
+    rgb = np.broadcast_to(display, (*display.shape[:2], 3)) if display.shape[2] == 1 else display
     return Pixels(rgb=rgb, alpha=alpha, long_fov_deg=None, name=name)
 
 

@@ -4,7 +4,7 @@ what lies beside it looks like it."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,8 @@ DARKER = 1.8
 
 BESIDE, FAR_PX = (2, 6), 7
 """What counts as just outside a mask, from and to, and as surroundings, in pixels of WORK_PX."""
+LOOK_PX = 2048
+"""Longer side of the photo that is asked about again: several copies of a larger one would take too much memory."""
 
 WORK_PX = 160
 """Longer side at which edges and what lies on their sides are compared."""
@@ -103,6 +105,12 @@ def examine(
         rgb: [H, W, 3] display values in [0, 1]. proposal: the rough mask; cut: what was cut out there.
         on, off, box: the prompts that gave it, in pixels.
     """
+    scale = min(1.0, LOOK_PX / max(rgb.shape[:2]))
+    if scale < 1.0:
+        size = [round(length * scale) for length in rgb.shape[1::-1]]
+        rgb, cut = resize(rgb, *size), replace(cut, mask=resize(cut.mask, *size))
+        on, off = ([(x * scale, y * scale) for x, y in points] for points in (on, off))
+        box = None if box is None else [side * scale for side in box]
     height, width = rgb.shape[:2]
     inside = cut.mask > 0.5
     rough = resize(proposal.cover, width, height) > 0.5

@@ -46,10 +46,14 @@ def refine(
     target = resize(cover, *small)
     reach = max(1, round(radius * max(small)))
     slope, offset = _fit(guide, target, reach, epsilon)
-    if scale < 1.0:
-        slope, offset = resize(slope, width, height), resize(offset, width, height)
-    fitted = (slope * rgb).sum(axis=-1) + offset
-    return np.clip((fitted - 0.5) * STEEPNESS + 0.5, 0.0, 1.0)
+    fitted = resize(offset, width, height).copy() if scale < 1.0 else offset
+    for channel in range(3):  # one at a time: a large photo's slopes take as much as itself
+        plane = slope[..., channel]
+        fitted += (resize(plane, width, height) if scale < 1.0 else plane) * rgb[..., channel]
+    fitted -= 0.5
+    fitted *= STEEPNESS
+    fitted += 0.5
+    return np.clip(fitted, 0.0, 1.0, out=fitted)
 
 
 def guided(guide: np.ndarray, target: np.ndarray, reach: int, epsilon: float) -> np.ndarray:

@@ -24,6 +24,9 @@ MaskSource = MaskPicture | MaskFunction
 CUT_AWAY = 0.5
 """Alpha up to which a pixel is no part of the object."""
 
+STRIP_ROWS = 256
+"""Of a large picture that are worked on at once."""
+
 
 def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
     """A picture's own transparency [H, W] as the mask; None where it cuts nothing away.
@@ -70,7 +73,16 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
     if _is_exr(source):
         return *_read_exr(source, name), name
     pixels = read_image(source, name)
-    return np.clip((luminance(pixels.rgb) - 0.1) / 0.8, 0.0, 1.0), pixels.alpha, pixels.name
+    return _brightness(pixels.rgb), pixels.alpha, pixels.name
+
+
+def _brightness(rgb: np.ndarray) -> np.ndarray:
+    """[H, W] of display values [H, W, 3], the outer tenths flattened; a few rows at a time, as photos are large."""
+    brightness = np.empty(rgb.shape[:2], np.float32)
+    for top in range(0, len(rgb), STRIP_ROWS):
+        rows = slice(top, top + STRIP_ROWS)
+        brightness[rows] = np.clip((luminance(rgb[rows]) - 0.1) / 0.8, 0.0, 1.0)
+    return brightness
 
 
 def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
