@@ -341,7 +341,7 @@ def test_the_same_object_found_in_another_way_speaks_for_it(project_root):
     right, wrong = (
         examine(network, rgb, Proposal(cover=cut.mask, confidence=0.9), cut) for cut in (there, elsewhere)
     )
-    assert min(right.mirrored, right.by_box) > 0.6
+    assert right.mirrored > 0.6
     assert wrong.mirrored < 0.2
     assert right.edge > wrong.edge
     assert right.expected_iou() > DOUBTFUL > wrong.expected_iou()

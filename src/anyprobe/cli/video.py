@@ -156,12 +156,15 @@ def video(
         talk.print(f"warning: frame {index}: kept the light before it: {line}", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
+    for line in run.place_warnings:
+        talk.print(f"warning: {line}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
         "relit": str(out / "relit.mp4") if virtual else None,
         "frames": outcome.frames,
         "bad": [{"index": index, "error": line} for index, line in outcome.bad],
         "damaged": outcome.damaged,
+        "warnings": list(run.place_warnings),
         "seconds": round(seconds, 2),
     }
     if as_json:

@@ -257,6 +257,11 @@ class ClipRun:
         lit = next((one["index"] for one in reversed(self.progress.frames) if "held" in one), None)
         return {} if lit is None else {"same_as": lit}
 
+    @property
+    def place_warnings(self) -> tuple[str, ...]:
+        """Stage.warnings of the virtual object's place; none without one, or before it has one."""
+        return () if self._stage is None else self._stage.warnings
+
     def _set_up(self, photo: Photo) -> None:
         """The place of the virtual object, from the first frame with a mask, for all."""
         self._stage = Stage(photo, self.virtual.mesh, self.virtual.arrangement)
