@@ -22,12 +22,12 @@ import torch
 from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import Pair, render_pair
-from anyprobe.dataset.plan import balanced_recipes
+from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.estimate.runtime import ENGINES, Models, file_hashes
 from anyprobe.render.shapes import figure
+from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.config import lift
 from anyprobe.train.export_onnx import export
-from anyprobe.train.init_weights import load_init_weights
 from anyprobe.train.lift import Lift
 
 ROOT = Path(__file__).parents[1]

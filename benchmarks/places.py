@@ -11,10 +11,10 @@ from anyprobe.core.frames import normalize, rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, take_photo
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, one_photo
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import draw_alpha, draw_material
 from anyprobe.dataset.pair import shade_surface
+from anyprobe.dataset.priors import draw_alpha, draw_material
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.surface import frame_object, see
@@ -64,7 +64,7 @@ def draw_place(
             radiance = light * np.asarray(gain * shot.white_balance, np.float32)
         picture = np.zeros((*surface.mask.shape, 3), np.float32)
         picture[surface.mask] = reflected * gain
-        display = take_photo(shot, picture, surface.mask, None, rng)
+        display = one_photo(shot, picture, surface.mask, None, rng)
         mask, tan_half = disturb_mask(surface.mask, rng), camera.tan_half
         if room is not None:
             rays = _phone_rays(display.shape[0], tan_half)

@@ -15,7 +15,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import CameraCurve
-from anyprobe.dataset.camera import Shot, take_photo
+from anyprobe.dataset.camera import Shot, one_photo
 from anyprobe.dataset.mask_errors import fray
 from anyprobe.dataset.room import room
 from anyprobe.dataset.sky import direction_at, sky, soft_cap, studio
@@ -150,7 +150,7 @@ def film(scene: Scene, sequence: Sequence, seed: int = 0) -> Iterator[Taken]:
             gain = gain or OBJECT_MEAN / float(luminance(drawn[mask][:, :3]).mean())
             truth = np.maximum(shrink(rotate(light, camera.world_from_camera.T), MAP_HEIGHT), 0.0) * gain
         background = np.full((SIZE, SIZE, 3), OBJECT_MEAN, np.float32)
-        rgb = take_photo(shot, drawn[..., :3] * gain, mask, background, rng)
+        rgb = one_photo(shot, drawn[..., :3] * gain, mask, background, rng)
         photo = Photo(
             rgb=rgb.astype(np.float32) / 255,
             mask=fray(mask, EDGE_PX, EDGE_DEPTH, rng).astype(np.float32),

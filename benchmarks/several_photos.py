@@ -24,7 +24,7 @@ from places import draw_place
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.multiview import estimate_multiview, fuse_lights
+from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, crop_object
 from anyprobe.evaluate.scoring import score
 
@@ -62,7 +62,7 @@ def measure(
             poses = place.map_from_camera[chosen]
             fused = {name: fuse_lights([few[k] for k in chosen], poses) for name, few in lights.items()}
             if given:
-                fused[GATHERED] = estimate_multiview(estimator, [given[k] for k in chosen], poses)
+                fused[GATHERED] = estimator.multiview([given[k] for k in chosen], poses)
             for name, light in fused.items():
                 line = {"place": number, "photos": count, "surroundings": name}
                 yield line | score(light.radiance, place.radiance)

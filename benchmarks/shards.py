@@ -11,8 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from anyprobe.train.config import lift, smoke
-from anyprobe.train.dataloader import make_pairs
-from anyprobe.train.shard_source import ShardSource
+from anyprobe.train.dataloader import ShardSource, make_pairs
 
 BATCH = 32
 

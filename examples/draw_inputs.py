@@ -19,7 +19,7 @@ from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore, own_map
 from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.plan import balanced_recipes
+from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.estimate.runtime import Models
 from anyprobe.evaluate.methods import PRIORS, run_with_priors
 from anyprobe.render.shapes import figure

@@ -18,12 +18,11 @@ from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.mask_scenes.composites import draw_scene
 from anyprobe.dataset.mask_scenes.examples import cover_box, unasked_target
-from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
-from anyprobe.dataset.mask_scenes.patterns import TexturePool
+from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.estimate.outputs import draw_overlay
 from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.overlay import draw_overlay
 
 SIZE = 480
 TILE = 240

@@ -35,6 +35,8 @@ def lift_trial() -> RunConfig:
     """What the others are compared with: a short run of `lift`, plain objects, nothing told of what is around."""
     plain = replace(
         lift().pairs,
+        world=0.0,
+        given_material=0.0,
         surroundings=0.0,
         merged_surroundings=0.0,
         joined=0.0,
@@ -46,10 +48,14 @@ def lift_trial() -> RunConfig:
         lift(),
         name="lift_trial",
         steps=600,
+        learning_rate=1e-3,
         warmup=50,
         cooldown=0.5,
+        lift=replace(lift().lift, level=0.0, color=0.0, material=0.0),
         pairs=replace(plain, seed=59),
-        surfaces=replace(lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, seed=4),
+        surfaces=replace(
+            lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, shadows=False, seed=4
+        ),
         light=replace(lift().light, seed=8),
     )
 

@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from anyprobe.core.color import luminance, to_bytes
 from anyprobe.core.response import response
-from anyprobe.dataset.textures import draw_texture
+from anyprobe.dataset.textured import draw_texture
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import Photo
 from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops

@@ -19,12 +19,13 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset import priors
 from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pair import Pair
+from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.recipe import WORLD
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, total_reflectance
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
+from research.world.materials import kind_given_alpha
 
 POINTS = 20
 """Of a square of so many points along either side, those on the sphere are seen: 316."""
@@ -104,14 +105,14 @@ def world_draw(metal: bool) -> Draw:
     """Of dataset.priors, metals or all else."""
 
     def draw(rng: np.random.Generator, alpha: float) -> Material:
-        share = priors.kind_given_alpha(np.array([alpha]))[0] * ((np.arange(len(priors.KINDS)) == 0) == metal)
+        share = kind_given_alpha(np.array([alpha]))[0] * ((np.arange(len(priors.KINDS)) == 0) == metal)
         return priors.draw_one(rng, int(rng.choice(len(share), p=share / share.sum())), alpha)
 
     return draw
 
 
 def paper_draw(metal: bool) -> Draw:
-    """Of dataset.material."""
+    """Of dataset.priors."""
     return lambda rng, alpha: draw_material(rng, alpha, metal)
 
 
@@ -152,7 +153,7 @@ class SphereLimit:
         """[N, 316, 3] in exposure units to [N, F]: logarithms and display values, as clipped as the photo is."""
         shown = np.clip(seen, FLOOR, 1.0)
         if self.given:
-            shown = shown / priors.total_reflectance(colors.albedo, colors.f0).reshape(-1, 1, 3)
+            shown = shown / total_reflectance(colors.albedo, colors.f0).reshape(-1, 1, 3)
         parts = np.log(shown), response(np.minimum(shown, 1.0)) * 2
         return np.concatenate([part.reshape(len(seen), -1) for part in parts], axis=1).astype(np.float32)
 

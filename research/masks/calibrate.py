@@ -1,7 +1,7 @@
 """python -m research.masks.calibrate: what each kind of evidence is worth, on rendered scenes of training assets.
 
 The scenes are others than the network learned from. Weights are of a ridge regression of the IoU's log-odds, none of
-them against its sense; those that `anyprobe.masks.quality` has are copied from here by hand.
+them negative; those of `anyprobe.masks.quality` are copied from here by hand.
 """
 
 from __future__ import annotations
@@ -17,17 +17,14 @@ import typer
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.masks.cut import cut_out
 from anyprobe.masks.propose import shared_network
-from anyprobe.masks.quality import Evidence, examine
+from anyprobe.masks.quality import WEIGHTS, Evidence, examine
 from research.masks.cases import Case, iou
 from research.masks.scenes import rendered_cases
 from research.masks.scoring import BAD, GOOD
 
-AGAINST = ("border", "small", "large")
-ASKED = ("mirrored", "by_box", "by_click", "grey", "darker")
-"""What bounds the IoU to expect, as in Evidence.expected_iou."""
 RIDGE, SPREAD, FOLDS, ROUNDS = 6.0, 0.05, 6, 2000
 CLIP = 0.03
-THRESHOLDS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85)
+THRESHOLDS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.81, 0.85)
 
 
 def calibrate(
@@ -43,16 +40,14 @@ def calibrate(
         for one in _ask(case)
     ]
     scene = np.array([number for number, *_ in found])
-    names = list(asdict(found[0][1]))
+    names = list(WEIGHTS)
     values = np.array([[asdict(evidence)[name] for name in names] for _, evidence, _ in found])
     true = np.array([one for *_, one in found])
-    sense = np.array([-1.0 if name in AGAINST else 1.0 for name in names])
     expected = np.zeros(len(true))
     for fold in range(FOLDS):
         mine = scene % FOLDS == fold
-        weights, offset = fit(values[~mine], true[~mine], sense)
+        weights, offset = fit(values[~mine], true[~mine])
         expected[mine] = 1 / (1 + np.exp(-(values[mine] @ weights + offset)))
-    expected = np.minimum(expected, (1 + values[:, [names.index(name) for name in ASKED]].min(axis=1)) / 2)
     for threshold in THRESHOLDS:
         shares = [float((expected[chosen] < threshold).mean()) for chosen in (true < BAD, true > GOOD)]
         bad, good = (
@@ -60,7 +55,7 @@ def calibrate(
             f"{shares[1]:.2f} of {(true > GOOD).sum()} good",
         )
         typer.echo(f"below {threshold:.2f}: {bad}, {good}")
-    weights, offset = fit(values, true, sense)
+    weights, offset = fit(values, true)
     typer.echo(
         f"offset {offset:.2f}, " + ", ".join(f"{n} {w:.2f}" for n, w in zip(names, weights, strict=True))
     )
@@ -76,15 +71,12 @@ def _ask(case: Case) -> Iterator[tuple[Evidence, float]]:
             yield examine(network, case.rgb, proposal, cut, *prompts), iou(cut.mask, case.mask)
 
 
-def fit(values: np.ndarray, true: np.ndarray, sense: np.ndarray) -> tuple[np.ndarray, float]:
-    """Weights [F] and offset of the log-odds of true [N] from values [N, F].
-
-    sense: [F], 1 where more is better, else -1.
-    """
+def fit(values: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, float]:
+    """Weights [F], 0 or more, and offset of the log-odds of true [N] from values [N, F]."""
     likely = np.clip(true, CLIP, 1 - CLIP)
     odds = np.log(likely / (1 - likely))
     mean, spread = values.mean(axis=0), values.std(axis=0) + SPREAD
-    scaled = (values - mean) / spread * sense
+    scaled = (values - mean) / spread
     weights, offset = np.zeros(values.shape[1]), odds.mean()
     for _ in range(ROUNDS):
         for k in range(len(weights)):
@@ -92,7 +84,7 @@ def fit(values: np.ndarray, true: np.ndarray, sense: np.ndarray) -> tuple[np.nda
             rest = odds - offset - scaled @ weights + column * weights[k]
             weights[k] = max(0.0, column @ rest / (column @ column + RIDGE))
         offset = (odds - scaled @ weights).mean()
-    weights = weights * sense / spread
+    weights = weights / spread
     return weights, float(offset - weights @ mean)
 
 

@@ -10,8 +10,7 @@ from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.mask_scenes.composites import draw_scene
 from anyprobe.dataset.mask_scenes.examples import cover_box, inside_click, unasked_target
-from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
-from anyprobe.dataset.mask_scenes.patterns import TexturePool
+from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from research.masks.cases import Case, make_case
 

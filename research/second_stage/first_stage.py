@@ -16,14 +16,14 @@ import torch
 from torch.nn import functional as F
 
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.pairs import Batch, PairConfig, PairSource
-from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces, thin
+from anyprobe.dataset.priors import draw_material
+from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.light_net import LightNet
+from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.config import LightConfig, lift
 from anyprobe.train.dataloader import load_assets
-from anyprobe.train.init_weights import load_init_weights
 from anyprobe.train.lift import Lift
 
 SIZE = 32
@@ -111,7 +111,7 @@ def _one_batch(net: LightNet, source: PairSource, pool: list, step: int) -> dict
     materials = [draw_material(again, lit.alpha) for lit in chosen]  # compose draws them first
     estimated, root_alpha = estimate_surface(net, batch)
     return {
-        "true": thin(normals.numpy(), normals.shape[-1] // SIZE).astype(np.float16),
+        "true": _thin(normals.numpy(), normals.shape[-1] // SIZE).astype(np.float16),
         "estimated": estimated.numpy().astype(np.float16),
         "mask": pooled(batch.photo[:, 3:], SIZE)[:, 0].numpy().astype(np.float16),
         "tan_half": np.asarray(tan_half, np.float32),
@@ -146,3 +146,8 @@ def make_seen_surfaces(data: Path, folder: Path, first: Path, steps: int) -> Non
     illuminator = Illuminator(maps, compiled=False)
     seen = look_at_surfaces(nets["light"].eval(), illuminator, surfaces, config, steps)
     seen.save(folder / "first_stage.npz")
+
+
+def _thin(pictures: np.ndarray, every: int) -> np.ndarray:
+    """Of so many pixels of pictures [..., H, W] along either side, the one nearest their middle."""
+    return pictures[..., every // 2 :: every, every // 2 :: every]

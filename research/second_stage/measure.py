@@ -34,7 +34,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.emitter_head import EmitterHead
 from anyprobe.nets.lifting import given_or_estimated
 from anyprobe.nets.light_net import LightNet
-from anyprobe.train.init_weights import load_init_weights
+from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.lift import Lift
 from research.harmonics import real_basis
 from research.second_stage.net import SecondStage

@@ -19,17 +19,17 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.dataset import priors
-from anyprobe.dataset.material import METALS
 from anyprobe.dataset.pairs import pixel_wo
+from anyprobe.dataset.priors import METALS
 from anyprobe.dataset.seen_surroundings import ASPECTS, GAIN_STOPS, TURN_COLUMNS
 from anyprobe.dataset.surfaces import ELEVATION_SINES
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.lifting import mirror_direction
 from anyprobe.render.reflectance import lookup_coords
-from anyprobe.scatter.albedo import albedo_table, directional_albedo
-from anyprobe.scatter.microfacet import f0_from_ior
+from anyprobe.scatter.microfacet import albedo_table, directional_albedo, f0_from_ior
 from research.second_stage.first_stage import SeenSurfaces
 from research.second_stage.reflectance_tables import ALPHAS, ROWS
+from research.world.materials import kind_given_alpha
 
 BASE_ROWS = 64
 """Rows of the maps that are turned."""
@@ -217,7 +217,7 @@ class ReflectanceSource:
         count = len(index)
         alpha = self.surfaces.root_alpha[index].astype(np.float64) ** 2 * np.exp(rng.normal(0.0, 0.1, count))
         alpha = np.clip(alpha, 0.01, 1.0)
-        chances = priors.kind_given_alpha(alpha).cumsum(axis=1)
+        chances = kind_given_alpha(alpha).cumsum(axis=1)
         kind = (rng.random((count, 1)) > chances[:, :3]).sum(axis=1)
         albedo, f0 = priors.draw_colors(rng, kind)
         metal, (other_albedo, other_f0) = rng.random(count) < 0.45, _older(rng, count)
@@ -374,7 +374,7 @@ def _mirrored(normals: torch.Tensor) -> torch.Tensor:
 
 
 def _older(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo and f0 of the dielectrics of dataset.material, [N, 3] each."""
+    """Albedo and f0 of the dielectrics of dataset.priors, [N, 3] each."""
     f0 = np.repeat(f0_from_ior(rng.uniform(1.3, 1.8, (count, 1))), 3, axis=1)
     tint = np.exp(rng.normal(0.0, 1.0, (count, 3)) * rng.choice([0.03, 0.15, 0.6], (count, 1)))
     albedo = rng.uniform(0.08, 0.9, (count, 1)) * tint / tint.max(axis=1, keepdims=True)

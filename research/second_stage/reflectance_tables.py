@@ -10,8 +10,13 @@ import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.render.reflectance import reflectance_normals
-from anyprobe.scatter.albedo import albedo_table, directional_albedo
-from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
+from anyprobe.scatter.microfacet import (
+    albedo_table,
+    directional_albedo,
+    ggx_distribution,
+    schlick_weight,
+    smith_visibility,
+)
 
 SIZE = 48
 ROWS = 32

@@ -129,10 +129,10 @@ def open_source(config: SecondConfig, data: Path, folder: Path) -> ReflectanceSo
     """The batches of a run; maps and matrices are made once and kept in the folder."""
     maps, matrices = folder / "maps.npy", folder / "matrices.npy"
     if not maps.is_file():
-        from anyprobe.train.dataloader import _maps, load_assets
+        from anyprobe.train.dataloader import load_assets, make_maps
 
         store = load_assets(config.light, data)
-        small = [shrink(one, BASE_ROWS).transpose(2, 0, 1) for one in _maps(config.light, store)]
+        small = [shrink(one, BASE_ROWS).transpose(2, 0, 1) for one in make_maps(config.light, store)]
         with atomic_path(maps) as temporary, open(temporary, "wb") as stream:
             np.save(stream, np.stack(small).astype(np.float32))
     if not matrices.is_file():

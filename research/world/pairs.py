@@ -7,8 +7,7 @@ from pathlib import Path
 
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
 from anyprobe.dataset.pair import Pair, Trace
-from anyprobe.dataset.plan import world_recipes
-from anyprobe.dataset.recipe import Recipe
+from anyprobe.dataset.recipe import Recipe, world_recipes
 from anyprobe.errors import InputError
 from anyprobe.evaluate.test_sets import kept_pairs, read_recipes, write_recipes
 from anyprobe.relight.path_traced import open_mitsuba, trace_mesh

@@ -17,7 +17,7 @@ from anyprobe.dataset.camera import (
     draw_shot,
     exposure,
     exposure_for_clipping,
-    take_photo,
+    one_photo,
 )
 from anyprobe.errors import InputError, InvalidEnvironment
 
@@ -129,14 +129,14 @@ def test_a_clean_photo_is_the_curve_of_the_radiance_to_the_bit(rng):
     for seed in range(5):
         shot = draw_shot(np.random.default_rng(seed), conditions=0)
         radiance = texture(rng, 1.0)
-        photo = take_photo(shot, radiance, mask, None, rng)
+        photo = one_photo(shot, radiance, mask, None, rng)
         assert photo.dtype == np.uint8
         assert photo.shape == (SIZE, SIZE, 3)
         expected = to_bytes(response(radiance * shot.white_balance, shot.curve))
         np.testing.assert_array_equal(photo[mask], expected[mask])
         assert photo[~mask].max() == 0
         background = 2.0 * texture(rng)
-        photo = take_photo(shot, radiance, mask, background, rng)
+        photo = one_photo(shot, radiance, mask, background, rng)
         np.testing.assert_array_equal(photo[mask], expected[mask])
         behind = to_bytes(response(background * shot.white_balance, shot.curve))
         np.testing.assert_array_equal(photo[~mask], behind[~mask])
@@ -168,10 +168,10 @@ def test_a_blurred_object_keeps_its_mean_and_takes_no_black_from_outside(rng):
     mask, shot = disc(), replace(CLEAN, blur_px=1.5)
     flat = np.full((SIZE, SIZE, 3), 0.4, np.float32)
     expected = to_bytes(response(flat))
-    np.testing.assert_array_equal(take_photo(shot, flat, mask, None, rng)[mask], expected[mask])
+    np.testing.assert_array_equal(one_photo(shot, flat, mask, None, rng)[mask], expected[mask])
     rough = 0.3 + 0.2 * rng.random((SIZE, SIZE, 3), np.float32)
     sharp, soft = (
-        inverse_response(take_photo(s, rough, mask, None, rng)[mask] / 255.0) for s in (CLEAN, shot)
+        inverse_response(one_photo(s, rough, mask, None, rng)[mask] / 255.0) for s in (CLEAN, shot)
     )
     np.testing.assert_allclose(soft.mean(axis=0), sharp.mean(axis=0), rtol=0.01)
     assert (soft.var(axis=0) < 0.15 * sharp.var(axis=0)).all()
@@ -180,7 +180,7 @@ def test_a_blurred_object_keeps_its_mean_and_takes_no_black_from_outside(rng):
 def test_a_rim_takes_from_what_is_behind_it(rng):
     mask, shot = disc(), replace(CLEAN, blur_px=1.0)
     black = np.zeros((SIZE, SIZE, 3), np.float32)
-    photo = take_photo(shot, black, mask, black + np.array([0.8, 0.0, 0.0], np.float32), rng)
+    photo = one_photo(shot, black, mask, black + np.array([0.8, 0.0, 0.0], np.float32), rng)
     assert photo[31, 32 - 22, 0] > 40
     assert photo[31, 31].max() == 0
     assert photo[..., 1:].max() == 0
@@ -190,20 +190,20 @@ def test_the_lens_blurs_light_and_not_display_values(rng):
     """An emitter of 60 times white stays white three pixels around; of the picture's white little would be left."""
     radiance = np.zeros((SIZE, SIZE, 3), np.float32)
     radiance[31, 31] = 60.0
-    photo = take_photo(replace(CLEAN, blur_px=1.0), radiance, disc(), radiance, rng)
+    photo = one_photo(replace(CLEAN, blur_px=1.0), radiance, disc(), radiance, rng)
     assert (photo[29:34, 31] == 255).all()
     assert photo[31, 36].max() < 10
 
 
 def test_white_balance_is_a_gain_on_light(rng):
     shot = replace(CLEAN, white_balance=np.array([1.3, 1.0, 0.7], np.float32))
-    photo = take_photo(shot, np.full((SIZE, SIZE, 3), 0.4, np.float32), disc(), None, rng)
+    photo = one_photo(shot, np.full((SIZE, SIZE, 3), 0.4, np.float32), disc(), None, rng)
     np.testing.assert_allclose(inverse_response(photo[31, 31] / 255.0), [0.52, 0.4, 0.28], atol=0.004)
 
 
 def test_noise_has_the_spread_it_was_given(rng):
     flat = np.full((SIZE, SIZE, 3), 0.3, np.float32)
-    photo = take_photo(replace(CLEAN, noise=0.012), flat, np.ones((SIZE, SIZE), bool), None, rng)
+    photo = one_photo(replace(CLEAN, noise=0.012), flat, np.ones((SIZE, SIZE), bool), None, rng)
     assert (photo / 255.0).std() == pytest.approx(np.hypot(0.012, 1 / 255 / np.sqrt(12)), rel=0.05)
     assert (photo / 255.0).mean() == pytest.approx(float(response(np.float64(0.3))), abs=1e-3)
 
@@ -213,11 +213,11 @@ def test_noise_has_the_spread_it_was_given(rng):
 def test_jpeg_changes_little_at_95_and_more_at_40(rng, subsampling, with_background):
     mask, radiance = disc(), texture(rng)
     background = texture(rng) if with_background else None
-    sharp = take_photo(CLEAN, radiance, mask, background, rng)
+    sharp = one_photo(CLEAN, radiance, mask, background, rng)
     change = {}
     for quality in (40, 70, 95):
         shot = replace(CLEAN, jpeg_quality=quality, jpeg_subsampling=subsampling)
-        photo = take_photo(shot, radiance, mask, background, rng)
+        photo = one_photo(shot, radiance, mask, background, rng)
         assert photo.shape == sharp.shape
         change[quality] = float(np.abs(photo.astype(float) - sharp)[mask].mean())
         if not with_background:
@@ -241,6 +241,6 @@ def test_subsampling_costs_colour_and_not_brightness():
 def test_the_same_numbers_give_the_same_photo(rng):
     shot = replace(CLEAN, noise=0.01, blur_px=0.8, jpeg_quality=70, jpeg_subsampling="4:2:0")
     radiance, background = texture(rng), texture(rng)
-    photos = [take_photo(shot, radiance, disc(), background, np.random.default_rng(s)) for s in (4, 4, 5)]
+    photos = [one_photo(shot, radiance, disc(), background, np.random.default_rng(s)) for s in (4, 4, 5)]
     np.testing.assert_array_equal(photos[0], photos[1])
     assert (photos[0] != photos[2]).any()

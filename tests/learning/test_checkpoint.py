@@ -11,10 +11,9 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.nets.mask_net import MaskNet  # noqa: E402
-from anyprobe.train.checkpoint import load_weights  # noqa: E402
+from anyprobe.train.checkpoint import load_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.export_onnx import export  # noqa: E402
-from anyprobe.train.init_weights import save_init_weights  # noqa: E402
 from anyprobe.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, train_mask  # noqa: E402
 

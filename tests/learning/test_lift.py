@@ -28,6 +28,7 @@ from anyprobe.nets.light_net import (  # noqa: E402
     _wrap,
 )
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
+from anyprobe.scatter.materials import MATERIALS, material_input  # noqa: E402
 from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402
 
 
@@ -150,6 +151,43 @@ def test_what_is_known_of_the_map_reaches_all_of_it():
     assert torch.equal(alone.normals, given.normals)
     assert (given.ln_shown != alone.ln_shown)[..., :16].float().mean() > 0.8
     assert (given.features.irradiance != alone.features.irradiance).float().mean() > 0.8
+
+
+def test_a_given_material_reaches_map_and_irradiance_once_it_is_learned():
+    """Untrained it changes nothing, as weights that lack this part must stay what they were."""
+    torch.manual_seed(0)
+    net = LightNet().eval()
+    photo, angle = torch.rand(1, 4, 128, 128), torch.tensor([[0.1]])
+    material = torch.from_numpy(material_input(MATERIALS["gold"]))[None]
+    with torch.no_grad():
+        alone, untrained = net(photo, angle), net(photo, angle, material=material)
+        torch.nn.init.normal_(net.object.material[-1].weight)
+        given = net(photo, angle, material=material)
+    assert torch.equal(alone.ln_radiance, untrained.ln_radiance)
+    assert (given.ln_shown - alone.ln_shown).abs().mean() > 1e-4
+    assert (given.features.irradiance != alone.features.irradiance).float().mean() > 0.8
+
+
+def test_claimed_errors_are_learned_from_the_errors_made():
+    """The loss is least where the claim is the mean error; a dataset that says no material teaches none."""
+    learner = Lift(LiftConfig(), "cpu")
+    batch = some_batch(2)
+    guess, _ = learner._predict(batch)
+    true = batch.ln_radiance
+    level = float(np.log(1.5))
+
+    def losses(claim: float, known: bool = True) -> dict:
+        said = torch.zeros(2, 7)
+        said[:, 1:4], said[:, 5] = batch.material[:, 2:5] + 0.2, claim
+        guessed = replace(guess, ln_expected=true + level, posterior=said)
+        return learner._posterior(guessed, batch if known else replace(batch, material=0 * batch.material))
+
+    best = losses(float(np.log(level)))["level"]
+    assert best < losses(float(np.log(level)) + 0.3)["level"]
+    assert best < losses(float(np.log(level)) - 0.3)["level"]
+    assert losses(0.0)["color"] < 0.1
+    assert losses(0.0, known=False)["material"] == 0.0
+    assert losses(0.0)["material"] > 0.2
 
 
 def test_what_is_told_need_not_be_guessed():

@@ -14,11 +14,11 @@ from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import lighting, pairs  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
-from anyprobe.dataset.camera import draw_shot, take_photo  # noqa: E402
+from anyprobe.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.dataset.material import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.pairs import GIVEN_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.priors import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.surfaces import (  # noqa: E402
     NUM_ELEVATIONS,
     SurfaceConfig,
@@ -162,7 +162,7 @@ def test_a_batch_is_photographed_as_one_image_is(rng):
     together = pairs.take_photos(shots, radiance, masks, background, rng).permute(0, 2, 3, 1).numpy() * 255
     for k, shot in enumerate(shots):
         front, behind = (x[k].permute(1, 2, 0).numpy() for x in (radiance, background))
-        alone = take_photo(shot, front, mask, behind, rng)
+        alone = one_photo(shot, front, mask, behind, rng)
         difference = np.abs(together[k] - alone)
         assert (difference < 1.001).mean() > 0.98, shot
         if shot.jpeg_quality is None:
@@ -372,6 +372,20 @@ def test_told_normals_err_by_a_small_turn(maps, surfaces):
     cosine = (turns.diagonal(dim1=1, dim2=2).sum(dim=1) - 1) / 2
     angles = torch.rad2deg(torch.acos(cosine.clip(-1, 1)))
     assert 0.7 * GIVEN_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_ERROR_DEG
+
+
+def test_given_materials_err_a_little_and_change_nothing_else(maps, surfaces):
+    plain = make_source(maps, surfaces, batch=24).batch(1)
+    given = make_source(maps, surfaces, batch=24, given_material=0.5).batch(1)
+    assert torch.equal(plain.photo, given.photo)
+    assert torch.equal(plain.material, given.material)
+    assert not plain.given_material.any()
+    has = given.given_material[:, 0] == 1
+    assert 4 < has.sum() < 20
+    assert not given.given_material[~has].any()
+    wrong = (given.given_material - given.material)[has]
+    assert 0.02 < wrong[:, 2:5].std() < 0.2
+    assert not wrong[:, 5:].any()
 
 
 def test_surroundings_come_with_the_share_of_photos_asked_for(maps, surfaces):

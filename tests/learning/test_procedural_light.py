@@ -8,21 +8,7 @@ from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid
 from anyprobe.dataset import room as rooms
 from anyprobe.dataset.asset_store import draw_map, room, sky, studio
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.sky import (
-    REC709_FROM_XYZ,
-    clear_sky,
-    daylight,
-    direction_at,
-    horizontal_irradiance,
-    matching_functions,
-    scattered_irradiance,
-    sky_radiance,
-    soft_box,
-    soft_cap,
-    sun_irradiance,
-    zenith_luminance,
-)
-from anyprobe.dataset.variants import (
+from anyprobe.dataset.lighting import (
     add_lamp,
     blend,
     draw_variant,
@@ -30,6 +16,20 @@ from anyprobe.dataset.variants import (
     split_dominant_light,
     turn,
     white_balance,
+)
+from anyprobe.dataset.sky import (
+    REC709_FROM_XYZ,
+    clear_sky,
+    direction_at,
+    horizontal_irradiance,
+    matching_functions,
+    scattered_irradiance,
+    sky_radiance,
+    soft_box,
+    soft_cap,
+    sun_disc,
+    sun_irradiance,
+    zenith_luminance,
 )
 from anyprobe.light.environment import integral, rotate
 
@@ -40,6 +40,15 @@ HALF = np.array([2.0, 1.2, 3.1])
 
 def mean_luminance(radiance: np.ndarray) -> float:
     return float(luminance(integral(radiance.astype(np.float64)))) / (4 * np.pi)
+
+
+def daylight(height: int, sun: np.ndarray, turbidity: float, ground: np.ndarray | float = 0.2) -> np.ndarray:
+    """Clear sky, sun, and an even Lambert ground of albedo `ground` under the horizon: [H, 2H, 3]."""
+    d = pixel_directions(height).astype(np.float64)
+    beam = sun_irradiance(np.arcsin(np.clip(sun[1], 0.0, 1.0)), turbidity)
+    above = np.where(d[..., 1:2] > 0, clear_sky(d, sun, turbidity), 0.0)
+    floor = ground * (horizontal_irradiance(above) + beam * max(sun[1], 0.0)) / np.pi
+    return np.where(d[..., 1:2] > 0, above + sun_disc(height, sun, beam), floor)
 
 
 def brightest(radiance: np.ndarray) -> np.ndarray:

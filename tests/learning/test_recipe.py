@@ -22,8 +22,7 @@ from anyprobe.dataset.pair import (
     render_pair,
     shot_of,
 )
-from anyprobe.dataset.plan import balanced_recipes, full_plan
-from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, digest
+from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, balanced_recipes, digest, full_plan
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import rotate
 from anyprobe.render.mesh import make_mesh
@@ -127,7 +126,7 @@ def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
     """Rendered anew in two processes with another number of threads: bit for bit."""
     script = (
         "import hashlib; from anyprobe.dataset.asset_store import load_asset_store;"
-        "from anyprobe.dataset.plan import full_plan; from anyprobe.dataset.pair import render_pair;"
+        "from anyprobe.dataset.recipe import full_plan; from anyprobe.dataset.pair import render_pair;"
         "stock = load_asset_store(None, 'train', procedural_maps=1, procedural_shapes=1);"
         f"pair = render_pair(full_plan(stock, conditions={conditions}).recipe(3), stock);"
         "parts = (pair.photo, pair.irradiance, pair.radiance, pair.map_from_camera, pair.gain);"

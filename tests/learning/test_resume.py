@@ -20,10 +20,13 @@ from anyprobe.dataset.mask_scenes.examples import Batch  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.masks.propose import SIZE  # noqa: E402
 from anyprobe.train import loop, mask_run  # noqa: E402
-from anyprobe.train.checkpoint import agreed, differing  # noqa: E402
+from anyprobe.train.checkpoint import (  # noqa: E402
+    agreed,
+    differing,
+    save_init_weights,
+)
 from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.dataloader import name_assets  # noqa: E402
-from anyprobe.train.init_weights import save_init_weights  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, train_mask  # noqa: E402
 
 CONFIG = smoke(normals(), 4)

@@ -14,15 +14,24 @@ pytest.importorskip("onnx", reason="needs the train extra")
 
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.mask_scenes.augment import retake  # noqa: E402
 from anyprobe.dataset.mask_scenes.composites import GREY, Scene, draw_scene  # noqa: E402
-from anyprobe.dataset.mask_scenes.examples import PROMPTS, SIZE, SceneSource, ask, unasked_target  # noqa: E402
-from anyprobe.dataset.mask_scenes.foregrounds import ViewSource, draw_pattern  # noqa: E402
-from anyprobe.dataset.mask_scenes.patterns import TexturePool  # noqa: E402
+from anyprobe.dataset.mask_scenes.examples import (  # noqa: E402
+    PROMPTS,
+    SIZE,
+    SceneSource,
+    ask,
+    retake,
+    unasked_target,
+)
+from anyprobe.dataset.mask_scenes.foregrounds import (  # noqa: E402
+    TexturePool,
+    ViewSource,
+    draw_pattern,
+)
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.masks.propose import MaskNetwork  # noqa: E402
 from anyprobe.nets.mask_net import MaskNet  # noqa: E402
-from anyprobe.train import export_mask as export  # noqa: E402
+from anyprobe.train import mask_run as export  # noqa: E402
 from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
 
 

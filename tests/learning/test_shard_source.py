@@ -21,8 +21,8 @@ from anyprobe.dataset.pairs import PairConfig  # noqa: E402
 from anyprobe.dataset.samples import StoreRenderer  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.train.config import lift, smoke  # noqa: E402
+from anyprobe.train.dataloader import ShardSource  # noqa: E402
 from anyprobe.train.loop import train  # noqa: E402
-from anyprobe.train.shard_source import ShardSource  # noqa: E402
 
 SETTINGS = {"pairs": 6, "shard_size": 4, "procedural_maps": 2, "procedural_shapes": 2}
 

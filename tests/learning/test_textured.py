@@ -12,10 +12,10 @@ from anyprobe.dataset import pair as pair_module  # noqa: E402
 from anyprobe.dataset import pairs  # noqa: E402
 from anyprobe.dataset.asset_store import load_asset_store  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.material import METALS, draw_material  # noqa: E402
 from anyprobe.dataset.pair import render_pair  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.plan import full_plan  # noqa: E402
+from anyprobe.dataset.priors import METALS, draw_material  # noqa: E402
+from anyprobe.dataset.recipe import full_plan  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.dataset.textured import (  # noqa: E402
     MOST_ALBEDO,
@@ -28,8 +28,8 @@ from anyprobe.dataset.textured import (  # noqa: E402
     mix,
     paint,
     paint_some,
+    smooth_noise,
 )
-from anyprobe.dataset.textures import smooth_noise  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
 from anyprobe.render.picture import draw_mesh  # noqa: E402
 from anyprobe.scatter.materials import Material  # noqa: E402

@@ -14,20 +14,22 @@ from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import PairConfig, PairSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.scatter.materials import total_reflectance
+from research.world.materials import kind_given_alpha
 
 
 def test_dull_things_reflect_a_tenth_to_a_half_and_some_four_fifths(rng):
-    some = priors.draw_materials(rng, 40_000)
-    total = luminance(priors.total_reflectance(some.albedo, some.f0))
-    rough = total[some.kind == priors.KINDS.index("rough")]
+    kind = priors.draw_kinds(rng, 40_000)
+    albedo, f0 = priors.draw_colors(rng, kind)
+    rough = luminance(total_reflectance(albedo, f0))[kind == priors.KINDS.index("rough")]
     assert ((rough > 0.1) & (rough < 0.5)).mean() > 0.7
     assert 0.03 < (rough > 0.7).mean() < 0.12
-    metal = some.kind == 0
-    assert not some.albedo[metal].any()
-    assert (some.f0[metal].mean(axis=1) > 0.4).all()
-    assert some.f0[~metal].max() < 0.08
-    assert (some.albedo[~metal] > 0).all()
-    assert some.albedo.max() <= priors.MOST_ALBEDO + 1e-6
+    metal = kind == 0
+    assert not albedo[metal].any()
+    assert (f0[metal].mean(axis=1) > 0.4).all()
+    assert f0[~metal].max() < 0.08
+    assert (albedo[~metal] > 0).all()
+    assert albedo.max() <= priors.MOST_ALBEDO + 1e-6
 
 
 def test_draws_have_the_quantiles_that_are_written(rng):
@@ -40,11 +42,12 @@ def test_draws_have_the_quantiles_that_are_written(rng):
 
 
 def test_kinds_given_alpha_are_those_that_are_met(rng):
-    some = priors.draw_materials(rng, 200_000)
+    kind = priors.draw_kinds(rng, 200_000)
+    alpha = priors.draw_alphas(rng, kind)
     for low, high in ((0.02, 0.022), (0.15, 0.16), (0.3, 0.32), (0.5, 0.52)):
-        near = (some.alpha > low) & (some.alpha < high)
-        share = np.bincount(some.kind[near], minlength=4) / near.sum()
-        np.testing.assert_allclose(priors.kind_given_alpha(np.array([(low + high) / 2]))[0], share, atol=0.05)
+        near = (alpha > low) & (alpha < high)
+        share = np.bincount(kind[near], minlength=4) / near.sum()
+        np.testing.assert_allclose(kind_given_alpha(np.array([(low + high) / 2]))[0], share, atol=0.05)
 
 
 def test_a_phone_meters_what_its_frame_shows_and_not_what_is_behind_it():

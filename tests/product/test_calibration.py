@@ -12,7 +12,15 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset import asset_store
 from anyprobe.errors import InputError, ModelError
-from anyprobe.evaluate.calibration import CLOSE, Calibration, calibrate, fit_logit, to_logit
+from anyprobe.evaluate.calibration import (
+    CLOSE,
+    Calibration,
+    calibrate,
+    calibrate_errors,
+    fit_logit,
+    to_logit,
+)
+from anyprobe.scatter.materials import total_reflectance
 
 
 def maps(rng, confidence, chance):
@@ -196,6 +204,36 @@ def test_a_model_without_confidence_cannot_be_calibrated():
 
     with pytest.raises(ModelError, match="paper: expected a model that estimates its confidence"):
         calibrate(Silent(), [sphere_pair(1)])
+
+
+def test_claimed_errors_hold_in_two_of_three_cases():
+    """A model whose map is twice too bright, whose colour is true and which claims half a stop."""
+    pairs = [sphere_pair(seed) for seed in range(3)]
+    answers = iter([pair for pair in pairs for _ in range(2)])
+
+    def model(crop, tan_half, material=None):
+        pair = next(answers)
+        claims = {"metal": 0.0, "red": 0.3, "green": 0.3, "blue": 0.3, "reflectance_error": 0.5}
+        claims |= {"level_error": 0.5 * np.log(2.0), "color_error": 1.0}
+        return SimpleNamespace(radiance=2 * pair.radiance, posterior=claims)
+
+    of_reflectance, of_level, of_color = calibrate_errors(model, pairs)
+    assert of_level == pytest.approx(2.0, rel=1e-5)
+    assert of_color == pytest.approx(0.0, abs=0.05)
+    given = pairs[0].material
+    true = np.log(0.3 / total_reflectance(given.albedo, given.f0))
+    assert of_reflectance == pytest.approx(np.abs(true).mean() / 0.5, rel=0.5)
+
+
+def test_a_model_without_errors_cannot_be_asked_for_them():
+    class Silent:
+        name = "paper"
+
+        def __call__(self, crop, tan_half, material):
+            return SimpleNamespace(posterior=None)
+
+    with pytest.raises(ModelError, match="paper: expected a model that estimates its errors"):
+        calibrate_errors(Silent(), [sphere_pair(1)])
 
 
 def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):

@@ -15,9 +15,8 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.detail.blend import _enlarge
 from anyprobe.detail.library import codes_of, decode, encode, open_library, richness_of, write_library
-from anyprobe.detail.match import find_match
+from anyprobe.detail.match import find_match, seen_in_photo
 from anyprobe.detail.plausible import add_detail
-from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.files.radiance import write_exr
 from anyprobe.light.dominant_light import find_dominant_light

@@ -9,9 +9,8 @@ import pytest
 from support.scenes import sphere_photo
 
 import anyprobe
-from anyprobe.estimate.estimator import as_material
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.scatter.materials import MATERIALS, given_material
+from anyprobe.scatter.materials import MATERIALS, as_material, given_material
 
 
 def through(entry: str, estimator, rgba: np.ndarray, **given):

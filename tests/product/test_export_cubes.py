@@ -12,10 +12,9 @@ from PIL import Image
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
-from anyprobe.export.cube_textures import encode_bc6h
-from anyprobe.export.cubemap import box_mips, cube_faces, face_directions, face_size
+from anyprobe.export.cube_textures import box_mips, cube_faces, encode_bc6h, face_directions, face_size
 from anyprobe.export.exported_light import prepare
-from anyprobe.export.gltf import pack_rgbd, prefiltered
+from anyprobe.export.scene_files import pack_rgbd, prefiltered
 from anyprobe.export.targets import export
 from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.environment import shrink
@@ -292,7 +291,7 @@ def test_gltf_holds_faces_coefficients_and_the_dominant_light(tmp_path):
 
 
 def test_gltf_of_a_large_map_is_no_larger_than_it_must_be(tmp_path, monkeypatch):
-    monkeypatch.setattr("anyprobe.export.gltf.LARGEST_SIDE", 16)
+    monkeypatch.setattr("anyprobe.export.scene_files.LARGEST_SIDE", 16)
     document, _ = parse_glb(file_of("gltf", tmp_path, lit_map(), ".glb"))
     (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
     assert light["specularImageSize"] == 16

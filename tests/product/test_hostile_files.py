@@ -245,7 +245,7 @@ print("whole")
 
 
 def test_a_damaged_exr_is_one_line_where_the_process_is_ours(tmp_path, monkeypatch, capfd):
-    from anyprobe.cli.quiet import silenced
+    from anyprobe.cli.app import silenced
 
     data = bytearray(multipart_exr(64, 64))
     data[-400:] = b"\x55" * 400

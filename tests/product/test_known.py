@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,11 @@ from support.scenes import CENTER, DIAMETER, HEIGHT, WIDTH, made_map, sphere_pho
 import anyprobe
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import turn_towards
-from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.material_prior import MAX_STOPS, fit_gain, fit_map
+from anyprobe.estimate.material_prior import MAX_STOPS, fit_gain
 from anyprobe.estimate.normals_prior import normals_from_outline, read_normals
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.light.environment import rotate
@@ -284,126 +282,3 @@ def test_a_clipped_out_or_tiny_object_moves_nothing_far():
     assert fit_gain(made_map(), white, normals, 0.1, MATTE).max() <= 2**MAX_STOPS
     none = fit_gain(made_map(), np.zeros_like(image), normals, 0.1, MATTE)
     np.testing.assert_array_equal(none, np.ones(3))
-
-
-ALL = np.ones((64, 64), bool)
-
-
-def fine_map() -> np.ndarray:
-    """made_map with as many rows as a model's answer."""
-    return made_map().repeat(4, axis=0).repeat(4, axis=1)
-
-
-@pytest.mark.parametrize("name", ["matte", "plastic", "gold"])
-def test_shading_tells_what_a_guess_is_wrong_by(name):
-    """A guess that is twice too bright from one side and half as bright from the other, seen in a sphere."""
-    truth, material = 0.4 * fine_map(), MATERIALS[name]
-    image, normals = photo_of(truth, material)
-    d = pixel_directions(64)
-    wrong = np.log(2) * d @ np.array([0.8, 0.6, 0.0])
-    guess = (truth * np.exp(wrong)[..., None]).astype(np.float32)
-    found = fit_map(guess, image, normals, 0.1, material, ALL)
-    seen = d[..., 2] > -0.2  # what lights the side that faces the eye
-    left = np.abs(np.log(found / truth)).mean(axis=-1)
-    assert left[seen].mean() < 0.5 * np.abs(wrong)[seen].mean()
-    again, _ = photo_of(found, material)
-    before, _ = photo_of(guess, material)
-    on = image[..., 3] == 1
-    assert np.abs(again - image)[on].mean() < 0.25 * np.abs(before - image)[on].mean()
-    guessed = fit_map(guess, image, normals, 0.1, material, ~ALL)
-    assert 0.1 < np.abs(np.log(guessed / guess)).mean() / np.abs(np.log(found / guess)).mean() < 0.9
-
-
-def test_a_part_that_is_known_says_more_than_the_guessed_rest():
-    """Normals that are wrong mislead the fit where they are told, hardly where they are guessed."""
-    truth = 0.4 * fine_map()
-    image, normals = photo_of(truth, MATTE)
-    wrong = normals.copy()
-    wrong[:, 32:, 0] *= -1  # the right half, as if it were the left
-    left = np.zeros((64, 64), bool)
-    left[:, :32] = True
-    errors = [
-        np.abs(np.log(fit_map(truth, image, wrong, 0.1, MATTE, known) / truth)).mean()
-        for known in (ALL, left)
-    ]
-    assert errors[1] < 0.3 * errors[0]
-    misled = truth * np.float32(1.5)
-    found = np.log(fit_map(misled, image, normals, 0.1, MATTE, left) / misled).mean()
-    whole = np.log(fit_map(misled, image, normals, 0.1, MATTE, ALL) / misled).mean()
-    nothing = np.log(fit_map(misled, image, normals, 0.1, MATTE, ~ALL) / misled).mean()
-    assert whole < found < nothing < 0
-
-
-def test_what_fits_stays_as_it_is():
-    truth = 0.4 * fine_map()
-    image, normals = photo_of(truth, MATTE)
-    np.testing.assert_allclose(fit_map(truth, image, normals, 0.1, MATTE, ALL), truth, rtol=0.04)
-    nothing = fit_map(truth, np.zeros_like(image), normals, 0.1, MATTE, ALL)
-    np.testing.assert_array_equal(nothing, truth)
-
-
-def test_a_clipped_out_object_leaves_a_bright_guess_alone():
-    """It says that its light is at least so bright, no more."""
-    image, normals = photo_of(20.0 * fine_map(), MATTE)
-    assert (image[image[..., 3] == 1][:, :3] > 0.99).mean() > 0.8
-    bright, dim = (fit_map(gain * fine_map(), image, normals, 0.1, MATTE, ALL) for gain in (30.0, 0.3))
-    np.testing.assert_allclose(bright, 30.0 * fine_map(), rtol=0.1)
-    front = pixel_directions(64)[..., 2] > 0.5
-    assert (dim / (0.3 * fine_map()))[front].mean() > 1.5
-    assert np.isfinite(dim).all()
-
-
-def test_the_object_rendered_with_its_light_looks_like_its_photo():
-    """A grey sphere photographed through a red filter: told that it is grey, the light is red."""
-    photo = sphere_photo()
-    photo[..., 2] = (photo[..., 2] * 0.6).astype(np.uint8)
-    light = anyprobe.estimate(photo, normals=sphere_map(), material="matte", fov_deg=20.0)
-    known = light.sidecar()["priors"]
-    assert known["material"] == {"albedo": [0.6] * 3, "f0": [0.04] * 3, "alpha": 0.9}
-    plain = anyprobe.estimate(photo, normals=sphere_map(), fov_deg=20.0)
-    brighter = np.log(light.radiance / (plain.radiance * known["gain"]))
-    assert 0.01 < np.abs(brighter).max() < 3.0
-    image, _ = photo_of(light.radiance, MATTE)
-    on = photo[..., 3] == 255
-    rendered = image[image[..., 3] == 1][:, :3].mean(axis=0)
-    np.testing.assert_allclose(rendered, photo[on][:, :3].mean(axis=0) / 255, atol=0.03)
-
-
-def test_the_papers_chain_cannot_use_what_is_known():
-    for given in ({"material": "matte"}, {"normals": sphere_map()}):
-        with pytest.raises(InputError, match="use lift"):
-            anyprobe.estimate(sphere_photo(), model="paper", **given)
-
-
-def test_the_command_line_tells_normals_and_material(tmp_path, command):
-    Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
-    (tmp_path / "maps").mkdir()
-    np.save(tmp_path / "maps" / "sphere_normals.npy", sphere_map())
-    call = ("estimate", tmp_path / "sphere.png", "-o", tmp_path / "out", "--json")
-    done = command(*call, "--normals", tmp_path / "maps", "--albedo", "0.18")
-    assert done.status == 0, done.err
-    known = json.loads(done.out)["priors"]
-    assert known["normals"] is True
-    assert known["material"]["albedo"] == [0.18] * 3
-
-
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
-        (("--albedo", "2"), "above 0 and up to 1"),
-        (("--albedo", "0.2,x,0.1"), "--albedo: expected numbers"),
-        (("--albedo", "0.2,0.1"), "one number or three"),
-        (("--material", "wood"), "material: expected one of"),
-        (("--material", "chrome", "--albedo", "0.2"), "got the metal chrome"),
-        (("--normals", "nowhere.exr"), "no such file"),
-        (("--normals", "sphere", "--box", "20,20,110,60"), "expected a sphere"),
-        (("--model", "paper", "--material", "matte"), "use lift"),
-    ],
-)
-def test_what_cannot_be_told_is_refused_in_one_line(tmp_path, command, given, says):
-    Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
-    done = command("estimate", tmp_path / "sphere.png", "-o", tmp_path / "out", "-q", *given)
-    assert done.status == 2
-    assert says in done.err
-    assert len(done.err.strip().splitlines()) == 1
-    assert not (tmp_path / "out").exists()

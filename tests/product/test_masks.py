@@ -10,17 +10,17 @@ import pytest
 from PIL import Image
 
 from anyprobe.errors import InvalidMask, ModelError
+from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.masks import find
 from anyprobe.masks.cut import Cut, cut_out, tidy
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
-from anyprobe.masks.overlay import EDGE, draw_overlay
 from anyprobe.masks.pointing import check_clicks
 from anyprobe.masks.prompts import BOX_LEVEL, draw_prompts
 from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, Proposal, keep_large_parts, shared_network
-from anyprobe.masks.quality import DOUBTFUL, Evidence, examine
+from anyprobe.masks.quality import DOUBTFUL, Evidence, _apart, examine
 from anyprobe.masks.refine import box_mean, refine, resize
 from anyprobe.masks.regions import fill_holes, label_parts
 
@@ -286,21 +286,8 @@ def test_parts_are_those_that_touch(rng):
 
 
 def good_evidence(**worse) -> Evidence:
-    good = dict.fromkeys(
-        (
-            "expected",
-            "mirrored",
-            "by_box",
-            "by_click",
-            "grey",
-            "darker",
-            "kept",
-            "one_part",
-            "told_apart",
-            "edge",
-        ),
-        0.95,
-    )
+    names = ("expected", "mirrored", "darker", "kept", "one_part", "told_apart", "apart", "edge")
+    good = dict.fromkeys(names, 0.95)
     return Evidence(**{**good, "border": 0.0, "small": 0.0, "large": 0.0, **worse})
 
 
@@ -308,11 +295,26 @@ def test_what_speaks_against_a_mask_lowers_what_to_expect():
     best = good_evidence().expected_iou()
     assert best > DOUBTFUL
     assert good_evidence().doubts() == []
-    for name, value in (("mirrored", 0.1), ("by_box", 0.1), ("expected", 0.3), ("small", 2.0)):
+    for name, value in (("mirrored", 0.1), ("apart", 0.3), ("expected", 0.3), ("edge", 0.2)):
         assert good_evidence(**{name: value}).expected_iou() < best, name
-    assert good_evidence(mirrored=0.1, by_box=0.1, by_click=0.1, expected=0.5).expected_iou() < DOUBTFUL
-    assert "in another way" in good_evidence(by_click=0.1).doubts()[0]
+    assert good_evidence(mirrored=0.1, expected=0.5).expected_iou() < DOUBTFUL
+    assert "in another way" in good_evidence(darker=0.1).doubts()[0]
+    assert "same colours" in good_evidence(apart=0.5).doubts()[0]
     assert "several parts" in good_evidence(one_part=0.3).doubts()[0]
+
+
+@pytest.mark.parametrize(("part", "apart"), [("whole", 1.0), ("half", 0.75), ("more", 0.75)])
+def test_a_part_of_an_object_has_its_colours_beside_it(part, apart):
+    """So has a mask that took surroundings in."""
+    rows, columns = np.mgrid[0:120, 0:160]
+    inside = np.hypot(columns - 80, rows - 60) < 35
+    rng = np.random.default_rng(1)
+    rgb = np.where(inside[..., None], (0.8, 0.3, 0.2), (0.3, 0.4, 0.5)) + 0.03 * rng.normal(
+        size=(120, 160, 3)
+    )
+    mask = {"whole": inside, "half": inside & (columns < 80), "more": inside | (columns > 100)}[part]
+    found = _apart(np.clip(rgb, 0, 1).astype(np.float32), mask.astype(np.float32))
+    assert (found > 0.97) if apart == 1 else (found < apart)
 
 
 def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root, monkeypatch):

@@ -19,9 +19,8 @@ from support.polyhaven_server import Fault, PolyHaven, tetrahedron
 
 from anyprobe import __version__
 from anyprobe.dataset import download
-from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+from anyprobe.dataset.catalog import Manifest, allows_commercial_use, load_maps, load_shapes
 from anyprobe.dataset.download import Client, RemoteFile
-from anyprobe.dataset.manifest import Manifest
 from anyprobe.dataset.polyhaven import COLUMNS, LICENCE, Asset, choose, family, split_of
 from anyprobe.errors import DownloadError, OutputError
 from anyprobe.files.meshes import read_mesh
@@ -213,7 +212,7 @@ def test_row_without_a_sum_is_fetched_again(fetch, site):
 PUT_SOME = """
 import sys
 from pathlib import Path
-from anyprobe.dataset.manifest import Manifest
+from anyprobe.dataset.catalog import Manifest
 _, path, who = sys.argv
 manifest = Manifest(Path(path), ["file", "source"])
 for number in range(20):

@@ -196,8 +196,8 @@ def test_never_over_the_real_object(left, right):
         stage = Stage(photo, open_object(name))
         pixels = stage.view.pixels(stage.placement.mesh.positions)
         beside = pixels[:, 0].min() >= right - 0.5 or pixels[:, 0].max() <= left + 0.5
-        assert beside != stage.placement.is_behind
-        assert any("behind" in line for line in stage.warnings) == stage.placement.is_behind
+        assert beside == (stage.placement.side == "beside")
+        assert any("no room beside" in line for line in stage.warnings) != beside
 
 
 def test_without_room_it_stands_behind_and_says_so():
@@ -205,10 +205,69 @@ def test_without_room_it_stands_behind_and_says_so():
     mask[20:140, 8:232] = 1
     photo = replace(load_photo(sphere_photo((120, 80), DIAMETER, HEIGHT, WIDTH)), mask=mask)
     stage = Stage(photo, sphere(24))
-    assert stage.placement.is_behind
+    assert stage.placement.side == "behind"
     assert "no room beside" in stage.warnings[0]
+    assert "--at" in stage.warnings[0]
     picture = stage.relit(made_map(), "gold", "own")
     np.testing.assert_array_equal(picture[mask == 1], photo.rgb[mask == 1])
+
+
+def standing_by(mask: np.ndarray, shape: str = "sphere", size: float = 0.5) -> Stage:
+    photo = replace(load_photo(sphere_photo((120, 80), DIAMETER, HEIGHT, WIDTH)), mask=mask)
+    return Stage(photo, open_object(shape), Arrangement(size=size))
+
+
+def test_it_stands_below_what_overhangs():
+    """Of a mushroom the stem stands on the ground, and beside that is room, though none is beside the cap."""
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[20:70, 10:230], mask[70:140, 100:140] = 1, 1
+    stage = standing_by(mask)
+    pixels = stage.view.pixels(stage.placement.mesh.positions)
+    assert (stage.placement.side, stage.warnings) == ("beside", ())
+    assert pixels[:, 1].max() == pytest.approx(140, abs=1)
+    assert pixels[:, 1].min() >= 70
+    assert stage.placement.share == pytest.approx(1.0, abs=0.01)
+
+
+def test_where_no_side_has_room_it_stands_in_front_and_says_so():
+    """The ground before a wide object is free: all of it is seen there, it hides nothing, and it is nearer."""
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    mask[20:80, 4:236] = 1
+    stage = standing_by(mask, size=0.4)
+    pixels = stage.view.pixels(stage.placement.mesh.positions)
+    assert stage.placement.side == "front"
+    assert pixels[:, 1].min() >= 79.5
+    assert pixels[:, 1].max() <= HEIGHT
+    assert "in front" in stage.warnings[0]
+    assert -stage.placement.foot[2] < -stage.view.on_ground(120, 80)[2]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nothing_of_the_object_is_covered_unless_it_stands_behind(seed):
+    """Masks of a few ellipses, cut by the border or not."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
+    mask = np.zeros((HEIGHT, WIDTH), np.float32)
+    for x, y in rng.uniform((40, 60), (200, 130), (3, 2)):
+        a, b = rng.uniform(20, 90, 2)
+        mask[((columns - x) / a) ** 2 + ((rows - y) / b) ** 2 < 1] = 1
+    for name in OBJECTS:
+        stage = standing_by(mask, name)
+        left, top, right, bottom = pixel_box(stage)
+        assert top >= 0
+        assert left >= 0
+        assert right <= WIDTH
+        assert bottom <= HEIGHT
+        if stage.placement.side != "behind":
+            assert stage.placement.share >= 0.35
+            assert not mask[top:bottom, left:right].any()
+
+
+def pixel_box(stage: Stage) -> tuple[int, ...]:
+    """Left, top, right, bottom of the inserted object in whole pixels, to half a pixel."""
+    pixels = stage.view.pixels(stage.placement.mesh.positions)
+    low, high = np.ceil(pixels.min(axis=0) - 0.5), np.floor(pixels.max(axis=0) + 0.5)
+    return (*low.astype(int), *high.astype(int))
 
 
 def test_object_in_a_large_photo_is_enlarged(photo, stage, monkeypatch):

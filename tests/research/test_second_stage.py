@@ -14,7 +14,7 @@ from anyprobe.dataset.asset_store import own_map  # noqa: E402
 from anyprobe.light.environment import shrink  # noqa: E402
 from anyprobe.light.harmonics import sh_basis  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
-from anyprobe.render.reflectance import reflectance_disc  # noqa: E402
+from anyprobe.render.reflectance import reflectance_normals  # noqa: E402
 from research.harmonics import real_basis  # noqa: E402
 from research.second_stage.first_stage import SIZE, SeenSurfaces  # noqa: E402
 from research.second_stage.net import SecondStage  # noqa: E402
@@ -58,8 +58,9 @@ def source(matrices, spheres, maps=None, **settings) -> ReflectanceSource:
 
 def test_a_table_with_terms_swapped_or_without_the_cosine(matrices):
     light = own_map(1, 3).radiance
-    normals, disc = reflectance_disc(SIDE)
-    n = normals[disc]
+    x = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
+    disc = np.hypot(*np.meshgrid(x, x)) < 1
+    n = reflectance_normals(SIDE)[disc]
     wide = shading_pyramid(light)
     for k, alpha in enumerate(ALPHAS):
         pyramid = wide if alpha > 0.3 else shading_pyramid(light, alpha)

@@ -13,11 +13,11 @@ from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.plan import world_recipes
-from anyprobe.dataset.recipe import WORLD, Recipe
+from anyprobe.dataset.recipe import WORLD, Recipe, world_recipes
 from anyprobe.errors import InputError
 from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 from anyprobe.render.shapes import sphere
+from anyprobe.scatter.materials import total_reflectance
 from research.limits.__main__ import limits
 from research.world import pairs as world
 
@@ -70,7 +70,7 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
                 low, high = priors.ALPHA[kind][[0, -1]]
                 assert low <= given.alpha <= high
                 assert np.any(given.albedo) == (kind > 0)
-                value.append(luminance(priors.total_reflectance(given.albedo, given.f0)).mean())
+                value.append(luminance(total_reflectance(given.albedo, given.f0)).mean())
         assert max(value[:4]) < min(value[4:]) + 0.1
         assert np.mean(value[:4]) < np.mean(value[4:])
 

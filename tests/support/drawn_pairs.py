@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.dataset.pair import MapPair, Pair
-from anyprobe.dataset.plan import Plan
-from anyprobe.dataset.recipe import Recipe
+from anyprobe.dataset.recipe import Plan, Recipe
 from anyprobe.dataset.samples import CONDITIONS, AssetNote, Sample, encode_map_pair, encode_pair
 from anyprobe.scatter.materials import Material
 

@@ -13,6 +13,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
+from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
 from anyprobe.masks.cut import cut_out, tidy
@@ -20,11 +21,16 @@ from anyprobe.masks.propose import default_graph, shared_network
 from anyprobe.masks.quality import Evidence, examine
 from anyprobe.relight.ground import View
 from anyprobe.relight.placement import Spot, find_spot
+from anyprobe.scatter.materials import given_material, material_input
 
 HINTS = {
     "none": {"on": [], "off": []},
     "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
+}
+GIVEN_MATERIALS = {
+    "gold": {"name": "gold"},
+    "clay": {"albedo": [0.4, 0.3, 0.2], "roughness": 0.7},
 }
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03, 0.05, 0.04, 0.03, 0.05]
 
@@ -136,6 +142,13 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
         answers["radiance_normals"] = estimator.from_photo(with_normals).radiance
+        for name, given in GIVEN_MATERIALS.items():
+            material = given_material(**given)
+            answers[f"material_{name}"] = material_input(material)
+            crop = crop_object(loaded)
+            outputs = estimator.models(crop.image, crop.tan_half, None, None, material)
+            answers[f"radiance_{name}"] = rotate(outputs.radiance, crop.camera_from_crop).clip(0.0)
+        answers["uncertainty"] = list(light.info["uncertainty"].values())
     rgb, qualities = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
         proposal = shared_network().propose(rgb, **hints)
@@ -165,6 +178,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "long_fov_deg": long_fov_deg,
         "weights": weights,
         "hints": HINTS,
+        "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
         "placements": _placements(),
         "qualities": qualities,

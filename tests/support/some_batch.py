@@ -27,4 +27,6 @@ def some_batch(count: int = 4) -> Batch:
         tan_half=0.2 * values(count),
         given_normals_rotation=torch.zeros(count, 3, 3),
         surroundings=torch.zeros(count, 4, 64, 128),
+        material=torch.cat([torch.ones(count, 1), values(count, 7)], dim=1),
+        given_material=torch.zeros(count, 8),
     )

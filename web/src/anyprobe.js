@@ -5,6 +5,7 @@ import { Tracker } from "./live/tracker.js";
 import { WorkerClient } from "./networks/workerClient.js";
 import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
 import { hintsOf } from "./photo/hints.js";
+import { givenMaterial, materialInput } from "./photo/material.js";
 import { maskFromAlpha } from "./photo/picture.js";
 import { readMask, readSource } from "./photo/source.js";
 
@@ -44,7 +45,7 @@ export class AnyProbe {
    * Where the object is: numbers in [0, 1] of the picture's size, or of 1600 pixels along its longer side.
    *
    * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[]}>}
-   *   quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.8
+   *   quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.81
    */
   async mask(image, hints = {}) {
     const picture = readSource(image);
@@ -58,14 +59,14 @@ export class AnyProbe {
    * @param {import("../types/index.d.ts").EstimateOptions} [options]
    * @returns {Promise<Light>}
    */
-  async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, ...hints } = {}) {
+  async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, ...hints } = {}) {
+    const options = { surroundings, emitters, material: describe(material) };
     const picture = readSource(image);
     const given = mask ? readMask(mask, picture) : maskFromAlpha(picture);
     const found = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, hints);
     if (normals && normals.length !== 3 * found.mask.length) {
       throw new Error(`normals: expected ${picture.width} x ${picture.height} x 3 numbers, got ${normals.length}`);
     }
-    const options = { surroundings, emitters };
     const { light } = await this.examine({ picture, mask: found.mask, normals, longFovDeg: fovDeg, options });
     const { quality, warnings } = found;
     return new Light({ ...light, mask: { quality, warnings } });
@@ -86,13 +87,14 @@ export class AnyProbe {
    * @param {import("../types/index.d.ts").TrackOptions} [options]
    * @returns {Tracker}
    */
-  track(video, onLight, { fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, onError, onLost, withViews = false, ...hints } = {}) {
+  track(video, onLight, { fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, onError, onLost, withViews = false, ...hints } = {}) {
+    const options = { surroundings, emitters, material: describe(material) };
     this.#tracker?.stop();
     const tracker = (this.#tracker = new Tracker(video, this.#client, {
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? reportError,
     }));
-    const given = { hints, longFovDeg: fovDeg, options: { surroundings, emitters }, withViews };
+    const given = { hints, longFovDeg: fovDeg, options, withViews };
     tracker.start(given).catch((error) => tracker.running && tracker.onError(error));
     return tracker;
   }
@@ -107,3 +109,6 @@ export class AnyProbe {
     return this.#client.ask("mask", { picture, hints: hintsOf(hints, picture.scale) });
   }
 }
+
+/** A given material as the network takes it. */
+const describe = (material) => (material === undefined ? undefined : materialInput(givenMaterial(material)));

@@ -15,6 +15,7 @@ import { cameraRadiance, describe } from "../src/light/light.js";
 import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { shown, step } from "../src/light/temporal.js";
 import { cropNormals, cropObject } from "../src/photo/crop.js";
+import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { propose } from "../src/photo/propose.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
@@ -54,7 +55,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, frameSeconds: given.frame_seconds, placements: given.placements, qualities: given.qualities });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, qualities: given.qualities });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -106,6 +107,21 @@ test("given normals, cropped, and the map with them", { skip }, async (t) => {
   const normals = cropNormals(floats("normals"), floats("mask"), found.picture.width, found.crop);
   assertClose(normals, floats("normals_crop"), 1e-4, "normals");
   assertMostlyClose((await lit({ normals })).radiance, floats("radiance_normals"), 3e-3, "radiance with normals");
+});
+
+test("a given material, and the map with it", { skip }, async (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
+  for (const [name, given] of Object.entries(found.materials)) {
+    const material = materialInput(givenMaterial(given));
+    assertClose(material, floats(`material_${name}`), 1e-6, name);
+    assertMostlyClose((await lit({ material })).radiance, floats(`radiance_${name}`), 3e-3, `radiance of ${name}`);
+  }
+});
+
+test("what it says of its own map's level and colour", { skip }, async (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain says nothing");
+  const { levelStops, colorDeg } = (await lit({})).uncertainty;
+  assertClose([levelStops, colorDeg], floats("uncertainty"), 0.02, "uncertainty");
 });
 
 test("the confidence, its mean, and how much of the object is well exposed", { skip }, async () => {

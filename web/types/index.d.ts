@@ -58,7 +58,15 @@ export interface LightOptions {
   emitters?: "mode" | "expected";
   /** Field of view of the longer side, degrees. Default 65, a phone's main camera. */
   fovDeg?: number;
+  /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
+  material?: GivenMaterial;
 }
+
+export type MaterialName = "chrome" | "gold" | "plastic" | "matte";
+/** A name, or "matte" where none is given, with a linear diffuse albedo and a roughness (0.1 to 1) of its own. */
+export type GivenMaterial =
+  | MaterialName
+  | { name?: MaterialName; albedo?: number | [number, number, number]; roughness?: number };
 
 export interface EstimateOptions extends Hints, LightOptions {
   /** White on the object: a picture, or numbers in [0, 1] of the picture's size. */
@@ -109,8 +117,12 @@ export declare class Light {
   /** Share of the object's pixels that are neither black nor clipped. */
   readonly wellExposedFraction: number;
   readonly emitters: "mode" | "expected";
-  /** What was given: the share of the map that the background shows, and whether normals were. */
-  readonly priors: { surroundings: number; normals: boolean };
+  /** What the object is taken for: probability of a metal, share of an even light that it reflects; null where unknown. */
+  readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number } | null;
+  /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
+  readonly uncertainty: { levelStops: number; colorDeg: number } | null;
+  /** What was given: the share of the map that the background shows, and whether normals and material were. */
+  readonly priors: { surroundings: number; normals: boolean; material: boolean };
   /** Of an estimate from a picture: how good the found mask is, see AnyProbe.mask; quality is null where it was given. */
   readonly mask?: { quality: number | null; warnings: string[] };
 }
@@ -134,7 +146,7 @@ export declare class AnyProbe {
   readonly hasMask: boolean;
   /**
    * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
-   * null without a mask network, with a line on what looks wrong where that is below 0.8.
+   * null without a mask network, with a line on what looks wrong where that is below 0.81.
    */
   mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
   /** The light around the object of one picture, in the frame of its camera. */

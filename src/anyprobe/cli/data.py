@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -24,27 +23,6 @@ data = typer.Typer(
 )
 
 
-class Source(StrEnum):
-    """Publishers we know how to ask."""
-
-    polyhaven = "polyhaven"
-
-
-class Kind(StrEnum):
-    """What to fetch."""
-
-    hdris = "hdris"
-    models = "models"
-    all = "all"
-
-
-class MapFormat(StrEnum):
-    """What maps come as."""
-
-    hdr = "hdr"
-    exr = "exr"
-
-
 for command in (render, status, verify):
     data.command()(command)
 
@@ -56,14 +34,20 @@ def _group() -> None:
 
 @data.command()
 def fetch(
-    source: Annotated[Source, typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")],
-    kind: Annotated[Kind, typer.Option("--type", help="Maps, models or both.")] = Kind.all,
+    source: Annotated[
+        Literal["polyhaven"], typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")
+    ],
+    kind: Annotated[
+        Literal["hdris", "models", "all"], typer.Option("--type", help="Maps, models or both.")
+    ] = "all",
     category: Annotated[
         list[str] | None, typer.Option(help="Only assets in this category; several times: in all of them.")
     ] = None,
     limit: Annotated[int, typer.Option(min=0, metavar="N", help="Assets of each type; 0 for all.")] = 100,
     resolution: Annotated[str, typer.Option(help="Width of the maps; training averages them to 512.")] = "1k",
-    map_format: Annotated[MapFormat, typer.Option("--format", help="Format of the maps.")] = MapFormat.hdr,
+    map_format: Annotated[
+        Literal["hdr", "exr"], typer.Option("--format", help="Format of the maps.")
+    ] = "hdr",
     to: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for hdri/ and meshes/, as train --data reads it.")
     ] = Path("data"),
@@ -99,7 +83,7 @@ def fetch(
             _list(chosen, split, polyhaven)
             return
         library = polyhaven.Library(
-            to, client, api=api, resolution=resolution, map_format=map_format.value, test_share=split
+            to, client, api=api, resolution=resolution, map_format=map_format, test_share=split
         )
         outcomes, stopped = _fetch_all(library, chosen, progress)
     _report(outcomes, chosen, talk, to)

@@ -24,12 +24,13 @@ from anyprobe.cli.options import (
     ModelOptions,
     ObjectOptions,
     QuietOption,
+    check_names,
     hints_for,
     list_photos,
     photo_source,
     with_bundles,
 )
-from anyprobe.errors import AnyprobeError, InputError, OutputError
+from anyprobe.errors import AnyprobeError, InputError
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
@@ -44,6 +45,7 @@ class Done:
 
     photo: Path
     direction: np.ndarray | None = None
+    level_stops: float | None = None
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     error: str = ""
@@ -111,13 +113,8 @@ class Job:
 
         start = time.perf_counter()
         try:
-            twins = [other for other in self.listed if other.stem == path.stem]
-            if twins[0] != path:
-                raise OutputError(
-                    f"{path}: expected names that differ, got {twins[0]} before it; rename one of them"
-                )
             hints = hints_for(path, self.hints)
-            _check_files(path, self.out, self.listed, hints)
+            self._check(path, hints)
             photo = load_photo(photo_source(path), name="stdin" if path == STDIN else None, **hints)
             light = self.estimator.from_photo(photo, start, material=self.material)
             return self._write(path, photo, light, sum(light.info["seconds"].values()))
@@ -138,7 +135,7 @@ class Job:
 
         def load(path: Path) -> Photo:
             hints = hints_for(path, self.hints)
-            _check_files(self.listed[0], self.out, [*self.listed, poses], hints)
+            self._check(self.listed[0], hints, poses)
             if hints["fov_deg"] is None:
                 hints["fov_deg"] = fovs[path]
             try:
@@ -151,6 +148,14 @@ class Job:
         light = self.estimator.multiview(chain([first], photos), turned, start=start, material=self.material)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
+    def _check(self, path: Path, hints: dict[str, Any], poses: Path | None = None) -> None:
+        """Refuse names that do not differ, and a result that would replace an input."""
+        from anyprobe.estimate.outputs import SUFFIXES
+
+        given = (poses, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
+        targets = (self.out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES)
+        check_names(path, self.listed, targets, given)
+
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
         from anyprobe.estimate.outputs import write_results
 
@@ -159,7 +164,10 @@ class Job:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
-        return Done(photo=path, direction=direction, seconds=seconds, warnings=light.warnings)
+        unsure = light.info.get("uncertainty", {}).get("level_stops")
+        return Done(
+            photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
+        )
 
 
 def stem_of(path: Path) -> str:
@@ -175,37 +183,30 @@ def _line(path: Path, error: AnyprobeError) -> str:
     return " ".join(text.splitlines())  # a name may hold a line break
 
 
-def _check_files(path: Path, out: Path, listed: list[Path], hints: dict) -> None:
-    """Refuse a result that would replace one of the inputs."""
-    from anyprobe.estimate.outputs import SUFFIXES
-
-    files = (*listed, hints["mask"], hints["depth"], hints["normals"], hints["surroundings"])
-    inputs = {given.resolve(): given for given in files if isinstance(given, Path)}
-    for target in (out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES):
-        if target.resolve() in inputs:
-            lost = inputs[target.resolve()]
-            raise OutputError(f"{path}: the result would replace {lost}; choose another folder with -o")
-
-
 def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos; warnings below it."""
     columns = (
         Column("photo", overflow="fold"),
         "dominant light",
+        "brightness",
         "seconds",
         Column("result", overflow="fold"),
     )
     table = Table(*columns, box=None, pad_edge=False)
     for one in done:
         if one.error:
-            table.add_row(str(one.photo), "", "", "failed")
+            table.add_row(str(one.photo), "", "", "", "failed")
             continue
         x, y, z = one.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
         side = "right" if azimuth >= 0 else "left"
         where = f"{abs(azimuth):.0f}° {side}, {abs(elevation):.0f}° {'up' if elevation >= 0 else 'down'}"
         table.add_row(
-            str(one.photo), where, f"{one.seconds:.2f}", str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}"
+            str(one.photo),
+            where,
+            "" if one.level_stops is None else f"± {one.level_stops:.1f} stops",
+            f"{one.seconds:.2f}",
+            str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}",
         )
     talk.print(table)
     for one in done:

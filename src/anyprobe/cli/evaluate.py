@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from anyprobe.cli.render import Conditions
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LIFT_STAGES
 
@@ -51,13 +51,6 @@ CELL = 64
 """Side of a picture in the grid [pixels]."""
 
 
-class Conditions(StrEnum):
-    """How the test photos are taken; the members are dataset.samples.CONDITIONS."""
-
-    clean = "clean"
-    world = "world"
-
-
 def evaluate(
     hdri: Annotated[
         Path, typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor).")
@@ -70,7 +63,7 @@ def evaluate(
     ] = False,
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos, or as phones take them: noise, JPEG, blur, rough masks.")
-    ] = Conditions.clean,
+    ] = "clean",
     noisy_masks: Annotated[
         bool, typer.Option("--noisy-masks", help="Masks 3 pixels too wide or narrow, with 5 % holes.")
     ] = False,
@@ -126,7 +119,7 @@ def evaluate(
         "settings": {
             "pairs": len(recipes),
             **({"frozen": True} if frozen else {"seed": seed}),
-            "conditions": conditions.value,
+            "conditions": conditions,
             "noisy_masks": noisy_masks,
             "path_traced": path_traced,
             "textured": textured,
@@ -153,7 +146,7 @@ def _test_set(
     """Recipes of so many pairs, drawn by seed or the frozen ones, and the assets they name."""
     from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.catalog import load_maps, load_shapes
-    from anyprobe.dataset.plan import balanced_recipes
+    from anyprobe.dataset.recipe import balanced_recipes
     from anyprobe.dataset.samples import CONDITIONS
     from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 
@@ -167,7 +160,7 @@ def _test_set(
         )
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
-    return [replace(one, conditions=CONDITIONS.index(conditions.value)) for one in recipes], store
+    return [replace(one, conditions=CONDITIONS.index(conditions)) for one in recipes], store
 
 
 class Watch:

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import MaskOptions, hints_for, list_photos, with_bundles
-from anyprobe.errors import AnyprobeError, OutputError
+from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, with_bundles
+from anyprobe.errors import AnyprobeError
 
 
 @with_bundles
@@ -38,19 +38,13 @@ def mask(
 
 def _one(path: Path, out: Path, hints: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
     """Write one photo's two files; a line that says what was found and how, and warnings."""
+    from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
-    from anyprobe.masks.overlay import draw_overlay
 
-    twins = [other for other in listed if other.stem == path.stem]
-    if twins[0] != path:
-        raise OutputError(f"{path}: expected names that differ, got {twins[0]} before it; rename one of them")
     hints = hints_for(path, hints)
     targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
-    inputs = {given.resolve() for given in (*listed, hints["depth"]) if given is not None}
-    for target in targets.values():
-        if target.resolve() in inputs:
-            raise OutputError(f"{path}: the result would replace {target}; choose another folder with -o")
+    check_names(path, listed, targets.values(), [hints["depth"]])
     pixels = read_image(path)
     found = find_mask(pixels, **hints)
     overlay = draw_overlay(pixels.rgb, found.mask, hints["click"] or (), hints["click_off"] or ())

@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from anyprobe.errors import InputError, InvalidMask, MissingExtra
+from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.paths import visible_files
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
     from anyprobe.estimate.estimator import Estimator
+    from anyprobe.estimate.normals_model import NormalsEstimator
     from anyprobe.scatter.materials import Material
 
 STDIN = Path("-")
@@ -97,9 +99,9 @@ class MaskOptions:
             "mask": mask,
             "box": None
             if self.box is None
-            else _numbers("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
+            else pixels_of("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
             **{
-                name: [_numbers(option, text, 2, "X,Y", example) for text in texts] if texts else None
+                name: [pixels_of(option, text, 2, "X,Y", example) for text in texts] if texts else None
                 for name, (option, texts, example) in points.items()
             },
             "depth": self.depth,
@@ -126,6 +128,13 @@ class ObjectOptions(MaskOptions):
             metavar="FILE|sphere",
             help="The object's normals: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, +Y up, "
             "+Z to the camera; a folder of them named like the photos; or sphere, if the object is one.",
+        ),
+    ] = None
+    normals_from: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.onnx",
+            help="Estimate the normals by this graph, which FILE.json beside it describes (docs/inputs.md).",
         ),
     ] = None
     material: Annotated[
@@ -160,10 +169,15 @@ class ObjectOptions(MaskOptions):
             "surroundings": self.surroundings_source(),
         }
 
-    def normals_source(self) -> Path | str | None:
-        """A path, or the word for a sphere as it is."""
+    def normals_source(self) -> Path | str | NormalsEstimator | None:
+        """A path, the word for a sphere as it is, or an estimator."""
+        from anyprobe.estimate.normals_model import open_normals_model
         from anyprobe.estimate.normals_prior import SPHERE
 
+        if self.normals_from is not None:
+            if self.normals is not None:
+                raise InputError("--normals and --normals-from: expected one of them, got both")
+            return open_normals_model(self.normals_from)
         return self.normals if self.normals in (None, SPHERE) else Path(self.normals)
 
     def surroundings_source(self) -> Path | str | None:
@@ -318,12 +332,27 @@ def list_photos(photos: list[Path]) -> list[Path]:
     return list(dict.fromkeys(chosen))
 
 
-def _numbers(option: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
+def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
+    """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
+    twins = [other for other in listed if other.stem == photo.stem]
+    if twins and twins[0] != photo:
+        raise OutputError(
+            f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them"
+        )
+    inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}
+    for target in targets:
+        if target.resolve() in inputs:
+            lost = inputs[target.resolve()]
+            raise OutputError(f"{photo}: the result would replace {lost}; choose another folder with -o")
+
+
+def pixels_of(option: str, text: str, count: int, form: str, example: str) -> tuple[float, ...]:
+    """So many numbers of an option's text; InvalidMask, with an example, for another."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != count:
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise InvalidMask(
             f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}"
         )

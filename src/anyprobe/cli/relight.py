@@ -7,10 +7,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from threading import Timer
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import typer
@@ -22,26 +21,21 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     hints_for,
+    pixels_of,
     with_bundles,
 )
-from anyprobe.errors import InputError, OutputError
+from anyprobe.errors import OutputError
 
 if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
     from anyprobe.scatter.materials import Material
 
+Renderer = Literal["auto", "own", "mitsuba"]
+"""What renders the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 SHOWN_AFTER_S = 1.0
 SHAPES = "sphere, vase, pebble, block, solid"
-
-
-class Renderer(StrEnum):
-    """What renders the inserted object."""
-
-    auto = "auto"
-    own = "own"
-    mitsuba = "mitsuba"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,6 +56,10 @@ class InsertOptions:
         float | None,
         typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks."),
     ] = None
+
+    def foot(self) -> tuple[float, ...] | None:
+        """The pixel of --at; None where it is absent."""
+        return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
 
 
 @with_bundles
@@ -84,7 +82,7 @@ def relight(
     before: Annotated[bool, typer.Option("--before", help="The photo and the result side by side.")] = False,
     renderer: Annotated[
         Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")
-    ] = Renderer.auto,
+    ] = "auto",
     light: Annotated[
         Path | None, typer.Option(help="An .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
@@ -100,7 +98,7 @@ def relight(
 
     material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
-    foot = point(placed.at)
+    foot = placed.foot()
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
@@ -185,16 +183,3 @@ def _radiance(
         return radiance, 1.0
     gain = least_scale(photo, radiance)
     return radiance * np.float32(gain), gain
-
-
-def point(text: str | None) -> tuple[float, float] | None:
-    """The pixel of --at; None where it is absent."""
-    if text is None:
-        return None
-    try:
-        found = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        found = ()
-    if len(found) != 2 or not np.isfinite(found).all():
-        raise InputError(f"--at: expected X,Y in pixels, got {text!r}; for instance --at 400,380")
-    return found

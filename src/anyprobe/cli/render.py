@@ -8,14 +8,16 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from datetime import timedelta
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+Conditions = Literal["clean", "world"]
+"""Photos as in the paper, or as the world gives them: dataset.samples.CONDITIONS."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 Assets = Annotated[
@@ -24,40 +26,15 @@ Assets = Annotated[
 ]
 
 
-class Kind(StrEnum):
-    """Photos of objects, or maps for the HDR network."""
-
-    object = "object"
-    map = "map"
-
-
-class Split(StrEnum):
-    """Which assets."""
-
-    train = "train"
-    test = "test"
-
-
-class Conditions(StrEnum):
-    """Photos as in the paper, or as the world gives them."""
-
-    clean = "clean"
-    world = "world"
-
-
-class Engine(StrEnum):
-    """Where to render."""
-
-    local = "local"
-    ray = "ray"
-
-
 def render(
     folder: Folder,
     data: Assets = None,
-    split: Annotated[Split | None, typer.Option(help="Which assets; default train.")] = None,
+    split: Annotated[
+        Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")
+    ] = None,
     kind: Annotated[
-        Kind | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
+        Literal["object", "map"] | None,
+        typer.Option(help="Pairs of objects (default), or maps for the HDR network."),
     ] = None,
     conditions: Annotated[
         Conditions | None, typer.Option(help="Clean photos as the paper's (default), or the world's.")
@@ -85,8 +62,8 @@ def render(
         bool, typer.Option("--resume", help="Go on with a dataset; settings not given are its own.")
     ] = False,
     engine: Annotated[
-        Engine, typer.Option(help="This machine's processes, or a Ray cluster.")
-    ] = Engine.local,
+        Literal["local", "ray"], typer.Option(help="This machine's processes, or a Ray cluster.")
+    ] = "local",
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster; without it one is begun here.")
     ] = None,
@@ -95,7 +72,7 @@ def render(
     from anyprobe.dataset import render_job
     from anyprobe.errors import InputError
 
-    if address is not None and engine is not Engine.ray:
+    if address is not None and engine != "ray":
         raise InputError("--address: expected --engine ray with it, got local; add it")
     settings = {
         "kind": kind,
@@ -108,7 +85,7 @@ def render(
         "procedural_shapes": procedural_shapes,
         "commercial_only": commercial_only or None,
     }
-    given = {name: getattr(value, "value", value) for name, value in settings.items() if value is not None}
+    given = {name: value for name, value in settings.items() if value is not None}
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     say = partial(talk.print, soft_wrap=True)
     job = render_job.begin(folder, given, data, _make(), resume=resume, report=say)
@@ -143,10 +120,10 @@ def _make() -> Callable:
     return StoreRenderer
 
 
-def _engine(engine: Engine, address: str | None, workers: int, say: Callable, job) -> Callable:
+def _engine(engine: str, address: str | None, workers: int, say: Callable, job) -> Callable:
     from anyprobe.dataset import process_pools, shards
 
-    if engine is Engine.local:
+    if engine == "local":
         return partial(process_pools.run_local, workers=workers, say=say)
     return partial(
         process_pools.run_ray,

@@ -90,8 +90,7 @@ def _listen(
     import uvicorn
 
     from anyprobe.serve.api import create_app
-    from anyprobe.serve.certificate import write_certificate
-    from anyprobe.serve.door import settings
+    from anyprobe.serve.door import settings, write_certificate
 
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
         shown = own_address() if host in EVERYWHERE else host

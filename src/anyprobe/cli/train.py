@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +15,7 @@ from anyprobe.errors import InputError
 
 if TYPE_CHECKING:
     from anyprobe.train.config import RunConfig
-    from anyprobe.train.shard_source import ShardSource
+    from anyprobe.train.dataloader import ShardSource
 
 RUNS = Path("runs")
 MASK_RUN = "mask"
@@ -96,7 +97,7 @@ def train(
 
 def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, workers: int) -> ShardSource:
     """The batches of a rendered dataset; InputError where the run cannot learn from it."""
-    from anyprobe.train.shard_source import ShardSource
+    from anyprobe.train.dataloader import ShardSource
 
     if workers:
         raise InputError("--workers: expected pairs made on the fly, got --shards; leave one of them out")
@@ -168,8 +169,8 @@ def weights(
         if asked and data is None and option in ("--calibrated", "--int8"):
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
+    from anyprobe.train.checkpoint import keep_apart, mean_checkpoint, save_init_weights
     from anyprobe.train.config import RUNS as NAMED
-    from anyprobe.train.init_weights import keep_apart, mean_checkpoint, save_init_weights
 
     if mean_map is not None and run not in NAMED:
         raise InputError(
@@ -181,8 +182,8 @@ def weights(
         )
     from anyprobe.train.checkpoint import read_checkpoint
     from anyprobe.train.dataloader import make_pairs
-    from anyprobe.train.export_mask import export_mask
     from anyprobe.train.export_onnx import write_mean_map
+    from anyprobe.train.mask_run import export_mask
 
     checkpoint = runs / run / "checkpoint.pt"
     if keep is not None:
@@ -215,16 +216,30 @@ def _export_light(
 ) -> dict[str, float]:
     """A chain's graphs, whole or not at all; ranges are of photos as the world gives them, confidence of clean ones."""
     from anyprobe.estimate.runtime import Models
-    from anyprobe.evaluate.calibration import calibrate, left_out_pairs
-    from anyprobe.train.export_onnx import AS_LEARNED, export, lift_examples, quantize
+    from anyprobe.evaluate.calibration import (
+        calibrate,
+        calibrate_errors,
+        left_out_pairs,
+        left_out_world_pairs,
+    )
+    from anyprobe.train.export_onnx import AS_LEARNED, Sureness, export, lift_examples, quantize
 
     kept, sureness = runs / "cache" / "left_out", AS_LEARNED
     with TemporaryDirectory() as folder:
         as_learned = Path(folder)
         if calibrate_on is not None:  # it is asked how sure it is
             export(checkpoint, as_learned)
-            sureness = calibrate(Models(folder), left_out_pairs(calibrate_on, kept))
-            typer.echo(f"confidence: logit times {sureness[0]:.3g}, plus {sureness[1]:.3g}")
+            models = Models(folder)
+            sureness = Sureness(logit=calibrate(models, left_out_pairs(calibrate_on, kept)))
+            typer.echo("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
+            if models.takes_material:
+                pairs = chain(left_out_pairs(calibrate_on, kept), left_out_world_pairs(calibrate_on, kept))
+                sureness = replace(sureness, errors=calibrate_errors(models, pairs))
+                typer.echo(
+                    "errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(
+                        *sureness.errors
+                    )
+                )
         if ranges_on is None:
             return export(checkpoint, to, sureness)
         exported = export(checkpoint, as_learned, sureness)

@@ -22,7 +22,7 @@ from anyprobe.cli.options import (
     QuietOption,
     with_bundles,
 )
-from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, point
+from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer
 from anyprobe.errors import InputError
 
 LINE_S = 30
@@ -44,7 +44,7 @@ def video(
         str | None,
         typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file."),
     ] = None,
-    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = Renderer.own,
+    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = "own",
     every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
     poses: Annotated[
@@ -76,7 +76,7 @@ def video(
         "normals": normals if isinstance(normals, Path) else None
     }
     given = {key: value for key, value in hints.items() if value and key not in ("near", "far")}
-    foot = point(placed.at)
+    foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError(
             "--poses and --insert: expected one of them; relit clips need a camera that stands still"
@@ -96,7 +96,7 @@ def video(
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
         virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
     every_frame = {"fov_deg": fov, "near": hints["near"], "far": hints["far"]} | (
-        {"normals": normals} if isinstance(normals, str) else {}
+        {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
     )
     follower = MaskFollower(folders, given, every_frame, surroundings)
     estimator, library = by.estimator(), fine.library()
@@ -111,7 +111,11 @@ def video(
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
         "emitters": by.emitters,
-        "normals": normals if isinstance(normals, str) else None,
+        "normals": str(taken.normals_from)
+        if callable(normals)
+        else normals
+        if isinstance(normals, str)
+        else None,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_material": material if name else None,

@@ -32,15 +32,9 @@ def reflect(v, n):
 
 
 def orthonormal_basis(n):
-    """Tangent and bitangent of unit n, so that (t, b, n) is right-handed.
+    """Tangent and bitangent of unit n, [..., 3] each, so that (t, b, n) is right-handed.
 
-    Duff et al., "Building an Orthonormal Basis, Revisited" (JCGT 2017): smooth
-    everywhere but across n_z = 0-.
-
-    Args:
-        n: [..., 3] unit vectors.
-    Returns:
-        t, b: [..., 3] each.
+    Duff et al., "Building an Orthonormal Basis, Revisited" (JCGT 2017): smooth everywhere but across n_z = 0-.
     """
     xp = array_namespace(n)
     x, y, z = n[..., 0], n[..., 1], n[..., 2]

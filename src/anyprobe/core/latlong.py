@@ -39,24 +39,16 @@ def pixel_directions(height: int) -> Float[np.ndarray, "H 2*H 3"]:
 
 
 def pixel_solid_angles(height: int) -> Float[np.ndarray, "H 1"]:
-    """Solid angle [sr] of a pixel of each row, [H, 1]; exact band integral.
+    """Solid angle [sr] of a pixel of each row, [H, 1]; exact band integral: the sum is 4 pi to rounding.
 
-    (phi step) x (cos of the upper edge - cos of the lower edge): 2H times the sum
-    is 4 pi to rounding, which the midpoint rule sin(theta) dtheta dphi misses.
+    (phi step) x (cos of the upper edge - cos of the lower edge); the midpoint rule sin(theta) dtheta dphi misses it.
     """
     edges = np.cos(np.linspace(0.0, np.pi, height + 1))
     return ((edges[:-1] - edges[1:]) * np.pi / height)[:, None].astype(np.float32)
 
 
 def bilinear(image, uv):
-    """Read a map between its pixel centres; wraps in u, clamps at the poles.
-
-    Args:
-        image: [H, 2H, C].
-        uv: [..., 2].
-    Returns:
-        [..., C]
-    """
+    """Read a map [H, 2H, C] between its pixel centres at uv [..., 2]: [..., C]; wraps in u, clamps at the poles."""
     xp = array_namespace(image, uv)
     height, width = image.shape[0], image.shape[1]
     x = uv[..., 0] * width - 0.5
@@ -79,13 +71,8 @@ def bilinear(image, uv):
 
 
 def corners(column, row, width: int) -> list:
-    """The four places around (column, row) in a flat picture of this width, and the share each has.
-
-    Args:
-        column, row: fractional, of one shape, at least 0 and below the last.
-    Returns:
-        four pairs of indices (int32) and weights.
-    """
+    """The four places around fractional (column, row) in a flat picture of this width: pairs of indices (int32) and
+    shares. Columns and rows are of one shape, at least 0 and below the last."""
     xp = array_namespace(column)
     column0, row0 = xp.floor(column), xp.floor(row)
     right, down = column - column0, row - row0

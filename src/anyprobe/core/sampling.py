@@ -1,6 +1,6 @@
 """Samplers: pure functions of the numbers u in [0, 1)^2 handed to them.
 
-Each has its density per steradian and its inverse beside it; the local frame has n = +Z.
+The local frame has n = +Z. Densities and inverses are in tests/support/warps.py.
 """
 
 from __future__ import annotations
@@ -43,81 +43,15 @@ def cosine_hemisphere_xyz(u):
     return _polar(xp.sqrt(1.0 - u[..., 1]), xp.sqrt(u[..., 1]), 2.0 * np.pi * u[..., 0])
 
 
-def cosine_hemisphere_to_square(d):
-    """Inverse of square_to_cosine_hemisphere."""
-    xp = array_namespace(d)
-    phi = xp.atan2(d[..., 1], d[..., 0]) / (2.0 * np.pi)
-    return xp.stack([phi - xp.floor(phi), 1.0 - d[..., 2] ** 2], axis=-1)
-
-
-def cosine_hemisphere_pdf(d):
-    """Density [1/sr] of square_to_cosine_hemisphere."""
-    xp = array_namespace(d)
-    return xp.clip(d[..., 2], 0.0, None) / np.pi
-
-
-def square_to_uniform_hemisphere(u):
-    """Directions with the same density everywhere above the horizon: [..., 2] -> [..., 3]."""
-    xp = array_namespace(u)
-    cosine = 1.0 - u[..., 1]
-    sine = xp.sqrt((2.0 - u[..., 1]) * u[..., 1])  # 1 - (1 - u)^2, whose difference would lose digits
-    return xp.stack(_polar(cosine, sine, 2.0 * np.pi * u[..., 0]), axis=-1)
-
-
-def uniform_hemisphere_to_square(d):
-    """Inverse of square_to_uniform_hemisphere."""
-    xp = array_namespace(d)
-    phi = xp.atan2(d[..., 1], d[..., 0]) / (2.0 * np.pi)
-    return xp.stack([phi - xp.floor(phi), 1.0 - d[..., 2]], axis=-1)
-
-
-def uniform_hemisphere_pdf(d):
-    """Density [1/sr] of square_to_uniform_hemisphere."""
-    xp = array_namespace(d)
-    return xp.where(d[..., 2] > 0, 0.5 / np.pi + 0.0 * d[..., 2], 0.0 * d[..., 2])
-
-
 def square_to_ggx_normal(u, alpha):
     """Microfacet normals h with density D(h) (n.h), Karis 2013; alpha is the GGX width.
 
     cos^2 = (1 - u) / (1 + (alpha^2 - 1) u); (alpha - 1)(alpha + 1) keeps precision.
     """
-    return array_namespace(u).stack(ggx_normal_xyz(u, alpha), axis=-1)
-
-
-def ggx_normal_xyz(u, alpha):
-    """square_to_ggx_normal in components x, y, z [...], for compiled kernels."""
     xp = array_namespace(u)
     cos2 = (1.0 - u[..., 1]) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * u[..., 1])
     sin2 = xp.clip(1.0 - cos2, 0.0, None)
-    return _polar(xp.sqrt(cos2), xp.sqrt(sin2), 2.0 * np.pi * u[..., 0])
-
-
-def ggx_normal_to_square(h, alpha):
-    """Inverse of square_to_ggx_normal."""
-    xp = array_namespace(h)
-    phi = xp.atan2(h[..., 1], h[..., 0]) / (2.0 * np.pi)
-    cos2 = h[..., 2] ** 2
-    v = (1.0 - cos2) / (1.0 + (alpha - 1.0) * (alpha + 1.0) * cos2)
-    return xp.stack([phi - xp.floor(phi), v], axis=-1)
-
-
-def ggx_normal_pdf(h, alpha):
-    """Density [1/sr] of square_to_ggx_normal: D(h) cos(theta)."""
-    xp = array_namespace(h)
-    cosine = xp.clip(h[..., 2], 0.0, None)
-    d = cosine**2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
-    return alpha**2 * cosine / (np.pi * d * d)
-
-
-def square_to_ggx_visible_normal(u, wo, alpha):
-    """Microfacet normals h that the eye at wo sees, with density G1 D (wo.h) / (n.wo) (Heitz 2018).
-
-    Drawn as in Dupuy and Benyoub 2023: stretched by alpha, the facets are a hemisphere, and what wo
-    sees of it mirrors wo into a spherical cap. [..., 2], [..., 3] -> [..., 3]; wo above the horizon.
-    """
-    xp = array_namespace(u)
-    return xp.stack(ggx_visible_normal_xyz(u, wo[..., 0], wo[..., 1], wo[..., 2], alpha), axis=-1)
+    return xp.stack(_polar(xp.sqrt(cos2), xp.sqrt(sin2), 2.0 * np.pi * u[..., 0]), axis=-1)
 
 
 def _stretch(x, y, z, alpha):
@@ -129,30 +63,15 @@ def _stretch(x, y, z, alpha):
 
 
 def ggx_visible_normal_xyz(u, wo_x, wo_y, wo_z, alpha):
-    """square_to_ggx_visible_normal in components x, y, z [...], for compiled kernels."""
+    """Microfacet normals h that the eye at wo sees, with density G1 D (wo.h) / (n.wo) (Heitz 2018), in components x, y,
+    z [...], for compiled kernels; wo above the horizon.
+
+    Drawn as in Dupuy and Benyoub 2023: stretched by alpha, the facets are a hemisphere, and what wo
+    sees of it mirrors wo into a spherical cap.
+    """
     xp = array_namespace(u)
     eye_x, eye_y, eye_z = _stretch(wo_x, wo_y, wo_z, alpha)
     cap_z = (1.0 - u[..., 1]) * (1.0 + eye_z) - eye_z
     sine = xp.sqrt(xp.clip(1.0 - cap_z * cap_z, 0.0, None))
     x, y, _ = _polar(cap_z, sine, 2.0 * np.pi * u[..., 0])
     return _stretch(x + eye_x, y + eye_y, cap_z + eye_z, alpha)
-
-
-def ggx_visible_normal_to_square(h, wo, alpha):
-    """Inverse of square_to_ggx_visible_normal."""
-    xp = array_namespace(h)
-    eye = xp.stack(_stretch(wo[..., 0], wo[..., 1], wo[..., 2], alpha), axis=-1)
-    facet = xp.stack(_stretch(h[..., 0], h[..., 1], h[..., 2], 1.0 / alpha), axis=-1)
-    cap = 2.0 * xp.sum(eye * facet, axis=-1, keepdims=True) * facet - eye
-    phi = xp.atan2(cap[..., 1], cap[..., 0]) / (2.0 * np.pi)
-    return xp.stack([phi - xp.floor(phi), 1.0 - (cap[..., 2] + eye[..., 2]) / (1.0 + eye[..., 2])], axis=-1)
-
-
-def ggx_visible_normal_pdf(h, wo, alpha):
-    """Density [1/sr] of square_to_ggx_visible_normal: G1(wo) D(h) (wo.h) / (n.wo), with Smith's G1."""
-    xp = array_namespace(h)
-    d = h[..., 2] ** 2 * (alpha - 1.0) * (alpha + 1.0) + 1.0
-    distribution = xp.where(h[..., 2] > 0, alpha**2 / (np.pi * d * d), 0.0 * d)
-    facing = xp.clip(xp.sum(h * wo, axis=-1), 0.0, None)
-    a2 = alpha**2
-    return distribution * facing * 2.0 / (wo[..., 2] + xp.sqrt(a2 + (1.0 - a2) * wo[..., 2] ** 2))

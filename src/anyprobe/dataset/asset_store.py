@@ -14,6 +14,7 @@ import numpy as np
 from anyprobe.dataset.catalog import (
     MAP_SUFFIXES,
     MESH_SUFFIXES,
+    Asset,
     MapAsset,
     ShapeAsset,
     allows_commercial_use,
@@ -53,21 +54,20 @@ class AssetStore:
 
     def map(self, map_id: str) -> MapAsset:
         """The map of that id, or InputError."""
-        if map_id not in self.maps:
-            raise InputError(
-                f"map {map_id}: expected one of the {len(self.maps)} maps given, got another; "
-                "give the folder that the recipe was made from"
-            )
-        return self.maps[map_id]
+        return _named("map", map_id, self.maps)
 
     def shape(self, shape_id: str) -> ShapeAsset:
         """The shape of that id, or InputError."""
-        if shape_id not in self.shapes:
-            raise InputError(
-                f"shape {shape_id}: expected one of the {len(self.shapes)} shapes given, got another; "
-                "give the folder that the recipe was made from"
-            )
-        return self.shapes[shape_id]
+        return _named("shape", shape_id, self.shapes)
+
+
+def _named(what: str, key: str, known: dict[str, Asset]) -> Asset:
+    if key not in known:
+        raise InputError(
+            f"{what} {key}: expected one of the {len(known)} {what}s given, got another; "
+            "give the folder that the recipe was made from"
+        )
+    return known[key]
 
 
 def _own_id(what: str, seed: int, index: int) -> str:
@@ -167,8 +167,8 @@ pictures made of them, with maps turned, blended and relit, and shapes turned, m
 [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
 [4.0](https://creativecommons.org/licenses/by/4.0/) ask to name the author, as MIT, BSD and Apache licences do.
 
-Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.procedural_light`,
-`anyprobe.render.shapes`, `anyprobe.render.parts`): they have no files, and are anyprobe's, Apache-2.0.
+Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.sky`,
+`anyprobe.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
 """
 
 _NAMES_NOBODY = re.compile(r"cc[\s_-]?0\b|creative commons zero\b|public domain\b|own\b", re.IGNORECASE)

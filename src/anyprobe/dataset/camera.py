@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, to_device
 from PIL import Image
 
-from anyprobe.core.color import to_bytes
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.dataset import priors
@@ -116,14 +118,10 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
 
 
 def exposure_for_clipping(luminance: np.ndarray, share: float) -> float:
-    """The gain at which a share of the sphere is 1 and brighter (hdrcnn: 5 to 15 %).
+    """The gain at which a share of the sphere, in (0, 1), is 1 and brighter in luminance [H, 2H] (hdrcnn: 5 to 15 %).
 
-    A map that is black but for less than that share cannot be exposed so; it gets the
-    gain at which all brighter than a thousandth of its mean clips.
-
-    Args:
-        luminance: [H, 2H] of a map; weighted by solid angle.
-        share: between 0 and 1.
+    A map that is black but for less than that share cannot be exposed so; it gets the gain at which all brighter than a
+    thousandth of its mean clips.
     """
     if not 0.0 < share < 1.0:
         raise InputError(f"share: expected a share of the sphere between 0 and 1, got {share:g}")
@@ -164,36 +162,65 @@ def compress(picture: np.ndarray, quality: int, subsampling: str) -> np.ndarray:
             return np.array(stored)
 
 
-def take_photo(
+def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: Callable | None = None) -> Any:
+    """Photos as cameras take them, the one way for pairs of recipes and on the fly: white balance, lens, curve,
+    noise, 8 bits, JPEG.
+
+    The lens blurs light, before the curve clips it: a light source spreads as it does in a
+    camera, brighter than white, and the object's rim takes from what is behind it.
+
+    Args:
+        radiance: [N, 3, S, S] of the objects in exposure units before white balance.
+        mask: [N, 1, S, S] bool, where the objects are in truth.
+        background: [N, 3, S, S] likewise; None for black, of which then nothing comes onto
+            the object: neither the blur nor JPEG knows of it.
+        grain: [N, 3, S, S], normal numbers of deviation 1 for the noise.
+        tone: the cameras' response; None: that of a single photo's curve.
+    Returns:
+        [N, 3, S, S] float32, whole numbers from 0 to 255; arrays of the same kind.
+    """
+    xp = array_namespace(radiance)
+    tone = tone or partial(response, curve=shots[0].curve)
+
+    def column(values):
+        values = np.asarray(values, np.float32).reshape(len(shots), -1, 1, 1)
+        return xp.asarray(values, device=radiance.device)
+
+    behind = xp.zeros_like(radiance) if background is None else background
+    scene = xp.where(mask, radiance, behind) * column([shot.white_balance for shot in shots])
+    cover = xp.astype(mask, scene.dtype)
+    for k, shot in enumerate(shots):
+        if shot.blur_px > 0.0:
+            scene[k] = blur(scene[k], shot.blur_px)
+            if background is None:
+                scene[k] = scene[k] / xp.clip(blur(cover[k], shot.blur_px), 1e-6, None)
+    display = tone(scene)
+    levels = xp.round(xp.clip(display + grain * column([shot.noise for shot in shots]), 0.0, 1.0) * 255.0)
+    for k, shot in enumerate(shots):
+        if shot.jpeg_quality is None:
+            continue
+        if background is None and mask[k].any():
+            mean = xp.mean(display[k][:, mask[k, 0]], axis=1)
+            levels[k] = xp.where(mask[k], levels[k], xp.round(xp.clip(mean, 0.0, 1.0) * 255.0)[:, None, None])
+        picture = np.moveaxis(np.asarray(to_device(levels[k], "cpu")), 0, -1).astype(np.uint8, order="C")
+        stored = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling).astype(np.float32)
+        levels[k] = xp.asarray(np.moveaxis(stored, -1, 0), device=levels.device)
+    return levels * cover if background is None else levels
+
+
+def one_photo(
     shot: Shot,
     radiance: np.ndarray,
     mask: np.ndarray,
     background: np.ndarray | None,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """One photo, [S, S, 3] uint8: white balance, lens, curve, noise, 8 bits, JPEG.
+    """take_photo of [S, S, 3], a mask [S, S] and a background [S, S, 3] or None, grain by rng: [S, S, 3] uint8."""
 
-    The lens blurs light, before the curve clips it: a light source spreads as it does in a
-    camera, brighter than white, and the object's rim takes from what is behind it.
+    def planes(picture: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None], dtype=np.float32)
 
-    Args:
-        radiance: [S, S, 3] of the object in exposure units before white balance.
-        mask: [S, S] bool, where the object is in truth.
-        background: [S, S, 3] likewise; None for black, of which then nothing comes onto
-            the object: neither the blur nor JPEG knows of it.
-        rng: for the noise.
-    """
-    inside = mask[..., None]
-    scene = np.where(inside, radiance, 0.0 if background is None else background) * shot.white_balance
-    planes = np.ascontiguousarray(np.moveaxis(scene, -1, 0), dtype=np.float32)
-    if shot.blur_px > 0.0:
-        planes = blur(planes, shot.blur_px)
-        if background is None:
-            planes = planes / np.maximum(blur(mask.astype(np.float32), shot.blur_px), 1e-6)
-    display = np.moveaxis(response(planes, shot.curve), 0, -1)
-    picture = to_bytes(display + rng.standard_normal(display.shape, np.float32) * shot.noise)
-    if shot.jpeg_quality is not None:
-        if background is None and mask.any():
-            picture = np.where(inside, picture, to_bytes(display[mask].mean(axis=0)))
-        picture = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling)
-    return picture * inside if background is None else picture
+    behind = None if background is None else planes(background)
+    grain = planes(rng.standard_normal(radiance.shape, np.float32))
+    levels = take_photo([shot], planes(radiance), mask[None, None], behind, grain)[0]
+    return np.moveaxis(levels, 0, -1).astype(np.uint8, order="C")

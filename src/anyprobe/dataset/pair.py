@@ -20,9 +20,9 @@ from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, phone_shot, take_photo
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, one_photo, phone_shot
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import SPECULAR_BELOW, draw_alpha, draw_material
+from anyprobe.dataset.priors import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
 from anyprobe.dataset.textured import draw_factor, draw_share, factor_at, paint
 from anyprobe.errors import InputError, InvalidMesh
@@ -150,7 +150,7 @@ def render_pair(
         mask = disturb_mask(mask, rng)
         away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
         background = bilinear(asset.radiance, direction_to_uv(away)) * gain
-    display = take_photo(shot, picture, surface.mask, background, rng)
+    display = one_photo(shot, picture, surface.mask, background, rng)
     irradiance = np.zeros((*surface.mask.shape, 3), np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)

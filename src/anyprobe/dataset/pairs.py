@@ -19,21 +19,21 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
 from anyprobe.dataset import priors
-from anyprobe.dataset.camera import Shot, blur, compress, draw_shot, exposure, phone_shot
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.material import draw_material
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
+from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
 from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.shape_augment import join_some, reshape_some
-from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, thinned
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import lookup_coords
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.albedo import albedo_table
-from anyprobe.scatter.materials import Material
+from anyprobe.scatter.materials import Material, material_input
+from anyprobe.scatter.microfacet import albedo_table
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,13 +45,13 @@ class PairConfig:
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
     world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
         phones expose and balance them.
-    every: of so many pixels of a photo, along either side, one is left (dataset.surfaces.thinned).
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
         tracked model.
     surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.seen_surroundings).
     merged_surroundings: of these, the share of which also what other photos of the object show is known.
+    given_material: share of photos that come with their material, a little wrong (GIVEN_MATERIAL_ERROR).
     joined, shape_augment: shares of surfaces before which another is put, and that are given another shape
         (dataset.shape_augment).
     textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
@@ -66,11 +66,11 @@ class PairConfig:
     lanes: int = 2
     conditions: int = 1
     world: float = 0.0
-    every: int = 1
     cut_out: float = 0.0
     given_normals: float = 0.0
     surroundings: float = 0.0
     merged_surroundings: float = 0.0
+    given_material: float = 0.0
     joined: float = 0.0
     shape_augment: float = 0.0
     textured: float = 0.0
@@ -79,6 +79,8 @@ class PairConfig:
 
 GIVEN_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
+GIVEN_MATERIAL_ERROR = np.float32([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0])
+"""Standard deviations of a given material's numbers, in the order of scatter.materials.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,7 +89,9 @@ class Batch:
     ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
     zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from
     these normals to the given ones, a small turn, or zero where none are given; surroundings [B, 4, H, 2H]:
-    what else the photo shows, see dataset.seen_surroundings, or zero."""
+    what else the photo shows, see dataset.seen_surroundings, or zero; material [B, 8]: of the object
+    (scatter.materials.material_input; zero where a dataset does not say), and given_material [B, 8]: as it is given,
+    or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -98,6 +102,8 @@ class Batch:
     tan_half: torch.Tensor
     given_normals_rotation: torch.Tensor
     surroundings: torch.Tensor
+    material: torch.Tensor
+    given_material: torch.Tensor
 
     def to(self, device: str) -> Batch:
         """The same on another device."""
@@ -109,7 +115,7 @@ class PairSource:
 
     def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig) -> None:
         self.config, self.illuminator = config, illuminator
-        self.surfaces = thinned(surfaces, config.every)
+        self.surfaces = surfaces
         self.device = illuminator.device
         self._places, self._tone = illuminator.wrap(lookup_coords), illuminator.wrap(response)
         self._groups: dict[tuple[int, int], list[LitMaterial]] = {}
@@ -179,6 +185,7 @@ class PairSource:
         """
         count, size = len(chosen), normals.shape[-1]
         materials = [_material_of(lit, rng) for lit in chosen]
+        described = np.stack([material_input(one) for one in materials])
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
@@ -230,7 +237,18 @@ class PairSource:
             tan_half=angles,
             given_normals_rotation=torch.from_numpy(given.astype(np.float32)).to(self.device),
             surroundings=surroundings_map,
+            material=torch.from_numpy(described).to(self.device),
+            given_material=torch.from_numpy(self._given(described, rng)).to(self.device),
         )
+
+    def _given(self, described: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Of materials [B, 8] those that come with their photos, with their errors; the rest zero."""
+        if self.config.given_material == 0:
+            return np.zeros_like(described)
+        rng = rng.spawn(1)[0]  # all else of a photo stays as it is
+        wrong = described + rng.standard_normal(described.shape, np.float32) * GIVEN_MATERIAL_ERROR
+        wrong[:, 1] = wrong[:, 1].clip(0.1, 1.0)
+        return wrong * (rng.random((len(wrong), 1)) < self.config.given_material)
 
     def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
         """From radiance to each photo's exposure units, [B, 1, 1, 1]."""
@@ -351,25 +369,12 @@ def take_photos(
     rng: np.random.Generator,
     tone: Callable = response,
 ) -> torch.Tensor:
-    """What `camera.take_photo` does to one photo, for a batch: display values [B, 3, S, S] in steps of 1/255.
+    """camera.take_photo of a batch, grain by rng: display values [B, 3, S, S] in steps of 1/255.
 
-    Args:
-        radiance, background: [B, 3, S, S] in exposure units before white balance.
-        mask: [B, 1, S, S] of the objects.
-        tone: response, or the same compiled.
+    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
     """
     device = radiance.device
-    scene = torch.lerp(background, radiance, mask) * _column([shot.white_balance for shot in shots], device)
-    for one, shot in zip(scene, shots, strict=True):
-        if shot.blur_px > 0.0:
-            one.copy_(blur(one, shot.blur_px))
     generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
-    display = torch.randn(scene.shape, generator=generator, device=device)
-    display.mul_(_column([shot.noise for shot in shots], device)).add_(tone(scene, curves(shots, device)))
-    display.clip_(0, 1).mul_(255).round_()
-    for one, shot in zip(display, shots, strict=True):
-        if shot.jpeg_quality is not None:
-            picture = one.permute(1, 2, 0).to(torch.uint8).cpu().numpy()
-            stored = compress(np.ascontiguousarray(picture), shot.jpeg_quality, shot.jpeg_subsampling)
-            one.copy_(torch.from_numpy(stored).permute(2, 0, 1))
-    return display.div_(255)
+    grain = torch.randn(radiance.shape, generator=generator, device=device)
+    tone = partial(tone, curve=curves(shots, device))
+    return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

@@ -17,11 +17,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from anyprobe.dataset.catalog import Manifest
 from anyprobe.dataset.download import Client, RemoteFile, Watch, md5_of
-from anyprobe.dataset.manifest import Manifest
 from anyprobe.errors import AnyprobeError, DownloadError, InputError, ServerBusy
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.glb import buffer_paths, pack_glb, read_gltf
+from anyprobe.files.meshes import buffer_paths, pack_glb, read_gltf
 from anyprobe.files.radiance import read_radiance
 
 API = "https://api.polyhaven.com"

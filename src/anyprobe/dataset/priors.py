@@ -1,7 +1,8 @@
-"""Priors of the real world: what objects reflect, how phones expose them, what white they choose.
+"""Priors of materials and cameras: the paper's, "metal and non-metal from diffuse to specular", and the real world's:
+what objects reflect, how phones expose them, what white they choose.
 
-Each distribution is given by its quantiles at PROBABILITIES, between which the logarithm is linear, so that drawing
-from it and its density are both exact. They are ours; the measurements that they follow are
+The latter are given by their quantiles at PROBABILITIES, between which the logarithm is linear, so that drawing from
+them and their density are both exact. They are ours; the measurements that they follow are
 
 - the 100 measured materials of MERL (Matusik et al., A Data-Driven Reflectance Model, SIGGRAPH 2003), as fitted by
   Bagher, Soler and Holzschuch (Accurate fitting of measured reflectances using a Shifted Gamma micro-facet
@@ -17,15 +18,58 @@ the middle of what is dull follows MERL together with its sheen, and the upper t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.dataset.material import METALS
 from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import f0_from_ior
+
+ALPHA_MIN = 0.01
+SPECULAR_BELOW = 0.5
+"""The paper's border between specular and diffuse materials."""
+
+METALS = (  # linear Rec. 709 reflectance at normal incidence
+    (1.00, 0.77, 0.34),  # gold
+    (0.96, 0.64, 0.54),  # copper
+    (0.97, 0.96, 0.92),  # silver
+    (0.91, 0.92, 0.92),  # aluminium
+    (0.56, 0.57, 0.58),  # iron
+    (0.55, 0.56, 0.55),  # chromium
+    (0.89, 0.79, 0.43),  # brass
+)
+
+
+def draw_alpha(rng: np.random.Generator, specular: bool | None = None) -> float:
+    """GGX width: log-uniform in [0.01, 0.5) for specular, uniform in [0.5, 1] for diffuse."""
+    if specular is None:
+        specular = rng.random() < 0.5
+    if specular:
+        return float(np.exp(rng.uniform(np.log(ALPHA_MIN), np.log(SPECULAR_BELOW))))
+    return float(rng.uniform(SPECULAR_BELOW, 1.0))
+
+
+METAL_SHARE = 0.4
+
+
+def draw_material(rng: np.random.Generator, alpha: float, metal: bool | None = None) -> Material:
+    """A metal with a tabled f0 made a little different, or a dielectric; METAL_SHARE decides if not given.
+
+    Dielectrics have an index of refraction in [1.3, 1.8] and an albedo that is
+    white to dark, often grey, sometimes strongly coloured.
+    """
+    drawn = rng.random() < METAL_SHARE
+    if drawn if metal is None else metal:
+        f0 = np.array(METALS[rng.integers(len(METALS))]) * rng.uniform(0.75, 1.0) + rng.normal(0, 0.02, 3)
+        return Material(
+            albedo=np.zeros(3, np.float32), f0=np.clip(f0, 0.2, 1.0).astype(np.float32), alpha=alpha
+        )
+    f0 = np.full(3, f0_from_ior(rng.uniform(1.3, 1.8)), np.float32)
+    value = rng.uniform(0.08, 0.9)
+    tint = np.exp(rng.normal(0.0, rng.choice([0.03, 0.15, 0.6]), size=3))
+    albedo = np.clip(value * tint / tint.max(), 0.01, 0.95).astype(np.float32)
+    return Material(albedo=albedo, f0=f0, alpha=alpha)
+
 
 KINDS = ("metal", "smooth", "rough", "painted")
 """Bare metal; glossy plastic, glaze, varnish, polished stone; unglazed clay, wood, stone, rubber, matte plastic;
@@ -59,7 +103,7 @@ IOR, IOR_SPREAD, IOR_RANGE = 1.5, 0.06, (1.35, 1.75)
 """Mean, standard deviation and bounds of a dielectric's index of refraction: plastics 1.46-1.59, glazes and glass
 1.5-1.6, resins 1.5 (Polyanskiy, refractiveindex.info)."""
 METAL_SHARES = (0.08, 0.10, 0.10, 0.22, 0.20, 0.15, 0.15)
-"""Of the metals of dataset.material, in their order; a polished surface loses up to a fifth of the table's f0."""
+"""Of METALS, in their order; a polished surface loses up to a fifth of the table's f0."""
 
 TINTS = (0.25, 0.5, 0.25)
 """Shares of nearly grey, of natural and of pigmented colours among dielectrics. Natural reflectance rises with the
@@ -84,16 +128,6 @@ before."""
 BALANCE_ERROR = (0.06, 0.03, 0.08)
 """Standard deviation of the logarithm of its gains: 3 degrees, as methods of colour constancy are off in the mean by
 1.8 (Barron and Tsai, Fast Fourier Color Constancy, CVPR 2017) to 6 (grey world)."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Materials:
-    """N materials: kind [N] (of KINDS), albedo and f0 [N, 3], alpha [N]."""
-
-    kind: np.ndarray
-    albedo: np.ndarray
-    f0: np.ndarray
-    alpha: np.ndarray
 
 
 def draw_kinds(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -128,36 +162,11 @@ def draw_colors(
     return np.where(bare, 0.0, albedo).astype(np.float32), f0.astype(np.float32)
 
 
-def draw_materials(rng: np.random.Generator, count: int) -> Materials:
-    """N materials as they are met."""
-    kind = draw_kinds(rng, count)
-    alpha = draw_alphas(rng, kind)
-    albedo, f0 = draw_colors(rng, kind)
-    return Materials(kind=kind, albedo=albedo, f0=f0, alpha=alpha.astype(np.float32))
-
-
 def draw_one(rng: np.random.Generator, kind: int, alpha: float, rank: float | None = None) -> Material:
     """One material of a kind and a width; rank as in draw_colors."""
     ranks = None if rank is None else np.array([rank])
     albedo, f0 = draw_colors(rng, np.array([kind]), ranks)
     return Material(albedo=albedo[0], f0=f0[0], alpha=alpha)
-
-
-def kind_given_alpha(alpha: np.ndarray) -> np.ndarray:
-    """P(kind | alpha) [N, 4] by Bayes' rule: SHARES times the density of ln alpha; even where no kind has such."""
-    density = np.stack([share * _density(row, alpha) for share, row in zip(SHARES, ALPHA, strict=True)], -1)
-    density = density + 1e-12
-    return density / density.sum(axis=-1, keepdims=True)
-
-
-def total_reflectance(albedo: np.ndarray, f0: np.ndarray) -> np.ndarray:
-    """What a material reflects of an even light in all, [..., 3].
-
-    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
-    coat loses between its facets is left out.
-    """
-    fresnel = f0 + (1.0 - f0) / 21.0
-    return fresnel + (1.0 - fresnel) * albedo
 
 
 def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -200,15 +209,6 @@ def draw_white_balance(rng: np.random.Generator, ambient: np.ndarray) -> np.ndar
 def _quantile(table: np.ndarray, kind: np.ndarray, rank: np.ndarray) -> np.ndarray:
     rows = np.stack([np.interp(rank, PROBABILITIES, row) for row in np.log(table)])
     return np.exp(rows[kind, np.arange(len(kind))])
-
-
-def _density(row: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Of ln value, [N]."""
-    edges = np.log(row)
-    heights = np.diff(PROBABILITIES) / np.diff(edges)
-    place = np.searchsorted(edges, np.log(value), side="right") - 1
-    inside = (place >= 0) & (np.log(value) <= edges[-1])
-    return np.where(inside, heights[np.clip(place, 0, len(heights) - 1)], 0.0)
 
 
 def _draw_tints(rng: np.random.Generator, value: np.ndarray) -> np.ndarray:

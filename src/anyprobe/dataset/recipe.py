@@ -1,13 +1,16 @@
-"""The twenty bytes that a pair is rendered from, and its name."""
+"""The twenty bytes that a pair is rendered from, and which recipes a dataset or a test set has, in a fixed order."""
 
 from __future__ import annotations
 
 import hashlib
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import gcd
 
 import numpy as np
 
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.errors import InputError
 
 VERSION = 2
@@ -110,3 +113,139 @@ class Recipe:
 def digest(recipes: list[Recipe]) -> str:
     """The identity of a whole set: SHA-256 over the recipes in order, 16 digits."""
     return hashlib.sha256(b"".join(recipe.to_bytes() for recipe in recipes)).hexdigest()[:16]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """Every combination of maps, shapes, materials and views once, well mixed.
+
+    The first N recipes are a fair sample: specular and diffuse alternate, and the rest
+    walks through all combinations in steps near the golden section of their number.
+    """
+
+    kind: str
+    map_ids: tuple[str, ...]
+    shape_ids: tuple[str, ...]
+    conditions: int
+    seed: int
+
+    @property
+    def count(self) -> int:
+        """The paper's: shapes x maps x 8 materials x 23 views, or maps x 23 views x 5 exposures."""
+        if self.kind == "map":
+            return len(self.map_ids) * VIEWPOINTS * EXPOSURES
+        return len(self.shape_ids) * len(self.map_ids) * MATERIALS * VIEWPOINTS
+
+    def recipe(self, index: int) -> Recipe:
+        """Recipe number index, 0 to count - 1."""
+        if not 0 <= index < self.count:
+            raise IndexError(f"expected an index below {self.count}, got {index}")
+        radices = (len(self.map_ids), VIEWPOINTS)
+        if self.kind == "map":
+            (place, view, exposure) = _digits(_shuffled(index, self.count, self.seed), (*radices, EXPOSURES))
+            return self._recipe(index, place, 0, exposure, view)
+        half = _shuffled(index // 2, self.count // 2, self.seed)
+        place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIALS // 2))
+        return self._recipe(index, place, shape, 2 * material + index % 2, view)
+
+    def _recipe(self, index: int, place: int, shape: int, material: int, view: int) -> Recipe:
+        name = {"shape_id": self.shape_ids[shape]} if self.kind == "object" else {}
+        return Recipe(
+            kind=self.kind,
+            map_id=self.map_ids[place],
+            material=material,
+            view=view,
+            conditions=self.conditions,
+            seed=_seed(self.seed, index),
+            **name,
+        )
+
+
+def full_plan(store: AssetStore, kind: str = "object", conditions: int = 0, seed: int = 2020) -> Plan:
+    """The whole dataset over a stock."""
+    if not store.maps or (kind == "object" and not store.shapes):
+        raise InputError(
+            f"dataset: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+        )
+    return Plan(
+        kind=kind,
+        map_ids=tuple(sorted(store.maps)),
+        shape_ids=tuple(sorted(store.shapes)),
+        conditions=conditions,
+        seed=seed,
+    )
+
+
+def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions: int = 0) -> list[Recipe]:
+    """A test set: in turn specular/diffuse, indoor/outdoor, every shape alike; the rest at random.
+
+    Only one kind of place if the maps have no other.
+    """
+
+    def material(k: int, rng: np.random.Generator) -> int:
+        return k % 2 + 2 * int(rng.random() < 0.4) + 4 * int(rng.integers(2))
+
+    return _test_set(store, count, seed, conditions, 2, lambda k: k // 4, material)
+
+
+def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
+    """A test set under the world's priors: in turn the kinds of priors.KINDS, the darker and the brighter half of
+    each, indoor/outdoor, every shape alike; the rest at random."""
+    return _test_set(
+        store, count, seed, WORLD, MATERIALS, lambda k: k // (2 * MATERIALS) + k, lambda k, rng: k % MATERIALS
+    )
+
+
+def _test_set(
+    store: AssetStore,
+    count: int,
+    seed: int,
+    conditions: int,
+    run: int,
+    shape: Callable[[int], int],
+    material: Callable[[int, np.random.Generator], int],
+) -> list[Recipe]:
+    """Recipes 0 to count - 1: of shape number shape(k), of material(k, rng), `run` of one kind of place in turn."""
+    if not store.maps or not store.shapes:
+        raise InputError(
+            f"test set: expected at least one map and one shape, got {len(store.maps)} and {len(store.shapes)}"
+        )
+    ids, shapes = sorted(store.maps), sorted(store.shapes)
+    by_place = {place: [i for i in ids if store.maps[i].indoor == place] or ids for place in (True, False)}
+    recipes = []
+    for k in range(count):
+        rng = np.random.default_rng((seed, k))
+        places = by_place[bool(k // run % 2)]
+        recipes.append(
+            Recipe(
+                kind="object",
+                map_id=places[rng.integers(len(places))],
+                shape_id=shapes[shape(k) % len(shapes)],
+                material=material(k, rng),
+                view=int(rng.integers(VIEWPOINTS)),
+                conditions=conditions,
+                seed=_seed(seed, k),
+            )
+        )
+    return recipes
+
+
+def _seed(seed: int, index: int) -> int:
+    return int.from_bytes(hashlib.sha256(f"{seed} {index}".encode()).digest()[:8], "big")
+
+
+def _shuffled(index: int, count: int, seed: int) -> int:
+    """A permutation of range(count): steps coprime with count, near its golden section."""
+    step = max(1, int(count * 0.6180339887))
+    while gcd(step, count) != 1:
+        step += 1
+    return (index * step + seed) % count
+
+
+def _digits(value: int, radices: tuple[int, ...]) -> list[int]:
+    """Mixed-radix digits of value, most significant first."""
+    digits = []
+    for radix in reversed(radices):
+        value, digit = divmod(value, radix)
+        digits.append(digit)
+    return digits[::-1]

@@ -22,6 +22,7 @@ from anyprobe.dataset.process_pools import run_local
 from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
 from anyprobe.dataset.samples import CONDITIONS, FORMATS, Renderer, decode, same
 from anyprobe.errors import InputError, OutputError
+from anyprobe.files.atomic import held
 
 
 def render_again(job: Job, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
@@ -132,7 +133,8 @@ class Job:
 
 @lru_cache(maxsize=1)
 def _renderer(job: Job) -> Renderer:
-    return _open(job, job.plan, report=_silent)
+    # what is left out of a folder of assets was said when the dataset was begun
+    return _open(job, job.plan, report=lambda line: None)
 
 
 def _open(job: Job, plan: Mapping, **options) -> Renderer:
@@ -142,10 +144,6 @@ def _open(job: Job, plan: Mapping, **options) -> Renderer:
     renderer = job.make({name: plan[name] for name in SETTINGS}, job.data, **options)
     _same_assets(job.folder, plan, renderer)
     return renderer
-
-
-def _silent(line: str) -> None:
-    """What is left out of a folder of assets was said when the dataset was begun."""
 
 
 def num_shards(plan: Mapping) -> int:
@@ -291,20 +289,11 @@ def _refuse_occupied(folder: Path) -> None:
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Hold a dataset against a second writer, until the block or the process ends."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: the user sees to it
-        yield
-        return
-    with open(folder / NAME, "rb+") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+    with held(folder / NAME, wait=False) as alone:
+        if not alone:
             raise InputError(
                 f"{folder.name}: expected one writer, but another process renders into it; wait for it"
-            ) from error
-        except OSError:  # a shared file system without locks
-            pass
+            )
         yield
 
 

@@ -14,8 +14,7 @@ from PIL import Image
 
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
-from anyprobe.dataset.plan import full_plan
-from anyprobe.dataset.recipe import Recipe
+from anyprobe.dataset.recipe import Recipe, full_plan
 from anyprobe.errors import InputError
 
 CONDITIONS = ("clean", "world")

@@ -155,14 +155,10 @@ def reshape(
     reshaping: Reshaping,
     new_tan_half: torch.Tensor | None = None,
 ) -> torch.Tensor:
-    """Give surfaces another shape.
+    """Give surfaces of normals [B, 3, S, S], camera frame, zero outside the objects, another shape: normals that are
+    unit and visible inside the objects.
 
-    Args:
-        normals: [B, 3, S, S], camera frame, zero outside the objects.
-        tan_half: [B] of half the field of view.
-        new_tan_half: that of the result, by default the same.
-    Returns:
-        normals [B, 3, S, S], unit and visible inside the objects, zero outside.
+    tan_half: [B] of half the field of view; new_tan_half: that of the result, by default the same.
     """
     device, size = normals.device, normals.shape[-1]
     across = (torch.arange(size, device=device, dtype=torch.float32) + 0.5) / size * 2 - 1

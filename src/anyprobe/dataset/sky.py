@@ -223,15 +223,6 @@ def sun_disc(height: int, sun: np.ndarray, irradiance: np.ndarray) -> np.ndarray
     return disc * irradiance / (disc[..., 0] * pixel_solid_angles(height)).sum()
 
 
-def daylight(height: int, sun: np.ndarray, turbidity: float, ground: np.ndarray | float = 0.2) -> np.ndarray:
-    """Clear sky, sun, and an even Lambert ground of albedo `ground` under the horizon: [H, 2H, 3]."""
-    d = pixel_directions(height).astype(np.float64)
-    beam = sun_irradiance(np.arcsin(np.clip(sun[1], 0.0, 1.0)), turbidity)
-    above = np.where(d[..., 1:2] > 0, clear_sky(d, sun, turbidity), 0.0)
-    floor = ground * (horizontal_irradiance(above) + beam * max(sun[1], 0.0)) / np.pi
-    return np.where(d[..., 1:2] > 0, above + sun_disc(height, sun, beam), floor)
-
-
 def horizontal_irradiance(radiance: np.ndarray) -> np.ndarray:
     """E [3] of a map on a plane that faces +Y."""
     up = np.maximum(pixel_directions(radiance.shape[0])[..., 1], 0.0) * pixel_solid_angles(radiance.shape[0])

@@ -64,18 +64,6 @@ class SurfaceSet:
     hidden: np.ndarray | None = None
 
 
-def thinned(surfaces: SurfaceSet, every: int) -> SurfaceSet:
-    """The surfaces as a camera of fewer pixels sees them, none of which is a mean: those that `thin` leaves."""
-    if every == 1:
-        return surfaces
-    return replace(surfaces, normals=np.ascontiguousarray(thin(surfaces.normals, every)))
-
-
-def thin(pictures: np.ndarray, every: int) -> np.ndarray:
-    """Of so many pixels of pictures [..., H, W] along either side, the one nearest their middle."""
-    return pictures[..., every // 2 :: every, every // 2 :: every]
-
-
 def draw_elevation(rng: np.random.Generator, which: int) -> float:
     """An elevation [radians] inside a class."""
     return float(np.arcsin(rng.uniform(ELEVATION_SINES[which], ELEVATION_SINES[which + 1])))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Sequence
 from copy import copy
@@ -13,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.detail.match import seen_in_photo
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
-from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
-from anyprobe.estimate.result import Light
+from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import (
     DEFAULT_ENGINE,
     DEFAULT_MODEL,
@@ -37,10 +38,7 @@ from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.pointing import Clicks
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
-from anyprobe.scatter.materials import MATERIALS, Material, given_material
-
-Albedo = float | Sequence[float]
-"""Linear: one number for grey, or red, green and blue."""
+from anyprobe.scatter.materials import Albedo, Material, as_material
 
 ENOUGH_EXPOSED = 0.5
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
@@ -226,7 +224,7 @@ class Estimator:
         start = loaded if start is None else start
         material = as_material(material)
         self._check_use(crop, material)
-        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map)
+        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
@@ -237,8 +235,8 @@ class Estimator:
         surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
-            known["surroundings"] = _share(surroundings_map)
-        estimated = time.perf_counter()
+            known["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+        estimated, sure = time.perf_counter(), photo.mask_confidence
         radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
         if outputs.confidence is None:
             confidence = np.full(radiance.shape[:2], exposed, np.float32)
@@ -263,8 +261,9 @@ class Estimator:
                 **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
-                "mask": {"source": photo.mask_source, "confidence": _rounded(photo.mask_confidence)},
+                "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
                 "priors": known,
+                **_said(outputs.posterior),
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
                     "load": round(loaded - start, 4),
@@ -283,51 +282,11 @@ class Estimator:
                 f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
                 f"use {DEFAULT_MODEL}"
             )
-
-
-def as_material(
-    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
-) -> Material | None:
-    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
-
-    Raises:
-        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
-    """
-    if not isinstance(material, Material | str | None):
-        raise InputError(
-            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
-            "give an albedo alone as albedo="
-        )
-    try:
-        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
-        ) from error
-    if not isinstance(material, Material):
-        return given_material(material, values, roughness)
-    if albedo is not None or roughness is not None:
-        raise InputError(
-            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
-            "leave one of them out"
-        )
-    return _checked(material)
-
-
-def _checked(material: Material) -> Material:
-    """The same with arrays for its numbers; InputError where they are no surface's."""
-    albedo, f0, alpha = material.albedo, material.f0, material.alpha
-    try:
-        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
-        alpha = float(alpha)
-    except (TypeError, ValueError):
-        colors = np.full((2, 3), np.nan)
-    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
-        raise InputError(
-            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
-            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
-        )
-    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)
+        if material is not None and not self.models.takes_material:
+            raise InputError(
+                f"material: expected a graph of contract 3, which takes it, got {self.models.name} of an older one; "
+                f"use {DEFAULT_MODEL}"
+            )
 
 
 def _well_exposed(image: np.ndarray) -> float:
@@ -339,13 +298,22 @@ def _well_exposed(image: np.ndarray) -> float:
     return float(((display > 0.02) & (display < 0.98)).mean())
 
 
-def _share(surroundings_map: np.ndarray) -> float:
-    """How much of the sphere is known."""
-    return round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
-
-
-def _rounded(confidence: float | None) -> float | None:
-    return None if confidence is None else round(confidence, 4)
+def _said(posterior: dict[str, float] | None) -> Info:
+    """What a model says of the object and of its own errors, in stops and degrees; nothing where it does not."""
+    if posterior is None:
+        return {}
+    stop = math.log(2.0)
+    return {
+        "object": {
+            "metal": round(posterior["metal"], 3),
+            "reflectance": [round(posterior[name], 3) for name in ("red", "green", "blue")],
+            "reflectance_stops": round(posterior["reflectance_error"] / stop, 2),
+        },
+        "uncertainty": {
+            "level_stops": round(posterior["level_error"] / stop, 2),
+            "color_deg": round(posterior["color_error"], 1),
+        },
+    }
 
 
 @lru_cache(maxsize=2)

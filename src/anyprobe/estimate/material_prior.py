@@ -1,13 +1,13 @@
 """A given material settles what a photo alone cannot: the colour and level of the light.
 
 A matte red sphere in white light looks like a white one in red light, and a bright sphere in weak light like a
-dark one in strong light. The network decides by what is likely; a given material decides it.
+dark one in strong light. The network is given the material; what it answers is then drawn halfway, in the logarithm,
+to the level and colour at which the object, rendered with it, is as bright as its photo. A mirror of known shape is
+measured.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,18 +15,17 @@ from PIL import Image
 
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, corners, direction_to_uv, pixel_directions, pixel_solid_angles
-from anyprobe.core.response import MEAN_CURVE, inverse_response, response
+from anyprobe.core.response import inverse_response, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
-from anyprobe.light.environment import shrink
 from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import schlick_weight
 
 if TYPE_CHECKING:
-    from jaxtyping import Bool, Float
+    from jaxtyping import Float
 
 SMOOTH = 0.1
 """Largest alpha of a mirror: its lobe is a pixel or three of the map wide."""
@@ -133,141 +132,15 @@ def _gather(values: np.ndarray, uv: np.ndarray, height: int) -> tuple[np.ndarray
     return wide[:, :width, :3], wide[:, :width, 3:]
 
 
-ROWS = 32
-"""Rows of the map that the object's points are lit by."""
-COARSE = 16
-"""Rows of the map that x is sampled on."""
-NUM_POINTS = 200
-"""Of the object, at most; they are shaded with so many samples:"""
-NUM_SAMPLES = 64
-STEPS = 4
-WHOLE, FAR, NEAR = 0.3, 0.5, 1.0
-"""Variances of x: of its mean, and of its parts that reach as far as the two angles below."""
-FAR_DEG, NEAR_DEG = 30.0, 10.0
-NOISE_GIVEN, NOISE_GUESSED = 0.07, 0.5
-"""How far a display value may be off, where normals are known and where they are guessed: a point says little then."""
-NARROWEST = 0.15
-"""Least alpha of A: a lobe as wide as a pixel of its map. What the object shows of L is shaded with its own."""
 INSIDE = 0.99
 """Coverage from which on a pixel is the object's alone."""
-FIT_STEEP = 0.15
-"""Least n.wo of a point that counts: at the rim masks and normals are wrong."""
-CLIPPED = 0.97
-"""Display value from which on a point says only how bright it is at least."""
-FEWEST = 10
-"""Points below which nothing is fitted."""
-
-
-def fit_map(
-    radiance: Float[np.ndarray, "64 128 3"],
-    image: Float[np.ndarray, "S S 4"],
-    normals: Float[np.ndarray, "S//k S//k 3"],
-    tan_half: float,
-    material: Material,
-    known: Bool[np.ndarray, "S//k S//k"],
-) -> Float[np.ndarray, "64 128 3"]:
-    """The map that an object of known material asks for, near the one given.
-
-    Args:
-        radiance: [64, 128, 3], a model's guess in the crop's frame and the photo's exposure units.
-        image: [S, S, 4], the crop: display RGB times mask, and mask.
-        normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
-        tan_half: of half the angle that the crop's side takes in.
-        material: of the object.
-        known: [S / k, S / k] bool, where the normals are known; elsewhere they are guessed.
-    Returns:
-        [64, 128, 3] float32; as given where the crop shows too little of the object.
-    """
-    found = _points(image, normals, tan_half, known)
-    if found is None:
-        return radiance
-    n, wo, display, noise = found
-    transport = _transport(radiance, n, wo, material)  # [3, N, P] of what each point shows from each pixel
-    likeness = _likeness()
-    x = np.zeros((3, len(likeness)), np.float32)
-    for _ in range(STEPS):
-        for channel in range(3):
-            parts = transport[channel] * np.exp(_finer(x[channel], ROWS))
-            slope, missing = _compare(parts.sum(axis=1), display[:, channel])
-            jacobian = _coarser(parts * slope[:, None])
-            spread = likeness @ jacobian.T
-            asked = np.linalg.solve(jacobian @ spread + np.diag(noise**2), missing + jacobian @ x[channel])
-            x[channel] += np.clip(spread @ asked - x[channel], -1.0, 1.0)
-    wrong = np.stack([_finer(one, len(radiance)) for one in x], axis=-1)
-    return (radiance * np.exp(wrong).reshape(radiance.shape)).astype(np.float32)
-
-
-def _points(
-    image: np.ndarray, normals: np.ndarray, tan_half: float, known: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
-    """Points spread over the object: unit n and wo [N, 3], display values [N, 3], how far these may be off [N].
-
-    None of too few.
-    """
-    size = len(normals)
-    small = image.reshape(size, len(image) // size, size, -1, 4).mean(axis=(1, 3))
-    wo = pixel_rays(tan_half, size)
-    facing = (normals * wo).sum(axis=-1) > FIT_STEEP
-    inside = np.argwhere((small[..., 3] > INSIDE) & (np.linalg.norm(normals, axis=-1) > 0.5) & facing)
-    if len(inside) < FEWEST:
-        return None
-    at = tuple(inside[np.unique(np.linspace(0, len(inside) - 1, NUM_POINTS).astype(int))].T)
-    noise = np.where(known[at], np.float32(NOISE_GIVEN), np.float32(NOISE_GUESSED))
-    return np.asarray(normals[at], np.float32), np.asarray(wo[at], np.float32), small[at][:, :3], noise
-
-
-def _transport(radiance: np.ndarray, n: np.ndarray, wo: np.ndarray, material: Material) -> np.ndarray:
-    """Eq. 1's summands f_r L (n.wi) dw of each channel, point and pixel, [3, N, P]; their sums are the renderer's."""
-    d = pixel_directions(ROWS).reshape(-1, 3).astype(np.float32)
-    angles = np.repeat(pixel_solid_angles(ROWS)[:, 0], 2 * ROWS).astype(np.float32)
-    wide = replace(material, alpha=max(float(material.alpha), NARROWEST))
-    power = shrink(radiance, ROWS).reshape(-1, 3) * angles[:, None]
-    reflected = evaluate(wide, wo[:, None], d[None], n[:, None]) * np.maximum(n @ d.T, 0.0)[..., None] * power
-    smooth = shading_pyramid(radiance)
-    pyramid = smooth if material.alpha >= PATCHES[0][0] else shading_pyramid(radiance, material.alpha)
-    shading = shade(pyramid, n, wo, np.float32(material.alpha), hammersley(NUM_SAMPLES), wide=smooth)
-    true = shading.radiance(material)
-    whole = reflected * ((true + 1e-4) / (reflected.sum(axis=1) + 1e-4))[:, None]
-    return np.ascontiguousarray(np.moveaxis(whole, -1, 0))
-
-
-def _compare(total: np.ndarray, display: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The slope of the mean camera's curve at radiances [N], before it clips, and what display values lack to it."""
-    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
-    power = np.maximum(total, 1e-6) ** n
-    shown = (1 + sigma) * power / (power + sigma)
-    slope = shown * n * sigma / (power + sigma) / np.maximum(total, 1e-6)
-    clipped = (display > CLIPPED) & (shown > CLIPPED)
-    return np.where(clipped, 0.0, slope), np.where(clipped, 0.0, display - shown)
-
-
-@lru_cache(maxsize=1)
-def _likeness() -> np.ndarray:
-    """Covariance of x between directions, [Q, Q]."""
-    d = pixel_directions(COARSE).reshape(-1, 3).astype(np.float64)
-    degrees = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
-    parts = zip((FAR, NEAR), (FAR_DEG, NEAR_DEG), strict=True)
-    lobes = [variance * np.exp(-0.5 * (degrees / angle) ** 2) for variance, angle in parts]
-    return np.asarray(WHOLE + sum(lobes), np.float32)
-
-
-def _finer(x: np.ndarray, rows: int) -> np.ndarray:
-    """From the Q pixels of the coarse map to those of one of more rows, between its pixels."""
-    at = direction_to_uv(pixel_directions(rows).reshape(-1, 3))
-    return bilinear(x.reshape(COARSE, 2 * COARSE, 1), at)[:, 0]
-
-
-def _coarser(values: np.ndarray) -> np.ndarray:
-    """Sums over the pixels of the finer map within each of the coarse, [N, P] to [N, Q]."""
-    step = ROWS // COARSE
-    return (
-        values.reshape(len(values), COARSE, step, 2 * COARSE, step).sum(axis=(2, 4)).reshape(len(values), -1)
-    )
-
-
 MAX_STOPS = 3.0
 """Largest gain or loss of a channel: more is not the material's doing."""
-MAX_POINTS = 400
+MAX_POINTS, NUM_SAMPLES = 400, 64
+"""Of the object, evenly spread; each is shaded with so many samples."""
+TRUST = 0.5
+"""Share of the gain that is applied, in the logarithm; of 0, 0.5 and 1 the best on the left-out part of the world test
+set (research.limits)."""
 
 
 def use_material(
@@ -279,8 +152,7 @@ def use_material(
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
-    A mirror whose normals are given too is measured where they are; all else gets fit_gain's gain, and
-    then what fit_map finds in the object's shading.
+    A mirror whose normals are given too is measured where they are; all else gets TRUST of fit_gain's gain.
 
     Args:
         outputs, image, tan_half: of a crop, see estimate.runtime.Models.
@@ -299,11 +171,8 @@ def use_material(
         return outputs.with_map(radiance, confidence), {"material": done, "measured": True}
     if outputs.normals is None:
         raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
-    gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material)
-    given = np.zeros_like(outputs.normals) if given_normals is None else given_normals
-    known = np.linalg.norm(given, axis=-1) > 0.5
-    radiance = fit_map(outputs.radiance * gain, image, outputs.normals, tan_half, material, known)
-    return outputs.with_map(radiance, outputs.confidence), {"material": done, "gain": _list(gain)}
+    gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
+    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {"material": done, "gain": _list(gain)}
 
 
 def _list(values: np.ndarray) -> list[float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidPhoto
+from anyprobe.estimate.normals_model import NormalsEstimator, estimated_normals
 from anyprobe.estimate.normals_prior import (
     SHORTEST,
     SPHERE,
@@ -52,7 +53,7 @@ class Photo:
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
-        around: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
+        surroundings_map: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
             True: what the photo itself shows beside the object; None: nothing.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
     """
@@ -87,7 +88,7 @@ class Crop:
         center_px: x, y of its centre; pixel i covers [i, i + 1).
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
-        around: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
+        surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
     """
 
     image: np.ndarray
@@ -103,7 +104,7 @@ def load_photo(
     source: ImageSource,
     *,
     fov_deg: float | None = None,
-    normals: NormalsSource | None = None,
+    normals: NormalsSource | NormalsEstimator | None = None,
     surroundings: SurroundingsSource | None = None,
     name: str | None = None,
     **where: Unpack[Where],
@@ -113,7 +114,8 @@ def load_photo(
     Args:
         source: path, bytes, Pillow image or array, see read_image.
         fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
-        normals: known ones, see estimate.normals_prior.read_normals; or "sphere", where the object is one.
+        normals: known ones, see estimate.normals_prior.read_normals; "sphere", where the object is
+            one; or an estimator of them, see estimate.normals_model.
         surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
             the photo itself shows beside the object.
         name: what messages call the photo; None: its file's name, or what it is.
@@ -141,15 +143,19 @@ def load_photo(
         + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=_known_normals(normals, found.mask, long_fov_deg),
+        normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
         surroundings_map=_known_surroundings(surroundings),
         exposure=pixels.exposure,
     )
 
 
-def _known_normals(source: NormalsSource | None, mask: np.ndarray, long_fov_deg: float) -> np.ndarray | None:
+def _known_normals(
+    source: NormalsSource | NormalsEstimator | None, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
+) -> np.ndarray | None:
     if source is None:
         return None
+    if callable(source):
+        return estimated_normals(source, rgb, mask, long_fov_deg)
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     return read_normals(source, mask.shape)

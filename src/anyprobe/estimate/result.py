@@ -68,13 +68,29 @@ class CropInfo(TypedDict):
     side_px: float
 
 
+class ObjectInfo(TypedDict):
+    """What the model takes the object for: probability of a metal, share of an even light that it reflects, RGB, and
+    how far off that is in two of three cases, in stops."""
+
+    metal: float
+    reflectance: list[float]
+    reflectance_stops: float
+
+
+class Uncertainty(TypedDict):
+    """How far off the map is in two of three cases: its level in stops, its mean colour in degrees."""
+
+    level_stops: float
+    color_deg: float
+
+
 class Info(TypedDict, total=False):
     """How an estimate came about.
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; fused: photos of a multiview light; seconds: by step; detail: where it is
-    from, see with_detail.
+    priors: what was given of the object; object and uncertainty: from a model that estimates them; fused: photos of
+    a multiview light; seconds: by step; detail: where it is from, see with_detail.
     """
 
     photo: str
@@ -85,6 +101,8 @@ class Info(TypedDict, total=False):
     fov_source: str
     mask: MaskInfo
     priors: dict[str, Any]
+    object: ObjectInfo
+    uncertainty: Uncertainty
     crop: CropInfo
     fused: list[str | None]
     seconds: dict[str, float]
@@ -211,7 +229,7 @@ class Light:
 
         Args:
             seed: 0 takes the best match, 1 the next, and so on.
-            seen: what the photo shows around the object, see detail.seen.
+            seen: what the photo shows around the object, see detail.match.
         Raises:
             InputError: detailed already; or see detail.plausible.add_detail.
         """

@@ -19,6 +19,7 @@ from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
+from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -89,24 +90,27 @@ def _openvino(path: Path, shapes: dict[str, list], threads: int | None, precisio
 
 
 CONTRACT = {
-    "contract": "2",
+    "contract": "3",
     "frame": "right-handed +X right +Y up camera -Z; u = 0.5 + atan2(x, -z) / 2 pi",
     "logarithm": "natural",
     "curve": f"exponent {MEAN_CURVE.exponent} sigma {MEAN_CURVE.sigma}",
     "map_height": str(MAP_HEIGHT),
 }
 """Metadata that every graph carries; another value means other conventions, and is refused."""
-CONTRACTS = ("1", CONTRACT["contract"])
-"""Contracts that are read; they differ in names of inputs alone."""
+CONTRACTS = ("1", "2", CONTRACT["contract"])
+"""Contracts that are read: 2 takes no material and says nothing of the object; 1 has other names for its inputs."""
 
 STAGES = ("irradiance", "illumination", "hdr")
 """The paper's chain, one graph each."""
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
-LIFT_INPUTS = ("photo", "tan_half", "given_normals", "surroundings")
-LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals", "ln_expected")
-CONTRACT_1_INPUTS = ("photo", "tan_half", "known_normals", "around")
-"""Names of the same inputs in graphs of contract 1, which are read too."""
+LIFT_INPUTS = ("photo", "tan_half", "given_normals", "surroundings", "material")
+LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals", "ln_expected", "posterior")
+FORMER_INPUTS = {"1": ("photo", "tan_half", "known_normals", "around"), "2": LIFT_INPUTS[:4]}
+"""Inputs of graphs of older contracts, in the same order."""
+POSTERIOR = ("metal", "red", "green", "blue", "reflectance_error", "level_error", "color_error")
+"""What a graph says of the object and of its own map: probability of a metal, total reflectance RGB, and mean errors of
+its logarithm, of ln of the map's level and of its mean colour in degrees."""
 EMITTERS = ("mode", "expected")
 """What a map may be asked for: emitters where a guess is nearest to all that is likely, or their light spread over all
 places as likely as it is; see docs/conventions.md."""
@@ -124,7 +128,7 @@ class Outputs:
     radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
     ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
     confidence [H, 2H]: probability that a pixel's display value is within 0.1; normals [64, 64, 3]: unit, the
-    estimated ones or those that were given. None from a model that does not say.
+    estimated ones or those that were given; posterior: by the names of POSTERIOR. None from a model that does not say.
     """
 
     radiance: np.ndarray
@@ -133,6 +137,7 @@ class Outputs:
     ln_radiance: np.ndarray
     confidence: np.ndarray | None = None
     normals: np.ndarray | None = None
+    posterior: dict[str, float] | None = None
 
     def with_map(
         self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
@@ -192,7 +197,14 @@ class Models:
         self._run = {}
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
-            self._run[stage] = open_engine(_open(path, stage, threads), path, engine, threads)
+            session = _open(path, stage, threads)
+            self._inputs = len(session.get_inputs())
+            self._run[stage] = open_engine(session, path, engine, threads)
+
+    @property
+    def takes_material(self) -> bool:
+        """Whether it can be given the object's material."""
+        return self._inputs == len(LIFT_INPUTS)
 
     def with_emitters(self, emitters: str) -> Models:
         """The same sessions, asked for other emitters; InputError if this model does not know them."""
@@ -216,6 +228,7 @@ class Models:
         tan_half: float,
         normals: Float[np.ndarray, "64 64 3"] | None = None,
         surroundings: np.ndarray | None = None,
+        material: Material | None = None,
     ) -> Outputs:
         """Run on a crop.
 
@@ -223,12 +236,12 @@ class Models:
             image: [128, 128, 4], display RGB times mask, and mask.
             tan_half: tangent of half the angle that the crop's side takes in.
             normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
-            around: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings; None:
-                nothing.
-                The paper's chain has no use for either.
+            surroundings: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings;
+                None: nothing.
+            material: of the object; None: not known. The paper's chain has no use for these three.
         """
         if self.stages == LIFT_STAGES:
-            return self._lift(lift_inputs(image, tan_half, normals, surroundings))
+            return self._lift(lift_inputs(image, tan_half, normals, surroundings, material))
         return self._chain(_batch(image))
 
     def _chain(self, photo: np.ndarray) -> Outputs:
@@ -244,7 +257,8 @@ class Models:
         )
 
     def _lift(self, given: dict[str, np.ndarray]) -> Outputs:
-        irradiance, drawn, confidence, normals, spread = self._run["light"](*given.values())
+        values = list(given.values())[: self._inputs]
+        irradiance, drawn, confidence, normals, spread, *posterior = self._run["light"](*values)
         ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
@@ -254,6 +268,7 @@ class Models:
             ln_radiance=ln_radiance,
             confidence=confidence[0, 0],
             normals=_image(normals),
+            posterior=dict(zip(POSTERIOR, posterior[0][0].tolist(), strict=True)) if posterior else None,
         )
 
 
@@ -262,6 +277,7 @@ def lift_inputs(
     tan_half: float,
     normals: np.ndarray | None = None,
     surroundings: np.ndarray | None = None,
+    material: Material | None = None,
 ) -> dict[str, np.ndarray]:
     """What the lifting model's graph is given for one crop, see Models, in the order of LIFT_INPUTS."""
     normals = np.zeros((NORMALS_SIZE, NORMALS_SIZE, 3)) if normals is None else normals
@@ -269,7 +285,14 @@ def lift_inputs(
     surroundings = np.minimum(
         surroundings[..., :4], surroundings[..., 3:4]
     )  # display values, whatever is known above white
-    values = (_batch(image), np.array([[tan_half]], dtype=np.float32), _batch(normals), _batch(surroundings))
+    described = np.zeros(MATERIAL_INPUTS, np.float32) if material is None else material_input(material)
+    values = (
+        _batch(image),
+        np.array([[tan_half]], dtype=np.float32),
+        _batch(normals),
+        _batch(surroundings),
+        described[None],
+    )
     return dict(zip(LIFT_INPUTS, values, strict=True))
 
 
@@ -290,9 +313,10 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
                 f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             )
     if stage in LIFT_STAGES:
-        inputs = CONTRACT_1_INPUTS if found["contract"] == CONTRACTS[0] else LIFT_INPUTS
+        inputs = FORMER_INPUTS.get(found["contract"], LIFT_INPUTS)
+        outputs = LIFT_OUTPUTS[:-1] if found["contract"] in FORMER_INPUTS else LIFT_OUTPUTS
         _check_names(path, "inputs", inputs, session.get_inputs())
-        _check_names(path, "outputs", LIFT_OUTPUTS, session.get_outputs())
+        _check_names(path, "outputs", outputs, session.get_outputs())
     return session
 
 

@@ -1,4 +1,4 @@
-"""Calibration of the confidence, on pairs that no run learns from."""
+"""Calibration of the confidence and of the errors that a model claims, on pairs that no run learns from."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import load_left_out
 from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.plan import balanced_recipes
+from anyprobe.dataset.recipe import balanced_recipes, world_recipes
 from anyprobe.errors import ModelError
-from anyprobe.estimate.runtime import Models
+from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
+from anyprobe.evaluate.metrics import power_ratio_stops
 from anyprobe.evaluate.scoring import GROUPS
 from anyprobe.evaluate.test_sets import kept_pairs
+from anyprobe.light.environment import integral
+from anyprobe.scatter.materials import LEAST_REFLECTANCE, total_reflectance
 
 NEAREST = 1e-4
 """How near to 0 and 1 a confidence may come before its logit, or its logarithm, is taken."""
@@ -167,6 +170,9 @@ def to_logit(confidence: np.ndarray) -> np.ndarray:
 
 PAIRS = 240
 SEED = 78
+WORLD_PAIRS = 200
+INTERVAL = 0.68
+"""Share of cases in which an error is at most what is claimed."""
 
 
 def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) -> Iterable[Pair]:
@@ -176,6 +182,45 @@ def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) ->
     """
     store = load_left_out(data)
     return kept_pairs(balanced_recipes(store, PAIRS, SEED, conditions), store, kept)
+
+
+def left_out_world_pairs(data: Path, kept: Path | None = None) -> Iterable[Pair]:
+    """The same under the priors of dataset.priors, looked up rather than path-traced."""
+    store = load_left_out(data)
+    return kept_pairs(world_recipes(store, WORLD_PAIRS, SEED), store, kept)
+
+
+def true_errors(outputs: Outputs, pair: Pair) -> np.ndarray:
+    """What the claims of Outputs.posterior are of: mean error of ln reflectance, of ln of the map's level, degrees of
+    its mean colour."""
+    said, given = outputs.posterior, pair.material
+    reflectance = np.array([said[name] for name in ("red", "green", "blue")])
+    true = np.maximum(total_reflectance(given.albedo, given.f0), LEAST_REFLECTANCE)
+    means = [integral(np.asarray(one, np.float64)) for one in (outputs.radiance, pair.radiance)]
+    cosine = np.dot(*means) / np.prod([np.linalg.norm(mean) for mean in means])
+    return np.array(
+        [
+            np.abs(np.log(reflectance / true)).mean(),
+            abs(np.log(2.0) * power_ratio_stops(outputs.radiance, pair.radiance)),
+            np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))),
+        ]
+    )
+
+
+def calibrate_errors(models: Models, pairs: Iterable[Pair]) -> tuple[float, float, float]:
+    """Factors that make the claimed errors hold in INTERVAL of the cases, each pair given nothing and its material."""
+    ratios = []
+    for pair in pairs:
+        for material in (None, pair.material):
+            outputs = models(pair.crop, pair.tan_half, material=material)
+            if outputs.posterior is None:
+                raise ModelError(
+                    f"{models.name}: expected a model that estimates its errors, got one that does not"
+                )
+            claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
+            ratios.append(true_errors(outputs, pair) / claimed)
+    first, second, third = np.quantile(ratios, INTERVAL, axis=0).tolist()
+    return first, second, third
 
 
 def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:

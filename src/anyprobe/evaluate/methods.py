@@ -125,7 +125,8 @@ def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
     """A model's outputs given the pair's true normals, true material or surroundings."""
     normals = true_normals(pair) if "normals" in priors else None
     surroundings_map = surroundings(pair) if "surroundings" in priors else None
-    outputs = models(pair.crop, pair.tan_half, normals, surroundings_map)
+    material = pair.material if "material" in priors else None
+    outputs = models(pair.crop, pair.tan_half, normals, surroundings_map, material)
     if "material" in priors:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
     return (

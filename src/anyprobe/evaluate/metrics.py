@@ -80,15 +80,11 @@ def ssim(a: np.ndarray, b: np.ndarray, data_range: float = 1.0, wrap_longitude: 
 
 
 def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
-    """What is left after the best single exposure: s = sum p g / sum p p, then
+    """What is left of linear radiance p, g [..., 3] after the best single exposure: s = sum p g / sum p p, then
 
-        sqrt( mean over masked pixels and channels of (s p - g)^2 )
+        sqrt( mean over pixels and channels of the mask [...] of (s p - g)^2 )
 
     A black p has s = 0. (Some published code divides by pixels only: sqrt(3) larger.)
-
-    Args:
-        p, g: [..., 3] linear radiance.
-        mask: [...] bool.
     """
     p, g = np.asarray(p, np.float64)[mask], np.asarray(g, np.float64)[mask]
     power = (p * p).sum()
@@ -97,13 +93,9 @@ def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
 
 
 def color_angle_deg(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
-    """Mean over masked pixels of arccos( p.g / (|p| |g|) ) [degrees], of RGB vectors.
+    """Mean over pixels of the mask [...] of arccos( p.g / (|p| |g|) ) [degrees], of RGB vectors p, g [..., 3].
 
     A pixel that is black in one picture alone counts 90, in both 0.
-
-    Args:
-        p, g: [..., 3].
-        mask: [...] bool.
     """
     p, g = np.asarray(p, np.float64)[mask], np.asarray(g, np.float64)[mask]
     length_p, length_g = np.linalg.norm(p, axis=-1), np.linalg.norm(g, axis=-1)

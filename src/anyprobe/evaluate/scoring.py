@@ -42,10 +42,6 @@ def dominant_light_share(radiance: np.ndarray) -> float:
     return float(luminance(find_dominant_light(radiance).irradiance)) / max(whole, 1e-9)
 
 
-def _in_bin(low: float, high: float) -> Group:
-    return lambda pair, single: low <= pair.material.alpha < high
-
-
 GROUPS: dict[str, Group] = {
     "all": lambda pair, single: True,
     "specular": lambda pair, single: pair.specular,
@@ -53,7 +49,9 @@ GROUPS: dict[str, Group] = {
     "indoor": lambda pair, single: pair.indoor,
     "outdoor": lambda pair, single: not pair.indoor,
     **{
-        f"alpha {low:g}-{min(high, 1.0):g}": _in_bin(low, high)
+        f"alpha {low:g}-{min(high, 1.0):g}": (
+            lambda pair, single, low=low, high=high: low <= pair.material.alpha < high
+        )
         for low, high in zip(ALPHA_EDGES[:-1], ALPHA_EDGES[1:], strict=True)
     },
     "one light": lambda pair, single: single,

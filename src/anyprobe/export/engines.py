@@ -14,6 +14,7 @@ from anyprobe.export.exported_light import (
     ExportedLight,
     numbers,
     primary_light,
+    read_template,
     template,
     write_json,
     write_maps,
@@ -98,25 +99,6 @@ def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
     return float(t[np.argmin((u - 4.0 * x / total) ** 2 + (v - 6.0 * y / total) ** 2)])
 
 
-NOTES = """{name}: light for Unreal Engine. By formula: not run in the editor by its makers.
-
-1. Import {name}.hdr and {name}_ambient.hdr (.hdr, not .exr: only that becomes a TextureCube).
-2. Sky Light: Source Type = SLS Specified Cubemap, Cubemap = {name}_ambient, Source Cubemap Angle = 0,
-   Intensity Scale = 1, Lower Hemisphere Is Solid Color = off.
-3. Directional Light, Mobility = Movable:
-     Rotation  Roll 0, Pitch {pitch:.2f}, Yaw {yaw:.2f}   (degrees)
-     Intensity {intensity:.5g} lux
-     Light Color (linear) R {r:.4f} G {g:.4f} B {b:.4f}
-     Source Angle {angle:.2f}
-4. HDRI Backdrop or a sky sphere: {name}.hdr, the whole map with the dominant light in it.
-Without a Directional Light use {name}.hdr in step 2 instead: the dominant light is in it, and with both
-it would count twice.
-
-The camera's front is +X, its right +Y, up +Z. The scale is relative: multiply the Sky Light's Intensity
-Scale and the Directional Light's Intensity by one and the same number to fit your exposure.
-"""
-
-
 def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
     """Pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
     x, y, z = -np.asarray(towards, dtype=np.float64)
@@ -129,7 +111,7 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     pitch, yaw = sun_rotation(UNREAL.from_ours(light.main.direction))
     intensity = float(light.main.irradiance.max())
     r, g, b = (float(channel) for channel in light.main.color)
-    notes = NOTES.format(
+    notes = read_template("unreal.txt").format(
         name=light.name,
         pitch=pitch,
         yaw=yaw,

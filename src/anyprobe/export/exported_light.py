@@ -195,8 +195,12 @@ def template(name: str, light: ExportedLight) -> str:
 
     Its letters stay as they are, for files in UTF-8: Python does not join JSON's pairs of \\u escapes.
     """
-    text = (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
-    return text.replace('"@NAME@"', json.dumps(light.name, ensure_ascii=False))
+    return read_template(name).replace('"@NAME@"', json.dumps(light.name, ensure_ascii=False))
+
+
+def read_template(name: str) -> str:
+    """A text of the templates folder as it is."""
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
 MAP_FROM_CAMERA = "map_from_camera"

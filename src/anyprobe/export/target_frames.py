@@ -17,7 +17,7 @@ v = acos(up) / pi and row 0 is up in all of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -115,29 +115,15 @@ class Frame:
         return np.roll(radiance, width * self.quarters // 4, axis=1)
 
 
-_SAME = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-
 FRONT = Frame(
-    axes=_SAME,
+    axes=((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     quarters=0,
     text="right-handed, +X right, +Y up, -Z in front",
     u="0.5 + atan2(x, -z) / 2 pi",
     v="acos(y) / pi",
 )
-THREE = Frame(
-    axes=_SAME,
-    quarters=-1,
-    text="right-handed, +X right, +Y up, -Z in front",
-    u="0.5 + atan2(z, x) / 2 pi",
-    v="acos(y) / pi",
-)
-OPENEXR = Frame(
-    axes=_SAME,
-    quarters=2,
-    text="right-handed, +X right, +Y up, -Z in front",
-    u="0.5 - atan2(x, z) / 2 pi",
-    v="acos(y) / pi",
-)
+THREE = replace(FRONT, quarters=-1, u="0.5 + atan2(z, x) / 2 pi")
+OPENEXR = replace(FRONT, quarters=2, u="0.5 - atan2(x, z) / 2 pi")
 BLENDER = Frame(
     axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     quarters=-1,

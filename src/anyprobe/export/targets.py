@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.export import cube_textures, engines, gltf, mitsuba_scene, usd
+from anyprobe.export import cube_textures, engines, scene_files
 from anyprobe.export.exported_light import ExportedLight, prepare, sidecar, write_json
 from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame
 from anyprobe.files.atomic import atomic_files
@@ -51,15 +51,17 @@ TARGETS = {
         write=engines.write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"
     ),
     "usd": Target(
-        write=usd.write,
+        write=scene_files.write_usd,
         frame=OPENEXR,
         checked="OpenUSD 26.11 reads it; Blender 5.0.1 imports the dome as it is, the sun 4 times too strong",
     ),
     "mitsuba": Target(
-        write=mitsuba_scene.write, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
+        write=scene_files.write_mitsuba, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
     ),
     "gltf": Target(
-        write=gltf.write, frame=FRONT, checked="Babylon.js 9.34 shows it as it is, set as `gltf` says"
+        write=scene_files.write_gltf,
+        frame=FRONT,
+        checked="Babylon.js 9.34 shows it as it is, set as `gltf` says",
     ),
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),

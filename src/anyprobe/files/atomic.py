@@ -141,3 +141,30 @@ def _is_left(scratch: Path) -> bool:
 def _machine() -> str:
     """This machine's name, short."""
     return f"{zlib.crc32(platform.node().encode()):08x}"
+
+
+@contextmanager
+def held(path: Path, *, wait: bool) -> Iterator[bool]:
+    """Hold a file or folder against other processes until the block, or this process, ends.
+
+    True where nobody else holds it: always with wait, which waits for them. Also where nothing can be held: on Windows,
+    where the user sees to it, and on shared file systems without locks.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield True
+        return
+    # some shared file systems lock for one alone only what may be written
+    descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        alone = True
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            alone = False
+        except OSError:
+            pass
+        yield alone
+    finally:
+        os.close(descriptor)

@@ -59,15 +59,13 @@ KINDS = {
 
 
 def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS) -> np.ndarray:
-    """Read a .hdr or .exr map.
+    """Read a .hdr or .exr map: [H, 2H, 3] float32, linear Rec. 709, >= 0.
 
     Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are turned
     to Rec. 709, their white to its own; a colour outside of Rec. 709 is cut at 0.
 
     Args:
         max_pixels: refused above, before pixels are decoded.
-    Returns:
-        [H, 2H, 3] float32, linear Rec. 709, >= 0.
     Raises:
         InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
     """
@@ -92,10 +90,8 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
 
 
 def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
-    """The radiance of an .exr or .hdr of any shape, known by its first bytes; None for any other source.
+    """The radiance of an .exr or .hdr of any shape, path or bytes, known by its first bytes; None for any other.
 
-    Args:
-        source: a path or bytes; anything else is none.
     Returns:
         [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
     Raises:

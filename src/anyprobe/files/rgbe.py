@@ -166,10 +166,8 @@ def least_bytes(width: int) -> int:
 
 
 def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
-    """The row of a file that begins at byte `at`, run-length coded or flat.
+    """The row [W, 4] uint8 of a file that begins at byte `at`, run-length coded or flat, and where the next row begins.
 
-    Returns:
-        [W, 4] uint8, and where the next row begins.
     Raises:
         EOFError: cut, or runs that do not end with the row.
         ValueError: the run-length coding of the 1980s.

@@ -83,11 +83,9 @@ def _overlap(old: int, new: int) -> np.ndarray:
 
 
 def rotate(radiance, rotation):
-    """The map seen after the world is turned: new(d) = old(rotation^T d).
+    """The map [H, 2H, 3] seen after the world is turned by an active rotation [3, 3]: new(d) = old(rotation^T d).
 
-    Args:
-        radiance: [H, 2H, 3].
-        rotation: [3, 3] active rotation; with world-to-camera it gives the camera's view.
+    With world-to-camera it gives the camera's view.
     """
     xp = array_namespace(radiance)
     height = radiance.shape[0]

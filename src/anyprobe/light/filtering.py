@@ -56,15 +56,10 @@ def _apply(radiance, spectrum: np.ndarray):
 
 
 def blur_cosine_power(radiance, sharpness: float):
-    """Average radiance around each direction with weight max(0, cos)^sharpness.
+    """Average radiance [..., H, 2H, C] around each direction with weight max(0, cos)^sharpness, sharpness > 0.
 
-    Paper Eq. 6 with sharpness = beta e, over all pixels, weighted by solid angle
-    (the paper leaves the measure open). A constant map is unchanged; sharpness 1
-    gives irradiance / pi.
-
-    Args:
-        radiance: [..., H, 2H, C].
-        sharpness: exponent > 0, dimensionless.
+    Paper Eq. 6 with sharpness = beta e, over all pixels, weighted by solid angle (the paper leaves the measure open). A
+    constant map is unchanged; sharpness 1 gives irradiance / pi.
     """
     if sharpness <= 0:
         raise ValueError(f"expected sharpness > 0, got {sharpness}")

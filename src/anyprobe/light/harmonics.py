@@ -63,15 +63,9 @@ def _pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
-    """Radiance coefficients L_i = sum over pixels of L times the pixel's integral of Y_i.
+    """Radiance coefficients [9, 3] of a map [H, 2H, 3]: L_i = sum over pixels of L times the pixel's integral of Y_i.
 
-    Exact for a map that is constant over each pixel: uniform radiance 1 gives
-    L_0 = 2 sqrt(pi) = 3.5449077 and nothing else.
-
-    Args:
-        radiance: [H, 2H, 3].
-    Returns:
-        [9, 3]
+    Exact for a map that is constant over each pixel: uniform radiance 1 gives L_0 = 2 sqrt(pi) = 3.5449077 alone.
     """
     rows, columns = _pixel_integrals(radiance.shape[0])
     # columns first, row by row: a map of thousands of rows is never copied in float64

@@ -21,13 +21,9 @@ def blend_weight(ldr, threshold: float = THRESHOLD):
 
 
 def reconstruct(ldr, ln_radiance, curve: CameraCurve = MEAN_CURVE, threshold: float = THRESHOLD):
-    """R = (1 - gamma) f^-1(U) + gamma exp(H), paper Eq. 7, with the natural logarithm.
+    """R = (1 - gamma) f^-1(U) + gamma exp(H), paper Eq. 7, with the natural logarithm, in the photo's exposure units.
 
-    Args:
-        ldr: [..., 3] display values; clipped to [0, 1].
-        ln_radiance: [..., 3].
-    Returns:
-        [..., 3] linear radiance in the photo's exposure units.
+    ldr: display values, clipped to [0, 1]; ldr, ln_radiance and the result are [..., 3].
     """
     xp = array_namespace(ldr, ln_radiance)
     gamma = blend_weight(ldr, threshold)

@@ -192,16 +192,19 @@ def _color_votes(picture: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, fl
     apart: 0 where it is no better than a coin, 1 where it agrees with the rough mask everywhere."""
     colors = picture.reshape(-1, 3).astype(np.float64)
     weight = share.ravel()
-    every = max(1, len(colors) // SAMPLES)
-    sides = []
-    for side in (weight, 1 - weight):
-        sides.append(_ln_density(colors, _mixture(colors[::every], side[::every])))
-    odds = sides[0] - sides[1]
+    odds = color_odds(colors, weight, 1 - weight)
     right = [
         float((side * (sign * odds > 0)).sum() / max(side.sum(), 1e-6))
         for side, sign in ((weight, 1), (1 - weight, -1))
     ]
     return odds.reshape(share.shape), float(np.clip(sum(right) - 1.0, 0.0, 1.0))
+
+
+def color_odds(colors: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """How much likelier colours [N, 3] are on one side than on the other, ln, [N]; one, other: [N] weights there."""
+    every = max(1, len(colors) // SAMPLES)
+    first, second = (_ln_density(colors, _mixture(colors[::every], side[::every])) for side in (one, other))
+    return first - second
 
 
 def _mixture(colors: np.ndarray, weight: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:

@@ -187,7 +187,7 @@ def keep_large_parts(inside: np.ndarray) -> np.ndarray:
     kept = np.zeros_like(inside)
     for part in parts:
         if part.sum() >= PART_SHARE * largest:
-            kept |= _grow(part)
+            kept |= grow(part)
     return kept
 
 
@@ -198,11 +198,12 @@ def _flood(inside: np.ndarray) -> np.ndarray:
     count = 0
     while count != (count := int(part.sum())):
         for _ in range(8):
-            part = _grow(part) & inside
+            part = grow(part) & inside
     return part
 
 
-def _grow(mask: np.ndarray) -> np.ndarray:
+def grow(mask: np.ndarray) -> np.ndarray:
+    """A mask [H, W] bool and the pixels beside it."""
     grown = mask.copy()
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]

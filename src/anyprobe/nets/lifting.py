@@ -90,11 +90,8 @@ def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
 
 
 def lift(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
-    """Splat weighted pixels (nearest pixel of the map).
+    """Splat values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
 
-    Args:
-        values: [N, C, S, S]; weight: [N, 1, S, S], zero where nothing is splatted.
-        pixel: [N, S * S] of map_pixel.
     Returns:
         [N, C + 1, height, 2 height]: sums of weight x value, and of the weights.
     """

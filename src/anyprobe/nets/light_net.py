@@ -27,6 +27,7 @@ from anyprobe.nets.lifting import (
     mirror_direction,
     pyramid,
 )
+from anyprobe.scatter.materials import MATERIAL_INPUTS
 
 HEIGHT = 32
 """Rows that it works at; the map has twice as many."""
@@ -119,8 +120,8 @@ class ObjectFeatures:
 
 class ObjectNet(nn.Module):
     """photo [N, 4, 128, 128] (display RGB times mask, mask), slope [N, 2, 64, 64] of CameraRays, unit normals
-    [N, 3, 64, 64] and where they are given [N, 1, 64, 64] rather than estimated; surroundings [N, 4, H, 2H] (see
-    LightNet) -> ObjectFeatures.
+    [N, 3, 64, 64] and where they are given [N, 1, 64, 64] rather than estimated; surroundings [N, 4, H, 2H] and
+    material [N, 8] (see LightNet) -> ObjectFeatures.
 
     Two pixels in each direction are folded into channels at once, so that nothing is
     computed at full size.
@@ -141,6 +142,11 @@ class ObjectNet(nn.Module):
             nn.LeakyReLU(0.1),
             nn.Linear(64, widths[-1]),
         )
+        self.material = nn.Sequential(
+            nn.Linear(MATERIAL_INPUTS, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1])
+        )
+        for parameter in self.material[-1].parameters():  # untrained, a given material changes nothing
+            nn.init.zeros_(parameter)
         self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 16, code), nn.LeakyReLU(0.1))
         self.alpha = nn.Linear(code, 1)
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
@@ -153,11 +159,12 @@ class ObjectNet(nn.Module):
         normals: torch.Tensor,
         given: torch.Tensor,
         surroundings: torch.Tensor,
+        material: torch.Tensor,
     ) -> ObjectFeatures:
         levels = [self.first(torch.cat([F.pixel_unshuffle(photo, 2), slope, normals, given], dim=1))]
         for down in self.down:
             levels.append(down(levels[-1]))
-        x = levels.pop() + self.surroundings(surroundings)[:, :, None, None]
+        x = levels.pop() + (self.surroundings(surroundings) + self.material(material))[:, :, None, None]
         code = self.code(x)
         for up in self.up:
             x = up(x, levels.pop())
@@ -190,6 +197,7 @@ class LightPrediction:
     ln_power [N, 3]: ln(power above white + POWER_FLOOR), in sr of white.
     emitter_logit [N, 1, 64, 128]: ln of power per steradian up to a constant.
     confidence_logit [N, 1, 64, 128]: of being close to the true map.
+    posterior [N, 7]: of POSTERIOR, what the photo leaves open.
     """
 
     features: ObjectFeatures
@@ -201,13 +209,21 @@ class LightPrediction:
     ln_power: torch.Tensor
     emitter_logit: torch.Tensor
     confidence_logit: torch.Tensor
+    posterior: torch.Tensor
+
+
+POSTERIOR = ("metal_logit", "ln_red", "ln_green", "ln_blue", "ln_scale", "ln_level", "ln_color")
+"""What is said of the object and of the map's errors: the logit of its being a metal; ln of its total reflectance, RGB,
+and ln of the mean error of these; ln of the mean error of the map's level, in ln, and of its mean colour, in tens of
+degrees."""
 
 
 class LightNet(nn.Module):
     """photo [N, 4, 128, 128] (display RGB times mask, mask), tan_half [N, 1] -> LightPrediction.
 
     Optional inputs: given normals [N, 3, 64, 64], camera frame, zero where not given; surroundings
-    [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map.
+    [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map; the object's
+    material [N, 8] of scatter.materials.material_input, zero where not given.
     """
 
     def __init__(self, features: int = 8, code: int = 192) -> None:
@@ -217,6 +233,9 @@ class LightNet(nn.Module):
         self.object = ObjectNet(features=features, code=code)
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, outputs=5)
         self.emitters = EmitterHead(code + 1)
+        self.posterior = nn.Sequential(
+            nn.Linear(code + 1, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTERIOR))
+        )
 
     def forward(
         self,
@@ -224,12 +243,15 @@ class LightNet(nn.Module):
         tan_half: torch.Tensor,
         given_normals: torch.Tensor | None = None,
         surroundings: torch.Tensor | None = None,
+        material: torch.Tensor | None = None,
     ) -> LightPrediction:
+        if material is None:
+            material = photo.new_zeros(len(photo), MATERIAL_INPUTS)
         if surroundings is None:
             surroundings = photo.new_zeros(len(photo), 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
         slope, wo = self.camera_rays(tan_half)
         normals, given = given_or_estimated(given_normals, self.normals(photo, slope, wo))
-        features = self.object(photo, slope, normals, given, surroundings)
+        features = self.object(photo, slope, normals, given, surroundings, material)
         code = torch.cat([features.code, features.root_alpha], dim=1)
         out = self.sphere(self._lifted(photo, features, normals, wo), code, surroundings).float()
         ln_shown, ln_power, logit = out[:, :3] * 2 + MEAN_LN, self.emitters(code), out[:, 4:] * 4
@@ -244,6 +266,7 @@ class LightNet(nn.Module):
             ln_power=ln_power,
             emitter_logit=logit,
             confidence_logit=out[:, 3:4],
+            posterior=self.posterior(code).float(),
         )
 
     def _lifted(

@@ -14,7 +14,7 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.ground import View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
-from anyprobe.relight.placement import Placement, place_beside
+from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -126,6 +126,9 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
 
 RENDERERS = ("auto", "own", "mitsuba")
 
+NOT_BESIDE = {Side.front: "in front of it", Side.behind: "behind it"}
+"""Said of a place that was not asked for."""
+
 PHOTO_MATERIAL = "photo"
 """The real object's own, as estimated from the photo (relight.appearance)."""
 
@@ -176,15 +179,20 @@ class Stage:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line for what of the place is not as one would expect: hidden by the real object, or cut off."""
-        if self.placement.is_behind:
-            return ("no room beside the object: the inserted one stands behind it; choose a place with --at",)
+        """One line each for what of the place is not as one would expect: not beside the real object, or cut off."""
+        said = []
+        side = self.placement.side
+        if side in NOT_BESIDE:
+            said.append(
+                f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}; choose a place with --at, "
+                "or a smaller --scale"
+            )
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
-            return (
-                "part of the inserted object is outside the photo; choose another place or a smaller --scale",
+            said.append(
+                "part of the inserted object is outside the photo; choose another place with --at or a smaller --scale"
             )
-        return ()
+        return tuple(said)
 
     def on(self, photo: Photo) -> Stage:
         """The same place in another photo of the same camera, a frame of a video."""

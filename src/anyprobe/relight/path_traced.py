@@ -15,7 +15,7 @@ import numpy as np
 from anyprobe.core.frames import normalize, orthonormal_basis
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import MissingExtra
-from anyprobe.export.mitsuba_scene import pole_to_pole
+from anyprobe.export.scene_files import pole_to_pole
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import Camera
 from anyprobe.scatter.materials import Material

@@ -1,13 +1,15 @@
 """A place for a virtual object: beside the real one on its ground, all of it in the photo, never over the real one.
 
-On the side with more room; on the other if only that holds it; smaller if neither does; and where it would become too
-small, behind the real one, which then hides part of it. web/page/view/placement.js does the same.
+On the side with more room, under what overhangs too; on the other if only that holds it; smaller if neither does.
+Where it would become too small, nearer to the camera if it covers nothing there; else behind the real one, which then
+hides part of it. web/page/view/placement.js does the same by the real one's box alone, without the place in front.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 
@@ -18,7 +20,10 @@ from anyprobe.relight.ground import View, contact_of
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
-"""Of what was asked: beside the real object it is made no smaller."""
+"""Of what was asked: beside the real object or in front of it, it is made no smaller."""
+
+FRONT_ROWS = (0.25, 0.5, 0.75, 1.0)
+"""Where places in front are tried, from the row that the real object stands on to the lowest of the photo."""
 
 MARGIN, GAP = 0.02, 0.15
 """Kept free at the photo's border, of its width; and between the two objects, of the virtual one's."""
@@ -33,13 +38,22 @@ Box = tuple[float, float, float, float]
 """Left, top, right, bottom [px]."""
 
 
+class Side(StrEnum):
+    """Of the real object, where the virtual one stands; "asked" by --at."""
+
+    asked = "asked"
+    beside = "beside"
+    front = "front"
+    behind = "behind"
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Placement:
     """A mesh on the ground.
 
     mesh: in the camera's frame. foot: [3] point of the ground below its middle. radius: of the
     smallest sphere around it. pitch_deg: camera's, downwards. share: its size over what was asked.
-    is_behind: the real object hides part of it, for want of room beside.
+    side: in front of or behind the real object for want of room beside; behind, that hides part of it.
     """
 
     mesh: Mesh
@@ -47,7 +61,7 @@ class Placement:
     radius: float
     pitch_deg: float
     share: float = 1.0
-    is_behind: bool = False
+    side: Side = Side.asked
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -102,53 +116,85 @@ def place_beside(
         pixels = view.pixels(turned * (height * spot.share) + _foot(view, spot))
         return (*pixels.min(axis=0), *pixels.max(axis=0))
 
-    behind = view.row_at_depth(depth + (box[2] - box[0]) / view.focal * depth + min(height, height / size))
-    spot, is_behind = find_spot(view, box, row, behind, min(1.0, 1 / size), extent_at)
+    back = (box[2] - box[0]) / 2 / view.focal * depth + min(height, height / size) / 2
+    spot, side = find_spot(
+        view, Outline(photo.mask), row, view.row_at_depth(depth + back), min(1.0, 1 / size), extent_at
+    )
     placed = _standing(unit, upright, _foot(view, spot), height * spot.share, pitch_deg)
-    return replace(placed, share=spot.share, is_behind=is_behind)
+    return replace(placed, share=spot.share, side=side)
+
+
+class Outline:
+    """How far the real object reaches to either side, row by row of its mask [H, W]."""
+
+    def __init__(self, mask: np.ndarray) -> None:
+        inside, self.width = mask > 0.5, mask.shape[1]
+        self.box: Box = object_box(mask)
+        there = inside.any(axis=1)
+        self._left = np.where(there, inside.argmax(axis=1), self.width)
+        self._right = np.where(there, self.width - inside[:, ::-1].argmax(axis=1), 0)
+
+    def free(self, top: float, bottom: float, side: int, bounds: Box) -> tuple[float, float]:
+        """Left and right bound of what is free in rows from top to bottom, on one side (1: right, -1: left)."""
+        rows = slice(max(int(np.floor(top)), 0), max(int(np.ceil(bottom)), 1))
+        if side > 0:
+            return max(float(self._right[rows].max(initial=0)), bounds[0]), bounds[2]
+        return bounds[0], min(float(self._left[rows].min(initial=self.width)), bounds[2])
 
 
 def find_spot(
-    view: View, box: Box, row: float, behind: float, most_behind: float, extent_at: Extent
-) -> tuple[Spot, bool]:
-    """Where an object fits beside a box, and whether it had to stand behind it instead.
+    view: View, outline: Outline, row: float, behind: float, most_behind: float, extent_at: Extent
+) -> tuple[Spot, Side]:
+    """Where an object fits, and on which side of the real one.
 
     Args:
         row: on which both stand. behind: row of the ground behind the real object. most_behind: the share of what
             was asked that is tried there.
     """
     edge = MARGIN * view.width
-    top, bottom = edge, view.height - edge
-    sides = [(box[2], 1, (box[2], top, view.width - edge, bottom)), (box[0], -1, (edge, top, box[0], bottom))]
-    if view.width - box[2] < box[0]:
-        sides.reverse()
-    far_row = view.farthest_row
-    found = [_fit(Spot(x=x, y=row, share=1.0), bounds, gap, far_row, extent_at) for x, gap, bounds in sides]
-    best = found[1] if found[1].share > found[0].share + 0.01 else found[0]
+    bounds = edge, edge, view.width - edge, view.height - edge
+    left, _, right, _ = outline.box
+    sides = [(right, 1), (left, -1)] if view.width - right >= left else [(left, -1), (right, 1)]
+
+    def fitted(foot_row: float) -> Spot:
+        first, second = (
+            _fit(Spot(x=x, y=foot_row, share=1.0), bounds, view.farthest_row, extent_at, outline, side)
+            for x, side in sides
+        )
+        return second if second.share > first.share + 0.01 else first
+
+    best = fitted(row)
     if best.share >= LEAST_SHARE:
-        return best, False
+        return best, Side.beside
+    nearer = [fitted(row + share * (bounds[3] - row)) for share in FRONT_ROWS if row < bounds[3]]
+    best = max(nearer, key=lambda spot: spot.share, default=best)
+    if best.share >= LEAST_SHARE:
+        return best, Side.front
     far = Spot(x=view.width if sides[0][1] > 0 else 0, y=behind, share=most_behind)
-    return _fit(far, (edge, top, view.width - edge, bottom), 0, far_row, extent_at), True
+    return _fit(far, bounds, view.farthest_row, extent_at), Side.behind
 
 
-def _fit(spot: Spot, bounds: Box, gap: int, far_row: float, extent_at: Extent) -> Spot:
-    """Moved into the bounds, GAP off the side where the real object is (gap 1: left), on its row; smaller if needed.
+def _fit(
+    spot: Spot, bounds: Box, far_row: float, extent_at: Extent, outline: Outline | None = None, side: int = 0
+) -> Spot:
+    """Moved into the bounds, and to one side of an outline (1: right, -1: left), GAP off it, its lowest point on the
+    spot's row; smaller if needed.
 
     What is nearer is drawn larger, so that place and size depend on each other: later tries only make it smaller.
     """
     x, row, share = spot.x, spot.y, spot.share
     y = row
     left, top, right, bottom = bounds
-    if right - left < 1:
-        return replace(spot, share=0.0)
     for i in range(TRIES):
         x0, y0, x1, y1 = extent_at(Spot(x=x, y=y, share=share))
-        wide, tall = (x1 - x0) * (1 + abs(gap) * GAP), (min(y1, bottom) if gap else bottom) - top
+        down = min(bottom, row) - y1 if side else _into(y0, y1, top, bottom)
+        if outline is not None:
+            left, right = outline.free(y0 + down, y1 + down, side, bounds)
+        wide, tall = (x1 - x0) * (1 + abs(side) * GAP), (min(y1, bottom) if side else bottom) - top
         room = min((right - left) / wide, tall / (y1 - y0))
         larger = min(max(room, LEAST_STEP), spot.share / share if i < TRIES / 2 else 1.0, 1 / LEAST_STEP)
-        apart = gap * GAP * (x1 - x0)
-        across = (left + apart - x0, right + apart - x1)[gap < 0] if gap else _into(x0, x1, left, right)
-        down = min(bottom, row) - y1 if gap else _into(y0, y1, top, bottom)
+        apart = side * GAP * (x1 - x0)
+        across = (left + apart - x0, right + apart - x1)[side < 0] if side else _into(x0, x1, left, right)
         if abs(larger - 1) < 0.001 and max(abs(across), abs(down)) < CLOSE_PX:
             break
         x, y, share = float(np.clip(x + across, left, right)), max(y + down, far_row), share * larger

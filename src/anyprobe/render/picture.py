@@ -25,8 +25,8 @@ from anyprobe.render.integrate import (
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.reflectance import lookup_coords, read_map, reflectance_normals
 from anyprobe.render.surface import Camera, see
-from anyprobe.scatter.albedo import albedo_table
 from anyprobe.scatter.materials import Material
+from anyprobe.scatter.microfacet import albedo_table
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -88,15 +88,12 @@ def radiance_by_maps(
 ) -> Any:
     """Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
 
-    The maps are seen from the middle of all wo: the further one is from it, the less they hold. Where
-    none is further than 15 degrees, sampled to convergence, it errs by 1 to 2 % of the mean for alpha of
-    0.3 or more and by 1 to 5 % below (measured once under the two maps of benchmarks/README.md, by a script
-    that is not kept; tests/physics/test_by_maps.py holds 0.9 % under a sky and a sun).
+    The maps are seen from the middle of all wo: the further one is from it, the less they hold
+    (tests/physics/test_by_maps.py: 0.9 % of the mean under a sky and a sun, where none is further than 15 degrees).
 
     Args:
         u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.
-        size: of the maps, [size, size].
-        wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
+        size: of the maps, [size, size]. wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
     """
     xp = array_namespace(n, wo, u)
 

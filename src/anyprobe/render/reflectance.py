@@ -15,7 +15,7 @@ from array_api_compat import array_namespace
 
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import corners
-from anyprobe.scatter.albedo import directional_albedo
+from anyprobe.scatter.microfacet import directional_albedo
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -35,12 +35,6 @@ def reflectance_normals(size: int) -> Float[np.ndarray, "S S 3"]:
     theta = np.minimum(radius, LIMIT) * np.pi / 2
     scale = np.sin(theta) / np.maximum(radius, 1e-9)
     return np.stack([right * scale, up * scale, np.cos(theta)], axis=-1).astype(np.float32)
-
-
-def reflectance_disc(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """reflectance_normals and which pixels lie in the disc, [S, S] bool."""
-    x = (np.arange(size) + 0.5) / size * 2 - 1
-    return reflectance_normals(size), np.hypot(*np.meshgrid(x, x)) < 1
 
 
 def normal_to_reflectance_xy(n):
@@ -64,14 +58,11 @@ def straight_on_normal(n, wo):
 
 
 def lobe_normal(n, wo, alpha):
-    """The normal that, seen along +Z, has the middle of its lobe where n has it, seen from wo.
+    """The normal that, seen along +Z, has the middle of its lobe where n has it, seen from wo; [..., 3] each.
 
     It stands for n in the specular terms. A narrow lobe lies about the mirror direction, a wide one
-    about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3.
-    Its albedo is another than n's: see anyprobe.scatter.albedo.
-
-    Args:
-        n, wo: [..., 3].   alpha: scalar or [..., 1].
+    about n: between them by (1 - alpha) (sqrt(1 - alpha) + alpha), Lagarde and de Rousiers 2014, Sect. 4.9.3; alpha is
+    a number or [..., 1]. Its albedo is another than n's: see anyprobe.scatter.microfacet.
     """
     mirrored = (1.0 - alpha) * ((1.0 - alpha) ** 0.5 + alpha)
     return normalize(n + mirrored * (straight_on_normal(n, wo) - n))
@@ -82,7 +73,7 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
 
     Args:
         n, wo: [..., 3], camera frame; where n is zero, anything comes of it.
-        alpha: [..., 1].   table: anyprobe.scatter.albedo.albedo_table, an array of the same kind.
+        alpha: [..., 1].   table: anyprobe.scatter.microfacet.albedo_table, an array of the same kind.
     Returns:
         Where to look in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms,
         [..., 2] each, and what S1 and Ss found there are to be multiplied by, [...]: the lobe is

@@ -20,21 +20,11 @@ GOLDEN = (1 + 5**0.5) / 2
 def _grid_mesh(positions: np.ndarray, crease_deg: float, poles: np.ndarray | None = None) -> Mesh:
     """Close a [R, C, 3] grid (rows pole to pole, columns around +Y) into a mesh.
 
-    Its last two vertices are the poles [2, 3]: the middles of the outer rows where none are given.
+    poles: [2, 3]; the middles of the outer rows where none are given.
     """
-    rows, columns = positions.shape[:2]
-    index = np.arange(rows * columns).reshape(rows, columns)
-    right = np.roll(index, -1, axis=1)
-    a, b, c, d = index[:-1], right[:-1], right[1:], index[1:]
-    faces = np.concatenate([np.stack([a, d, c], -1), np.stack([a, c, b], -1)]).reshape(-1, 3)
-    vertices = positions.reshape(-1, 3)
     if poles is None:
         poles = np.stack([positions[0].mean(axis=0), positions[-1].mean(axis=0)])
-    vertices = np.concatenate([vertices, poles])
-    first, last = index[0], index[-1]
-    cap_top = np.stack([np.full(columns, len(vertices) - 2), first, np.roll(first, -1)], -1)
-    cap_bottom = np.stack([np.full(columns, len(vertices) - 1), np.roll(last, -1), last], -1)
-    return make_mesh(vertices, np.concatenate([faces, cap_top, cap_bottom]), crease_deg=crease_deg)
+    return make_mesh(*_closed(positions, poles), crease_deg=crease_deg)
 
 
 def _sphere_grid(rows: int, columns: int) -> np.ndarray:
@@ -248,7 +238,7 @@ def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     outer = surroundings * outline(phi)[:, None]
     grid = rows[:, 1, None, None] * outer + rows[:, 0, None, None] * [0.0, 1.0, 0.0]
     if hole is None:
-        return _closed(grid)
+        return _closed(grid, np.stack([grid[0].mean(axis=0), grid[-1].mean(axis=0)]) * [0, 1, 0])
     inner = surroundings * (hole(phi) * rng.uniform(0.3, 0.85))[:, None]
     wall = (np.linalg.norm(outer, axis=1) / np.linalg.norm(inner, axis=1)).min()
     inner *= min(1.0, 0.9 * rows[[0, -1], 1].min() * wall)
@@ -318,19 +308,17 @@ def _quads(index: np.ndarray, below: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([a, d, c], -1), np.stack([a, c, b], -1)]).reshape(-1, 3)
 
 
-def _closed(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [R, C, 3] from top to bottom, closed by two lids."""
+def _closed(grid: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows [R, C, 3] from top to bottom, closed by two lids around the poles [2, 3], the last two vertices."""
     rows, columns = grid.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
-    middle = np.stack([grid[0].mean(axis=0) * [0, 1, 0], grid[-1].mean(axis=0) * [0, 1, 0]])
     top, bottom = index[0], index[-1]
     lids = [
         np.stack([np.full(columns, index.size), top, np.roll(top, -1)], -1),
         np.stack([np.full(columns, index.size + 1), np.roll(bottom, -1), bottom], -1),
     ]
-    return np.concatenate([grid.reshape(-1, 3), middle]), np.concatenate(
-        [_quads(index[:-1], index[1:]), *lids]
-    )
+    faces = np.concatenate([_quads(index[:-1], index[1:]), *lids])
+    return np.concatenate([grid.reshape(-1, 3), poles]), faces
 
 
 def _ring(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

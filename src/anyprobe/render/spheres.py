@@ -31,14 +31,9 @@ PYRAMID_SIDE = 64
 
 @lru_cache(maxsize=4)
 def sphere_normals(size: int = SPHERE_SIZE) -> tuple[np.ndarray, np.ndarray]:
-    """Normals of the visible half sphere, row by row, and where they lie.
+    """Normals [N, 3] of the visible half sphere, row by row, and where they lie: a mask [S, S] with N pixels set.
 
-    The sphere fills the picture: at pixel centre (x, y) in [-1, 1]^2, y up, the
-    normal is (x, y, sqrt(1 - x^2 - y^2)).
-
-    Returns:
-        normals: [N, 3] unit vectors, camera frame.
-        mask: [S, S] bool with N pixels set.
+    The sphere fills the picture: at pixel centre (x, y) in [-1, 1]^2, y up, the normal is (x, y, sqrt(1 - x^2 - y^2)).
     """
     x = (np.arange(size) + 0.5) / size * 2 - 1
     right, up = np.meshgrid(x, -x)

@@ -17,6 +17,9 @@ from anyprobe.core.frames import dot, normalize
 from anyprobe.errors import InputError
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
 
+Albedo = float | Sequence[float]
+"""Linear: one number for grey, or red, green and blue."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Material:
@@ -49,6 +52,32 @@ def evaluate(material: Material, wo, wi, n):
     return xp.where(above, value, xp.zeros_like(value))
 
 
+def total_reflectance(albedo, f0):
+    """What a material reflects of an even light in all, [..., 3].
+
+    Schlick's Fresnel term has the cosine-weighted mean F = f0 + (1 - f0) / 21; the rest meets the albedo. What a rough
+    coat loses between its facets is left out.
+    """
+    fresnel = f0 + (1.0 - f0) / 21.0
+    return fresnel + (1.0 - fresnel) * albedo
+
+
+MATERIAL_INPUTS = 8
+"""Numbers by which a network is given a material."""
+LEAST_REFLECTANCE = 0.02
+"""Darker than this is taken as this: a hollow of black velvet."""
+
+
+def material_input(material: Material) -> np.ndarray:
+    """A material as networks are given it, [8] float32: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB.
+
+    All zero stands for a material that is not known.
+    """
+    albedo, f0 = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in (material.albedo, material.f0))
+    reflected = np.log(np.maximum(total_reflectance(albedo, f0), LEAST_REFLECTANCE))
+    return np.concatenate([[1.0, np.sqrt(float(material.alpha))], reflected, f0]).astype(np.float32)
+
+
 MATERIALS: dict[str, Material] = {
     "chrome": Material(albedo=np.zeros(3), f0=np.array([0.65, 0.66, 0.66]), alpha=0.03),
     "gold": Material(albedo=np.zeros(3), f0=np.array([1.00, 0.77, 0.34]), alpha=0.12),
@@ -77,7 +106,7 @@ def alpha_from_roughness(roughness: float) -> float:
 
 def given_material(
     name: str | None = None,
-    albedo: float | Sequence[float] | None = None,
+    albedo: Albedo | None = None,
     roughness: float | None = None,
 ) -> Material | None:
     """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
@@ -112,3 +141,48 @@ def given_material(
             f"albedo: expected a material that has one, got the metal {name}; leave one of them out"
         )
     return replace(material, albedo=np.broadcast_to(values, 3).copy())
+
+
+def as_material(
+    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
+) -> Material | None:
+    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
+
+    Raises:
+        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
+    """
+    if not isinstance(material, Material | str | None):
+        raise InputError(
+            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
+            "give an albedo alone as albedo="
+        )
+    try:
+        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
+        ) from error
+    if not isinstance(material, Material):
+        return given_material(material, values, roughness)
+    if albedo is not None or roughness is not None:
+        raise InputError(
+            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
+            "leave one of them out"
+        )
+    return _checked(material)
+
+
+def _checked(material: Material) -> Material:
+    """The same with arrays for its numbers; InputError where they are no surface's."""
+    albedo, f0, alpha = material.albedo, material.f0, material.alpha
+    try:
+        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
+        alpha = float(alpha)
+    except (TypeError, ValueError):
+        colors = np.full((2, 3), np.nan)
+    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
+        raise InputError(
+            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
+            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
+        )
+    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)

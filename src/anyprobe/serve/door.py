@@ -1,15 +1,24 @@
-"""What uvicorn leaves open in front of the application: half-open requests, too many connections, a log without end."""
+"""What uvicorn leaves open in front of the application: half-open requests, too many connections, a log without end.
+
+And a certificate signed by itself: phones give a page their camera over https only.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import datetime
+import ipaddress
 import logging
 import time
+from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from anyprobe.errors import MissingExtra
 
 HEAD_S = 10.0
 """Seconds in which a request's head must have arrived."""
@@ -138,3 +147,56 @@ def _most_descriptors() -> int:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
             return wanted
     return soft
+
+
+DAYS = 30
+
+
+def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
+    """Make a key and a certificate for the hosts (names or addresses), valid for DAYS.
+
+    Browsers warn once, since no authority signed it; the traffic is encrypted all the same.
+
+    Returns:
+        Paths of certificate and key, PEM; the key is readable by its owner alone.
+    """
+    try:
+        from cryptography import x509
+        from cryptography.hazmat.primitives import hashes, serialization
+        from cryptography.hazmat.primitives.asymmetric import ec
+    except ImportError as error:
+        raise MissingExtra("cryptography", "serve", "--https") from error
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, "anyprobe")])
+    now = datetime.datetime.now(datetime.UTC)
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - datetime.timedelta(hours=1))  # clocks differ
+        .not_valid_after(now + datetime.timedelta(days=DAYS))
+        .add_extension(x509.SubjectAlternativeName([_alternative(host) for host in hosts]), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    certificate_path, key_path = folder / "certificate.pem", folder / "key.pem"
+    certificate_path.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    key_path.touch(mode=0o600)
+    key_path.write_bytes(
+        key.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
+        )
+    )
+    return certificate_path, key_path
+
+
+def _alternative(host: str):
+    from cryptography import x509
+
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        return x509.DNSName(host)

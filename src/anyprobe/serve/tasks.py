@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.frames import rotation_of
+from anyprobe.detail.match import seen_in_photo
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
-from anyprobe.detail.seen import seen_in_photo
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
@@ -105,7 +105,7 @@ def ready() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """photo: without its pixels. crop: its object. mask: as PNG. seen: of detail.seen. None what is not wanted."""
+    """photo: without its pixels. crop: its object. mask: as PNG. seen: of seen_in_photo. None what is not wanted."""
 
     photo: Photo
     crop: Crop

@@ -1,7 +1,9 @@
-"""Checkpoints: reading them, and resuming the run they are of and no other."""
+"""Checkpoints: reading them, resuming the run they are of and no other, and their weights alone, in half floats, to
+begin another run from or to average with."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, asdict, fields, is_dataclass
@@ -12,6 +14,7 @@ import torch
 from torch import nn
 
 from anyprobe.errors import InputError, ModelError
+from anyprobe.files.atomic import atomic_path
 
 RENAMED = (
     ("light.lamps.flux.", "light.emitters.power."),
@@ -32,10 +35,8 @@ EXPLAINED = {
 def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
     """Refuse to go on from a checkpoint that has weights alone, with other settings, or to fewer steps than are done.
 
-    Args:
-        path: where it is.
-        stored: of train.checkpoint.read_checkpoint.
-        config: a run's configuration, a dataclass with `steps`.
+    stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
+
     Raises:
         InputError: naming the first setting that differs.
         ModelError: it was kept without what the next step needs.
@@ -61,6 +62,28 @@ def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict
         if began.get(name, value) != value:
             raise _another_run(path, name, began[name], value)
     return {**now, **began}
+
+
+def resumed(
+    path: Path,
+    config: Any,
+    origin: dict[str, Any],
+    start: Path | None,
+    device: str = "cpu",
+    holds: tuple[str, ...] = ("nets",),
+) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
+
+    Raises:
+        InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
+    """
+    if start is not None:
+        origin["start"] = init_weights_id(start)
+    if not path.is_file():
+        return None, {"start": None, **origin}
+    stored = read_checkpoint(path, device, holds)
+    check_goes_on(path, stored, config)
+    return stored, agreed(path, stored.get("origin", {}), origin)
 
 
 def differing(config: Any, stored: Mapping[str, Any], part: str = "") -> Iterator[tuple[str, Any, Any]]:
@@ -95,9 +118,8 @@ def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
 def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("nets",)) -> dict[str, Any]:
     """What save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
 
-    Args:
-        device: where its tensors go.
-        holds: names of which one has the weights.
+    holds: names of which one has the weights.
+
     Raises:
         ModelError: no file, a damaged one, or none of a run.
     """
@@ -153,3 +175,97 @@ def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Pat
 
 def _no_checkpoint(path: Path, found: str) -> ModelError:
     return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
+
+
+ADDED = ("light.object.material.", "light.posterior.")
+"""Parts that weights of older releases lack; they begin untrained."""
+SMALL = 1024
+"""Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
+
+
+def save_init_weights(checkpoint: Path, path: Path) -> None:
+    """Keep a checkpoint's weights at path, large tensors as float16.
+
+    Raises:
+        InputError: path is the checkpoint.
+        ModelError: no checkpoint, or a damaged one.
+    """
+    stored = read_checkpoint(checkpoint, holds=("nets", "net"))
+    keep_apart(checkpoint, path)
+    with atomic_path(path) as temporary:
+        torch.save(_halved(stored["nets"] if "nets" in stored else stored["net"]), temporary)
+
+
+def keep_apart(checkpoint: Path, path: Path) -> None:
+    """InputError if path is the run's checkpoint: what is kept is less, and must not take its place."""
+    if checkpoint.exists() and path.exists() and path.samefile(checkpoint):
+        raise InputError(
+            f"{path}: expected another place to keep weights in, got the run's own checkpoint; choose another"
+        )
+
+
+def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    return {
+        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
+        for name, value in state.items()
+    }
+
+
+def load_init_weights(nets: nn.Module, path: Path) -> None:
+    """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
+    fresh = nets.state_dict()
+    kept = current_names(_read_init_weights(path)[0], fresh)
+    kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
+    try:
+        nets.load_state_dict(
+            {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
+        )
+    except Exception as error:  # other names, other shapes, no weights at all
+        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def init_weights_id(path: Path) -> str:
+    """Which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there is
+    no such file."""
+    if not path.is_file():
+        raise _not_of_this_run(path, "no file")
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
+def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
+    """A checkpoint at path, for export alone, of the mean of a run's weights and those kept in other.
+
+    Where a run began from other, what both have learned stays and much of what is each one's chance goes (Wortsman et
+    al. 2022, Model soups).
+
+    Raises:
+        ModelError: no checkpoint, or other holds another network's weights.
+    """
+    stored = read_checkpoint(checkpoint)
+    (kept, pairs), nets = _read_init_weights(other), stored["nets"]
+    kept = current_names(kept, nets)
+    if {name: value.shape for name, value in kept.items()} != {
+        name: value.shape for name, value in nets.items()
+    }:
+        raise _not_of_this_run(other, "another network's")
+    mean = {
+        name: (value + kept[name].float()) / 2 if value.is_floating_point() else value
+        for name, value in nets.items()
+    }
+    mean_with = {"start": init_weights_id(other), "pairs": pairs}
+    torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
+    return path
+
+
+def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
+    """The weights that a file keeps, and how many pairs they have seen, if it says so."""
+    try:
+        kept = torch.load(path, map_location="cpu", weights_only=True)
+        return (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+    except Exception as error:  # torch raises many kinds for a damaged file
+        raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
+
+
+def _not_of_this_run(path: Path, found: str) -> ModelError:
+    return ModelError(f"{path}: expected weights of this run, kept by `anyprobe weights --keep`, got {found}")

@@ -63,22 +63,22 @@ def paper() -> RunConfig:
 
 
 def lift() -> RunConfig:
-    """The model that ships, as it goes on: lifts what each pixel shows to where its light came from.
-
-    What ships has not learned with gathered surroundings and painted objects yet; its model card has its runs.
-    """
+    """The model that ships, as it goes on: lifts what each pixel shows to where its light came from."""
     return RunConfig(
         name="lift",
         model="lift",
-        steps=4_400,
+        steps=2_600,
+        learning_rate=6e-4,
         warmup=100,
         cooldown=0.8,
         lift=LiftConfig(normals=3.0),
         pairs=PairConfig(
-            seed=101,
+            seed=131,
+            world=0.6,
             cut_out=0.2,
             given_normals=0.3,
-            surroundings=0.7,
+            given_material=0.3,
+            surroundings=0.5,
             merged_surroundings=0.4,
             joined=0.3,
             shape_augment=0.4,
@@ -86,18 +86,19 @@ def lift() -> RunConfig:
             two_materials=0.1,
         ),
         surfaces=SurfaceConfig(
-            views=12,
+            views=4,
             own_views=1,
-            procedural=600,
-            figures=1400,
-            parts=800,
+            procedural=120,
+            figures=280,
+            parts=160,
             stretch=0.2,
             tilt_deg=20.0,
             bend=0.4,
             relief=0.55,
+            shadows=True,
             seed=21,
         ),
-        light=LightConfig(procedural=200, variants=600, seed=18),
+        light=LightConfig(procedural=200, variants=600, seed=31),
     )
 
 
@@ -111,7 +112,7 @@ def normals() -> RunConfig:
         warmup=100,
         cooldown=0.8,
         pairs=PairConfig(seed=71, cut_out=0.2),
-        surfaces=replace(lift().surfaces, parts=0),
+        surfaces=replace(lift().surfaces, parts=0, shadows=False),
         light=replace(lift().light, seed=12),
     )
 

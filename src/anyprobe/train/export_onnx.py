@@ -33,6 +33,7 @@ from anyprobe.files.radiance import write_exr
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX
 from anyprobe.nets.light_net import LightNet
+from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
@@ -50,7 +51,18 @@ def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
 PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
 NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
 SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
-AS_LEARNED = (1.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sureness:
+    """How a graph corrects its claims (evaluate.calibration): slope and offset of the confidence logit, and factors
+    of the errors of reflectance, level and colour."""
+
+    logit: tuple[float, float] = (1.0, 0.0)
+    errors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+AS_LEARNED = Sureness()
 FLOATS = "float32"
 INT8 = "int8 convolutions"
 """What a graph's metadata says that it computes in."""
@@ -73,12 +85,11 @@ class Graph:
 
 class LightGraph(nn.Module):
     """Outputs of LightNet in the order of LIFT_OUTPUTS: irradiance, ln radiance with emitters at their mode, confidence
-    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance.
+    [N, 1, 64, 128] in [0, 1], normals, expected ln radiance, posterior [N, 7] as estimate.runtime.POSTERIOR has it.
 
-    sureness: slope and offset of the confidence's logit, see evaluate.calibration.
     """
 
-    def __init__(self, net: LightNet, sureness: tuple[float, float] = AS_LEARNED) -> None:
+    def __init__(self, net: LightNet, sureness: Sureness = AS_LEARNED) -> None:
         super().__init__()
         self.net = net
         self.sureness = sureness
@@ -89,24 +100,32 @@ class LightGraph(nn.Module):
         tan_half: torch.Tensor,
         given_normals: torch.Tensor,
         surroundings: torch.Tensor,
+        material: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
-        guess = self.net(photo, tan_half, given_normals, surroundings)
-        slope, offset = self.sureness
+        guess = self.net(photo, tan_half, given_normals, surroundings, material)
+        slope, offset = self.sureness.logit
+        of_reflectance, of_level, of_color = self.sureness.errors
         confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
-        return guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
+        metal, others = guess.posterior.split([1, 6], dim=1)
+        factors = others.new_tensor([1.0, 1.0, 1.0, of_reflectance, of_level, 10 * of_color])
+        posterior = torch.cat([torch.sigmoid(metal), torch.exp(others) * factors], dim=1)
+        shown = guess.features.irradiance, guess.ln_radiance, confidence, guess.normals, guess.ln_expected
+        return *shown, posterior
 
 
-def graphs_of(nets: nn.ModuleDict, sureness: tuple[float, float] = AS_LEARNED) -> dict[str, Graph]:
+def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(nets["light"], sureness).eval()
-        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS), strict=True))
+        shapes = dict(
+            zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True)
+        )
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
 
 
-def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LEARNED) -> dict[str, float]:
+def export(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
     """Write the graphs of a run and return each one's largest difference from torch.
 
     Raises:
@@ -120,7 +139,7 @@ def export(checkpoint: Path, folder: Path, sureness: tuple[float, float] = AS_LE
         "steps": str(stored["step"]),
         "pairs": str(pairs_seen(stored)),
         "config": stored["config"],
-        "sureness": f"{sureness[0]:g} {sureness[1]:g}",
+        "sureness": " ".join(f"{value:g}" for value in (*sureness.logit, *sureness.errors)),
         **provenance(stored),
     }
     return {
@@ -218,11 +237,12 @@ CHECKED = 24
 
 
 def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
-    """What the lifting model's graph is given for pairs: no prior, normals, surroundings, both, in turn."""
+    """What the lifting model's graph is given for pairs: every choice of normals, surroundings and material in turn."""
     for k, pair in enumerate(pairs):
         normals = true_normals(pair) if k % 2 else None
         surroundings_map = surroundings(pair) if k % 4 > 1 else None
-        yield lift_inputs(pair.crop, pair.tan_half, normals, surroundings_map)
+        material = pair.material if k % 8 > 3 else None
+        yield lift_inputs(pair.crop, pair.tan_half, normals, surroundings_map, material)
 
 
 def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from anyprobe.core.color import REC709
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE
 from anyprobe.dataset.pair import LN_RANGE
@@ -67,6 +68,8 @@ class Normals:
 
 LOBES = (1.0, 16.0, 128.0)
 """Powers of the cosine: what a diffuse, a glossy and a nearly mirror-like sphere see of the map."""
+METAL_F0 = 0.25
+"""Mean f0 above which a material is called a metal: dielectrics stay below a tenth."""
 FAINT = 0.02
 """Added to radiance before its logarithm is compared: darker than this does not matter."""
 
@@ -86,6 +89,9 @@ class LiftConfig:
     confidence: float = 0.05
     emitters: float = 0.04
     power: float = 0.1
+    level: float = 0.1
+    color: float = 0.03
+    material: float = 0.05
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:
@@ -137,6 +143,7 @@ class Lift:
         self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]  # [1, 1, H, 2H]
         # halfway between equal pixels and true solid angles
         self._weight = 0.5 + 0.5 * self._angles / angles.mean()
+        self._luminance = torch.tensor(REC709, device=device)
         self._lobes = lobe_matrices(MAP_HEIGHT // 2, 8).to(device)
 
     @staticmethod
@@ -151,6 +158,7 @@ class Lift:
             **self._object(guess, batch, normals),
             **self._map(guess, batch),
             **self._emitters(guess, batch),
+            **self._posterior(guess, batch),
         }
         return {name: getattr(self.config, name) * terms[name] for name in self.columns}
 
@@ -159,7 +167,8 @@ class Lift:
         photo = batch.photo.contiguous(memory_format=torch.channels_last)
         with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
             normals = given_normals(batch)
-            return self.nets["light"](photo, batch.tan_half[:, None], normals, batch.surroundings), normals
+            given = (batch.tan_half[:, None], normals, batch.surroundings, batch.given_material)
+            return self.nets["light"](photo, *given), normals
 
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
         """Photos, true LDR maps and those it estimates."""
@@ -211,6 +220,31 @@ class Lift:
         return {
             "emitters": -(counts * (share * guessed).sum(dim=1)).mean(),
             "power": (guess.ln_power - torch.log(power + POWER_FLOOR)).abs().mean(),
+        }
+
+    def _posterior(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
+        """The map's level and mean colour, with how wrong they are thought to be, and the object's material.
+
+        A mean error s is learned from errors e by e / s + ln s (a Laplace distribution's likelihood); the errors
+        themselves are learned as they are, or a doubtful photo would count less.
+        """
+        means = []
+        for ln in (guess.ln_expected, batch.ln_radiance):
+            means.append((torch.exp(ln.clip(*LN_RANGE)) * self._angles).sum(dim=(2, 3)))
+        level = (torch.log(means[0] @ self._luminance) - torch.log(means[1] @ self._luminance)).abs()
+        cosine = F.cosine_similarity(*means).clip(max=1 - 1e-5)
+        color = torch.rad2deg(torch.acos(cosine)) / 10.0
+        metal, reflectance, *scales = guess.posterior.split([1, 3, 1, 1, 1], dim=1)
+        wrong = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)
+        is_metal = (batch.material[:, 5:].mean(dim=1) > METAL_F0).float()
+        known = batch.material[:, 0]
+        kind = F.binary_cross_entropy_with_logits(metal[:, 0], is_metal, reduction="none")
+        ln_wrong, ln_level, ln_color = (one[:, 0] for one in scales)
+        material = kind + wrong * (1 + torch.exp(-ln_wrong)) + ln_wrong
+        return {
+            "level": (level + level.detach() * torch.exp(-ln_level) + ln_level).mean(),
+            "color": (color + color.detach() * torch.exp(-ln_color) + ln_color).mean(),
+            "material": (known * material).sum() / known.sum().clip(min=1.0),
         }
 
     def _transport(self, ln: torch.Tensor, true_ln: torch.Tensor) -> torch.Tensor:

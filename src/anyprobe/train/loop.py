@@ -1,37 +1,43 @@
-"""The training loop: one visible loop, one checkpoint that resumes exactly."""
+"""The training loop: one visible loop, one checkpoint that resumes exactly; in one process or in several."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import torch
+import torch.distributed as dist
+from torch import nn
 
 from anyprobe.dataset.pairs import PairSource
-from anyprobe.errors import ModelError
+from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
-from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
+from anyprobe.train.checkpoint import (
+    agreed,
+    load_init_weights,
+    load_weights,
+    read_checkpoint,
+    resumed,
+)
 from anyprobe.train.config import RunConfig
-from anyprobe.train.dataloader import load_assets, name_assets, open_batches
-from anyprobe.train.distributed import ProcessGroup
-from anyprobe.train.init_weights import init_weights_id, load_init_weights
+from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches
 from anyprobe.train.lift import Lift, Normals
 from anyprobe.train.logger import RunLogger, run_folder
-from anyprobe.train.shard_source import ShardSource
 
 CHECKPOINT_SECONDS = 120.0
 
 
-def learning_rate(config: RunConfig, step: int) -> float:
-    """Linear warm-up, constant, linear cool-down to zero."""
+def learning_rate(config: Any, step: int) -> float:
+    """Linear warm-up, constant, linear cool-down to zero, of a run's configuration."""
     falling = config.cooldown * config.steps
     return config.learning_rate * min(
         1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
@@ -106,7 +112,7 @@ def train(
 ) -> Path:
     """Train a run's networks to config.steps, going on from its checkpoint when there is one.
 
-    Started by torchrun, its processes train together (train.distributed).
+    Started by torchrun, its processes train together (ProcessGroup).
 
     Args:
         data: folder with hdri/train and meshes/train; None trains on procedural assets.
@@ -115,7 +121,7 @@ def train(
             so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
         stop_after: stop (with a checkpoint) once this many steps are done in all.
         pairs: the batches, when they are at hand already, for instance rendered ones.
-        start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
+        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
     Returns:
         The checkpoint's path.
     Raises:
@@ -135,20 +141,13 @@ def train(
         nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
     )
     first = seen = 0
-    origin: dict[str, Any] = {"processes": processes.size}
-    if start is not None:
-        origin["start"] = init_weights_id(start)
-    if path.is_file():
-        stored = read_checkpoint(path, device)
-        check_goes_on(path, stored, config)
-        origin = agreed(path, stored.get("origin", {}), origin)
+    stored, origin = resumed(path, config, {"processes": processes.size}, start, device)
+    if stored is not None:
         load_weights(nets, stored["nets"], path)
         optimizer.load_state_dict(stored["optimizer"])
         first, seen = stored["step"], pairs_seen(stored)
     elif start is not None:
         load_init_weights(nets, start)
-    else:
-        origin["start"] = None
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
@@ -193,3 +192,68 @@ def train(
                 saved = time.monotonic()
     processes.leave()
     return path
+
+
+BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
+"""What carries the tensors of each kind of device between processes."""
+
+
+class ProcessGroup:
+    """Processes that see different pairs and keep the same weights.
+
+    Every process makes step number * size + rank of the pairs; gradients are averaged, so that
+    two processes learn as one with twice the batch would (but for batch normalisation, which
+    sees each process's pairs alone).
+    """
+
+    def __init__(self, kind: str = "cpu") -> None:
+        """As torchrun's RANK and WORLD_SIZE say; a team of one without them.
+
+        kind: of the device that every process trains on, "cpu" or "cuda"; `device` is this process's own.
+        Raises:
+            InputError: another kind, or one that this machine does not have.
+        """
+        if kind not in BACKENDS:
+            raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")
+        if kind == "cuda" and not torch.cuda.is_available():
+            raise InputError("--device cuda: expected a GPU that torch can use, found none; take cpu")
+        self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
+        own = kind == "cuda" and self.size > 1
+        self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind
+        if self.size > 1 and not dist.is_initialized():
+            dist.init_process_group(BACKENDS[kind])
+
+    @property
+    def is_first(self) -> bool:
+        """The one that logs and saves."""
+        return self.rank == 0
+
+    def average_gradients(self, parameters: Iterable[nn.Parameter], ask: bool = False) -> bool:
+        """Replace every gradient by the team's mean; returns what the first process asked."""
+        if self.size == 1:
+            return ask
+        gradients = [p.grad for p in parameters if p.grad is not None]
+        asked = gradients[0].new_tensor([float(ask and self.is_first)])
+        self._average([*gradients, asked])
+        return bool(asked > 0)
+
+    def average_statistics(self, nets: nn.Module) -> None:
+        """The same for what batch normalisation has seen; its mean is what one process of all would keep."""
+        if self.size > 1:
+            self._average([buffer for buffer in nets.buffers() if buffer.is_floating_point()])
+
+    def _average(self, tensors: list[torch.Tensor]) -> None:
+        flat = torch.cat([tensor.reshape(-1) for tensor in tensors])
+        dist.all_reduce(flat)
+        flat /= self.size
+        parts = flat.split([tensor.numel() for tensor in tensors])
+        for tensor, part in zip(tensors, parts, strict=True):
+            tensor.copy_(part.view_as(tensor))
+
+    def leave(self) -> None:
+        """Once all is done."""
+        if self.size > 1:
+            dist.destroy_process_group()
+
+
+SINGLE = {"RANK": "0", "WORLD_SIZE": "1"}

@@ -1,36 +1,41 @@
-"""The mask network's training: its own small loop, one checkpoint that resumes exactly."""
+"""The mask network's training, its own small loop, one checkpoint that resumes exactly; and its export: one ONNX graph
+with its contract, its weights stored small, checked against torch."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 import time
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import torch
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.nn import functional as F
 
-from anyprobe.dataset.asset_store import AssetStore, own_map
+from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.mask_scenes.examples import Batch, SceneConfig, SceneSource
-from anyprobe.dataset.mask_scenes.foregrounds import ViewSource
-from anyprobe.dataset.mask_scenes.patterns import TexturePool
+from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
+from anyprobe.masks.propose import CONTRACT, SIZE
 from anyprobe.nets.mask_net import MaskNet
-from anyprobe.train.checkpoint import agreed, check_goes_on, load_weights, read_checkpoint
+from anyprobe.train.checkpoint import (
+    agreed,
+    load_init_weights,
+    load_weights,
+    read_checkpoint,
+    resumed,
+)
 from anyprobe.train.config import LightConfig
-from anyprobe.train.dataloader import load_assets, name_assets
-from anyprobe.train.init_weights import init_weights_id, load_init_weights
-from anyprobe.train.logger import LOG_STEPS, forget_after, run_folder
-from anyprobe.train.loop import CHECKPOINT_SECONDS
+from anyprobe.train.dataloader import load_assets, make_maps, name_assets
+from anyprobe.train.export_onnx import store_half
+from anyprobe.train.logger import RunLogger, run_folder
+from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,9 +81,7 @@ def smoke(config: MaskRunConfig, steps: int) -> MaskRunConfig:
 
 def make_scenes(config: MaskRunConfig, store: AssetStore, cache: Path) -> SceneSource:
     """The endless scenes of a run: training assets, if there are any, and our own."""
-    light = config.light
-    radiance = [asset.radiance for asset in store.maps.values()] if light.real else []
-    radiance += [own_map(light.seed, index).radiance for index in range(light.procedural)]
+    radiance = make_maps(config.light, store)
     surfaces = build_surfaces(list(store.shapes.values()), config.surfaces, cache)
     textures = TexturePool(config.scenes.seed, config.scenes.textures, radiance)
     views = ViewSource(Illuminator(radiance, compiled=False), surfaces, textures, config.scenes.seed)
@@ -111,18 +114,9 @@ def train_mask(
     scenes: SceneSource | None = None,
     start: Path | None = None,
 ) -> Path:
-    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one.
+    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
 
-    Args:
-        data: folder with hdri/train and meshes/train; None trains on procedural assets.
-        stop_after: stop (with a checkpoint) once this many steps are done in all.
-        scenes: the batches, when they are at hand already.
-        start: weights to begin from, of train.init_weights; a run that goes on may name those that it began from.
-    Returns:
-        The checkpoint's path.
-    Raises:
-        InputError: a checkpoint of another run (train.checkpoint).
-        ModelError: a damaged checkpoint, or weights of another network.
+    Args, errors: as of train.loop.train; scenes: the batches, when they are at hand already.
     """
     torch.manual_seed(config.seed)
     path = runs / config.name / "checkpoint.pt"
@@ -130,11 +124,8 @@ def train_mask(
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     mean = deepcopy(net)
     first = 0
-    origin: dict[str, Any] = {} if start is None else {"start": init_weights_id(start)}
-    if path.is_file():
-        stored = read_checkpoint(path, holds=("net",))
-        check_goes_on(path, stored, config)
-        origin = agreed(path, stored.get("origin", {}), origin)
+    stored, origin = resumed(path, config, {}, start, holds=("net",))
+    if stored is not None:
         load_weights(mean, stored["net"], path)
         load_weights(net, stored["moving"], path)
         optimizer.load_state_dict(stored["optimizer"])
@@ -142,8 +133,6 @@ def train_mask(
     elif start is not None:
         load_init_weights(net, start)
         mean.load_state_dict(net.state_dict())
-    else:
-        origin["start"] = None
     folder = run_folder(runs, config.name)
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
@@ -153,37 +142,20 @@ def train_mask(
         origin = agreed(path, origin, {"assets": name_assets(store)})
         scenes = make_scenes(config, store, runs / "cache")
         del store  # hundreds of maps, of which the scenes keep what they need
-    log_path = folder / "log.csv"
-    forget_after(log_path, first)
-    columns = (TextColumn(config.name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    saved = since = time.monotonic()
-    history: list[tuple[float, float]] = []
-    with (
-        Progress(*columns, TextColumn("{task.description}"), console=Console(stderr=True)) as progress,
-        log_path.open("a", newline="", encoding="utf-8") as log,
-    ):
-        rows = csv.writer(log)
-        if first == 0:
-            rows.writerow(["step", "examples", "loss", "iou", "learning_rate", "seconds"])
-        task = progress.add_task("", total=config.steps, completed=first)
+    learner = SimpleNamespace(columns=("loss", "iou"), nets=net)
+    logger = RunLogger(folder, config.name, learner, first, last, config.steps)
+    saved, each = time.monotonic(), config.scenes.batch * config.scenes.prompts
+    with logger:
         for step in range(first, last):
-            rate = _learning_rate(config, step)
+            rate = learning_rate(config, step)
             for group in optimizer.param_groups:
                 group["lr"] = rate
             batch = scenes.batch(step)
             if step < config.small_steps:
                 batch = shrink(batch, config.small)
-            history.append(_step(net, optimizer, batch))
+            figures = _step(net, optimizer, batch)
             _follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
-            progress.advance(task)
-            if (step + 1) % LOG_STEPS == 0 or step + 1 == last:
-                loss, iou = np.mean(history, axis=0)
-                seconds = (time.monotonic() - since) / len(history)
-                seen = (step + 1) * config.scenes.batch * config.scenes.prompts
-                rows.writerow([step + 1, seen, f"{loss:.5f}", f"{iou:.4f}", f"{rate:.2e}", f"{seconds:.2f}"])
-                log.flush()
-                progress.update(task, description=f"loss {loss:.3f} IoU {iou:.3f}")
-                history, since = [], time.monotonic()
+            logger.note(step + 1, (step + 1) * each, each, figures, rate)
             if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == last:
                 with atomic_path(path) as temporary:
                     torch.save(
@@ -210,7 +182,7 @@ def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
     return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
 
 
-def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> tuple[float, float]:
+def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[str, torch.Tensor]:
     """One step; the loss and the mean IoU of the examples that have a target."""
     net.train()
     photo = batch.photo.repeat_interleave(batch.prompt.shape[1], dim=0)
@@ -226,7 +198,7 @@ def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> tuple
     found, true = logits.detach() > 0, mask > 0.5
     full = true.sum(dim=(1, 2, 3)) > 0
     iou = (found & true).sum(dim=(1, 2, 3)) / (found | true).sum(dim=(1, 2, 3)).clip(min=1)
-    return float(loss.detach()), float(iou[full].mean())
+    return {"loss": loss, "iou": iou[full].mean()}
 
 
 @torch.no_grad()
@@ -239,8 +211,76 @@ def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
             kept.copy_(new)
 
 
-def _learning_rate(config: MaskRunConfig, step: int) -> float:
-    falling = config.cooldown * config.steps
-    return config.learning_rate * min(
-        1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
-    )
+LARGE = 8192
+"""Convolutions of so many weights and more keep them as int8, a scale for each output channel."""
+
+TOLERANCE = 0.01
+"""Largest mean difference of the cover that this may make."""
+
+
+def export_mask(checkpoint: Path, folder: Path) -> dict[str, float]:
+    """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; its mean difference from torch.
+
+    Raises:
+        ModelError: the graph disagrees with the network by more than TOLERANCE.
+    """
+    import onnx
+    import onnxruntime
+
+    net, run = load_mask_net(checkpoint)
+    recipe = {
+        "run": run["name"],
+        "steps": str(run["step"]),
+        "scenes": str(run["scenes"]["scenes"] + run["step"] * run["scenes"]["fresh"]),
+        "config": json.dumps(run),
+    }
+    example = torch.rand((1, 4, SIZE, SIZE), generator=torch.Generator().manual_seed(0))
+    with atomic_path(folder / "mask.onnx") as temporary:
+        torch.onnx.export(
+            net,
+            (example,),
+            str(temporary),
+            input_names=["input"],
+            output_names=["output"],
+            opset_version=17,
+            dynamo=False,
+        )
+        model = onnx.load(str(temporary))
+        store_half(model)
+        store_int8(model)
+        onnx.helper.set_model_props(model, {**CONTRACT, **recipe})
+        onnx.checker.check_model(model)
+        onnx.save(model, str(temporary))
+        session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
+        with torch.no_grad():
+            expected = net(example).numpy()
+        difference = float(np.abs(session.run(None, {"input": example.numpy()})[0] - expected).mean())
+        if not difference <= TOLERANCE:
+            raise ModelError(f"mask: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
+    return {"mask": difference}
+
+
+def store_int8(model) -> None:
+    """Keep the weights of large convolutions, which store_half has halved, as int8 behind a DequantizeLinear; the
+    runtime widens them once, when it opens."""
+    import onnx
+    from onnx import numpy_helper
+
+    for node in [one for one in model.graph.node if one.op_type == "Cast"]:
+        tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
+        if tensor is None or len(tensor.dims) != 4 or np.prod(tensor.dims) < LARGE:
+            continue
+        name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
+        scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
+        steps = np.round(values / scale[:, None, None, None]).astype(np.int8)
+        model.graph.initializer.remove(tensor)
+        parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
+        model.graph.initializer.extend(
+            numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items()
+        )
+        widened = onnx.helper.make_node(
+            "DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0
+        )
+        place = list(model.graph.node).index(node)
+        model.graph.node.remove(node)
+        model.graph.node.insert(place, widened)

@@ -37,6 +37,8 @@ export class LightPanel {
     marker.hidden = Math.max(...irradiance) === 0;
     Object.assign(marker.style, placeOnMap(direction));
     element("direction").textContent = marker.hidden ? "none stands out" : describeDirection(direction);
+    const { uncertainty } = result.light;
+    element("brightness").textContent = uncertainty ? `, brightness ± ${uncertainty.levelStops.toFixed(1)} stops` : "";
     this.#setReady(true);
   }
 
@@ -55,6 +57,7 @@ export class LightPanel {
     }
     element("marker").hidden = true;
     element("direction").textContent = "not yet known";
+    element("brightness").textContent = "";
     this.#setReady(false);
   }
 

@@ -16,6 +16,7 @@ const ENOUGH = 0.5;
  * @typedef {object} LightOptions
  * @property {boolean} [surroundings] the picture's background becomes part of the map
  * @property {"mode" | "expected"} [emitters] light sources at their most likely positions, or their mean radiance
+ * @property {Float32Array} [material] of photo/material.js, where it is known
  */
 
 /**
@@ -27,6 +28,9 @@ const ENOUGH = 0.5;
  */
 export async function lightOfObject(models, picture, longFovDeg, crop, { surroundings, emitters = "mode", ...options }) {
   const seen = surroundings && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
+  if (options.material && !models.takesMaterial) {
+    throw new Error("material: expected a network that takes it, got one that does not; use the weights of this version");
+  }
   const prediction = await models.light(crop.image, crop.tanHalf, { ...options, emitters, surroundings: seen });
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
@@ -39,8 +43,14 @@ export async function lightOfObject(models, picture, longFovDeg, crop, { surroun
     confidence,
     meanConfidence: sphereMean(confidence),
     wellExposedFraction: wellExposed,
+    object: prediction.object ?? null,
+    uncertainty: prediction.uncertainty ?? null,
     emitters: models.lifts ? emitters : "mode",
-    priors: { surroundings: seen ? coverageOf(seen) : 0, normals: Boolean(options.normals) },
+    priors: {
+      surroundings: seen ? coverageOf(seen) : 0,
+      normals: Boolean(options.normals),
+      material: Boolean(options.material),
+    },
   };
 }
 

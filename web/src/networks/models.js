@@ -23,7 +23,10 @@ const MAP_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
 /** Zero: nothing of the map is given. */
 const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
 
-/** What the lifting graph's parts are called by contract 2, and by contract 1. */
+/** Zero: the object's material is not given. */
+const NO_MATERIAL = new Float32Array(8);
+
+/** What the lifting graph's parts are called by contracts 2 and 3, and by contract 1. */
 const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };
 
 export class Models {
@@ -75,6 +78,7 @@ export class Models {
    * @param {"mode" | "expected"} [options.emitters] light sources at their most likely positions (sharp shadows), or their
    *   mean radiance (soft)
    * @param {Float32Array | null} [options.normals] [3, 64, 64] given ones in the crop's frame, unit, zero where unknown
+   * @param {Float32Array | null} [options.material] [8] of materialInput
    * @returns {Promise<{radiance: Float32Array, confidence: Float32Array | null, irradiance: Float32Array,
    *   ldr: Float32Array, lnRadiance: Float32Array}>} row by row, channel last: maps [64, 128, 3] in the crop's frame,
    *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain
@@ -88,20 +92,27 @@ export class Models {
     return "light" in this.sessions;
   }
 
-  async #lift(image, tanHalf, { withStages = true, surroundings = null, emitters = "mode", normals = null }) {
+  /** Whether it can be given the object's material. */
+  get takesMaterial() {
+    return this.lifts && this.sessions.light.inputNames.includes("material");
+  }
+
+  async #lift(image, tanHalf, { withStages = true, surroundings = null, emitters = "mode", normals = null, material = null }) {
     const outputs = await this.#runByName("light", {
       photo: [image, PHOTO_SHAPE],
       tan_half: [Float32Array.of(tanHalf), [1, 1]],
       given_normals: [normals ?? NO_NORMALS, NORMALS_SHAPE],
       surroundings: [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
+      ...(this.takesMaterial ? { material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]] } : {}),
     });
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
     const { confidence } = outputs;
-    if (!withStages) return { radiance, confidence };
+    const said = outputs.posterior ? readPosterior(outputs.posterior) : {};
+    if (!withStages) return { radiance, confidence, ...said };
     const irradiance = clipped(channelLast(outputs.irradiance));
-    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance };
+    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance, ...said };
   }
 
   async #chain(image) {
@@ -135,8 +146,8 @@ export class Models {
       feeds[nameIn(session.inputNames, name)] = new this.ort.Tensor("float32", values, shape);
     }
     const outputs = await session.run(feeds);
-    const wanted = ["irradiance", "ln_radiance", "confidence", "ln_radiance_expected"];
-    return Object.fromEntries(wanted.map((name) => [name, outputs[nameIn(session.outputNames, name)].data]));
+    const wanted = ["irradiance", "ln_radiance", "confidence", "ln_radiance_expected", "posterior"];
+    return Object.fromEntries(wanted.map((name) => [name, outputs[nameIn(session.outputNames, name)]?.data]));
   }
 
   /** Values and shape of each input, to the values of each output, in the graph's order. */
@@ -161,6 +172,14 @@ async function graphOf(weights) {
     const name = new URL(url).pathname.split("/").at(-1);
     throw new Error(`${name} could not be fetched (${error.message})`);
   }
+}
+
+/** What the graph says of the object, and how far off its map is in two of three cases: stops and degrees. */
+function readPosterior([metal, red, green, blue, reflectance, level, color]) {
+  return {
+    object: { metal, reflectance: [red, green, blue], reflectanceStops: reflectance / Math.LN2 },
+    uncertainty: { levelStops: level / Math.LN2, colorDeg: color },
+  };
 }
 
 const clipped = (values) => values.map((value) => Math.min(Math.max(value, 0), 1));

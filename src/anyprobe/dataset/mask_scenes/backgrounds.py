@@ -10,8 +10,7 @@ import torch
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.dataset.camera import blur
-from anyprobe.dataset.mask_scenes.foregrounds import LitView
-from anyprobe.dataset.mask_scenes.patterns import TexturePool
+from anyprobe.dataset.mask_scenes.foregrounds import LitView, TexturePool
 from anyprobe.dataset.sky import tint
 from anyprobe.render.surface import pixel_rays
 

@@ -11,8 +11,7 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.dataset.camera import blur, draw_shot, exposure
 from anyprobe.dataset.mask_scenes.backgrounds import Window, draw_background, draw_flat, make_window
-from anyprobe.dataset.mask_scenes.foregrounds import LitView
-from anyprobe.dataset.mask_scenes.patterns import TexturePool
+from anyprobe.dataset.mask_scenes.foregrounds import LitView, TexturePool
 from anyprobe.dataset.pairs import take_photos
 
 SIZE = 256

@@ -1,0 +1,49 @@
+/** The object's material, where it is known, as anyprobe.scatter.materials. */
+
+const [MATTE, LEAST_ROUGHNESS, LEAST_REFLECTANCE] = ["matte", 0.1, 0.02];
+
+/** Linear albedo, f0 and GGX alpha of the materials that have names. */
+export const MATERIALS = {
+  chrome: { albedo: [0, 0, 0], f0: [0.65, 0.66, 0.66], alpha: 0.03 },
+  gold: { albedo: [0, 0, 0], f0: [1, 0.77, 0.34], alpha: 0.12 },
+  plastic: { albedo: [0.52, 0.06, 0.05], f0: [0.045, 0.045, 0.045], alpha: 0.12 },
+  matte: { albedo: [0.6, 0.6, 0.6], f0: [0.04, 0.04, 0.04], alpha: 0.9 },
+};
+
+/**
+ * @param {import("../../types/index.d.ts").GivenMaterial} given a name of MATERIALS, or what replaces its albedo and roughness
+ * @returns {{albedo: number[], f0: number[], alpha: number}}
+ */
+export function givenMaterial(given) {
+  const { name = MATTE, albedo, roughness } = typeof given === "string" ? { name: given } : given;
+  if (!Object.hasOwn(MATERIALS, name)) {
+    throw new Error(`material: expected one of ${Object.keys(MATERIALS).join(", ")}, got ${JSON.stringify(name)}`);
+  }
+  const material = { ...MATERIALS[name] };
+  if (roughness !== undefined) {
+    if (!(roughness >= LEAST_ROUGHNESS && roughness <= 1)) {
+      throw new Error(`roughness: expected a number from ${LEAST_ROUGHNESS} to 1, got ${roughness}; 0.1 is polished, 1 is matte`);
+    }
+    material.alpha = roughness ** 2;
+  }
+  if (albedo !== undefined) {
+    const values = typeof albedo === "number" ? [albedo, albedo, albedo] : [...albedo];
+    if (values.length !== 3 || !values.every((value) => value > 0 && value <= 1)) {
+      throw new Error(`albedo: expected one number or three above 0 and up to 1, got ${albedo}; a grey card has 0.18`);
+    }
+    if (material.albedo.every((value) => value === 0)) {
+      throw new Error(`albedo: expected a material that has one, got the metal ${name}; leave one of them out`);
+    }
+    material.albedo = values;
+  }
+  return material;
+}
+
+/** What the network is given of a material, [8]: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB. */
+export function materialInput({ albedo, f0, alpha }) {
+  const reflected = f0.map((one, channel) => {
+    const fresnel = one + (1 - one) / 21;
+    return Math.log(Math.max(fresnel + (1 - fresnel) * albedo[channel], LEAST_REFLECTANCE));
+  });
+  return Float32Array.of(1, Math.sqrt(alpha), ...reflected, ...f0);
+}
