@@ -54,8 +54,9 @@ class Evidence:
     expected: IoU by the network's own probabilities; mirrored, darker: IoU with what it finds in the mirrored photo,
     and in the photo exposed less; kept: IoU of the rough mask and the one cut out of it; one_part: share of what was
     found that is in one part; told_apart: by colour; apart: how likely by its colours what lies just outside is
-    surroundings and not object; edge: share of the outline where the photo has an edge; border: share of the outline on the photo's border; small: ln of how many times less than 5 % of the photo the mask covers; large:
-    how much more than 60 % of it.
+    surroundings and not object; edge: share of the outline where the photo has an edge; border: share of the outline on
+    the photo's border; small: ln of how many times less than 5 % of the photo the mask covers; large: how much more
+    than 60 % of it.
     """
 
     expected: float
