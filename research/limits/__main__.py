@@ -7,18 +7,20 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
+from anyprobe.estimate.runtime import DEFAULT_MODEL, POSTERIOR, Models, model_id
+from anyprobe.evaluate.calibration import true_errors
 from anyprobe.evaluate.methods import PRIORS, mean_map, run_with_priors
 from anyprobe.evaluate.scoring import ALPHA_EDGES
 from anyprobe.evaluate.test_sets import FROZEN as LIST
 from anyprobe.evaluate.test_sets import kept_pairs, read_recipes
-from research.limits.figures import MEAN_MAP, Limits, alpha_bin
+from research.limits.figures import MEAN_MAP, Limits, alpha_bin, kind_of
 from research.limits.sphere import SphereLimit, Views, is_world, paper_draw, world_draw
 from research.results import commit, write_result
 from research.world.pairs import PARTS, world_pairs
@@ -55,9 +57,15 @@ def limits(
             lambda pair, given: run_with_priors(models, pair, given).radiance, given=PRIORS[name]
         )
     spheres = _Spheres(data) if sphere else None
-    scores = Limits()
+    scores, held = Limits(), {}
     for pair in chosen:
         scores.add(pair, maps)
+        outputs = models(pair.crop, pair.tan_half)
+        if outputs.posterior is not None:
+            claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
+            metal = (outputs.posterior["metal"] > 0.5) == (not pair.material.albedo.any())
+            for group in ("all", kind_of(pair)):
+                held.setdefault(group, []).append([*(true_errors(outputs, pair) <= claimed), metal])
         if spheres is not None:
             for name, ldr in spheres(pair).items():
                 scores.add_ldr(name, pair, ldr)
@@ -69,9 +77,14 @@ def limits(
         + ("" if model == DEFAULT_MODEL else f" --model {title}"),
         "model": model_id(model),
         "groups": table,
+        "claims": {
+            group: [round(float(share), 3) for share in np.mean(rows, axis=0)] for group, rows in held.items()
+        },
     }
     write_result(out / f"limits-{part}.json", content)
     show(table)
+    for group, shares in content["claims"].items():
+        print(group, "within its claims of reflectance, level, colour; metal or not:", *shares)
 
 
 def _pairs(data: Path, part: str, count: int, kept: Path | None):

@@ -67,7 +67,7 @@ def lift() -> RunConfig:
     return RunConfig(
         name="lift",
         model="lift",
-        steps=2_600,
+        steps=1_300,
         learning_rate=6e-4,
         warmup=100,
         cooldown=0.8,
