@@ -93,12 +93,20 @@ class View:
 
         part: rows and columns; None for the whole photo.
         """
+        for strip in self.strips(part):
+            yield strip, self.ground_of(strip)
+
+    def strips(self, part: tuple[slice, slice] | None = None) -> list[tuple[slice, slice]]:
+        """The pixels of ground_strips alone."""
         lines, columns = part or (slice(0, self.height), slice(0, self.width))
         step = max(1, STRIP_PIXELS // max(columns.stop - columns.start, 1))
-        for top in range(lines.start, lines.stop, step):
-            strip = slice(top, min(top + step, lines.stop)), columns
-            y, x = np.mgrid[strip] + 0.5
-            yield strip, self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
+        tops = range(lines.start, lines.stop, step)
+        return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]
+
+    def ground_of(self, strip: tuple[slice, slice]) -> np.ndarray:
+        """on_ground of the centres of these pixels, [R, C, 3]."""
+        y, x = np.mgrid[strip] + 0.5
+        return self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """Where points [..., 3] in front of the camera appear, [..., 2] px."""

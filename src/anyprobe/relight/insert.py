@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,12 @@ BORDER_PX = 2
 
 MOST_DRAWN = 512
 """Pixels that an object is drawn across; in larger photos it is enlarged, as their own pixels are hardly sharper."""
+
+ENLARGED_SUPERSAMPLE = 2
+"""Points of a pixel, along a side, of an object that is enlarged."""
+
+THREADS = 2
+"""That darken strips of the ground at a time."""
 
 MOST_PATHS = 1 << 25
 """Of the path tracer for one object."""
@@ -74,13 +81,17 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow) -> np.ndarray:
     only the part is looked at that shows the shadow's square.
     """
     picture = photo.rgb.copy()
-    part = view.part_around(shadow.foot, shadow.reach)
-    for strip, ground in view.ground_strips(part):
+
+    def darken(strip: tuple[slice, slice]) -> None:
+        ground = view.ground_of(strip)
         ratio = shadow.at(ground.reshape(-1, 3)).reshape(ground.shape)
         ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[strip][..., None])
         touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
         under = picture[strip]
         under[touched] = response(inverse_response(under[touched]) * ratio[touched])
+
+    with ThreadPoolExecutor(THREADS) as pool:  # each strip is its own part of the picture
+        list(pool.map(darken, view.strips(view.part_around(shadow.foot, shadow.reach))))
     return picture
 
 
@@ -221,10 +232,14 @@ class Stage:
             renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
             shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
         """
-        shadow = shadow or self.shadow(radiance)
-        drawn = self.draw(radiance, material, renderer) if drawn is None else drawn
-        picture = cast_shadow(self.photo, self.view, shadow)
-        return lay_over(picture, drawn, self.window, self.photo, behind=self._behind())
+
+        def shaded() -> np.ndarray:
+            return cast_shadow(self.photo, self.view, shadow or self.shadow(radiance))
+
+        with ThreadPoolExecutor(1) as pool:  # while the object is drawn
+            picture = pool.submit(shaded)
+            drawn = self.draw(radiance, material, renderer) if drawn is None else drawn
+        return lay_over(picture.result(), drawn, self.window, self.photo, behind=self._behind())
 
     def draw(self, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> np.ndarray:
         """The object alone in its window, [S, S, 4] as render.picture.draw_mesh has it; see relit."""
@@ -236,7 +251,8 @@ class Stage:
             paths = min(NUM_PATHS, MOST_PATHS // camera.size**2)
             drawn = trace_mesh(mesh, camera, radiance, material, self._ground(radiance), paths)
         else:
-            drawn = draw_mesh(mesh, camera, radiance, material)
+            finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
+            drawn = draw_mesh(mesh, camera, radiance, material, **finer)
         return enlarged(drawn, self.window.size)
 
     def material(self, name: str, radiance: np.ndarray) -> Material:
