@@ -146,7 +146,7 @@ export declare class AnyProbe {
   readonly hasMask: boolean;
   /**
    * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
-   * null without a mask network, with a line on what looks wrong where that is below 0.8.
+   * null without a mask network, with a line on what looks wrong where that is below 0.81.
    */
   mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
   /** The light around the object of one picture, in the frame of its camera. */

@@ -25,19 +25,33 @@ export function colorsApart({ width, height, rgba }, part) {
   const inside = resize(part, 1, [width, height], size);
   const count = inside.length;
   const colors = Float64Array.from({ length: 3 * count }, (_, i) => small[4 * Math.floor(i / 3) + (i % 3)] / 255);
-  const every = Math.max(1, Math.floor(count / SAMPLES));
-  const sampled = Array.from({ length: Math.ceil(count / every) }, (_, i) => i * every);
   const outside = inside.map((value) => 1 - value);
-  const [on, off] = [inside, outside].map((weight) => lnDensity(colors, mixture(colors, weight, sampled)));
+  const odds = colorOdds(colors, inside, outside);
   const shareRight = (weight, sign) => {
     let [right, all] = [0, 0];
     for (let i = 0; i < count; i++) {
       all += weight[i];
-      if (sign * (on[i] - off[i]) > 0) right += weight[i];
+      if (sign * odds[i] > 0) right += weight[i];
     }
     return right / Math.max(all, 1e-6);
   };
   return Math.min(Math.max(shareRight(inside, 1) + shareRight(outside, -1) - 1, 0), 1);
+}
+
+/**
+ * How much likelier colours are on one side than on the other, ln.
+ *
+ * @param {Float64Array} colors three in [0, 1] a pixel
+ * @param {ArrayLike<number>} one weight of each there
+ * @param {ArrayLike<number>} other
+ * @returns {Float64Array}
+ */
+export function colorOdds(colors, one, other) {
+  const count = colors.length / 3;
+  const every = Math.max(1, Math.floor(count / SAMPLES));
+  const sampled = Array.from({ length: Math.ceil(count / every) }, (_, i) => i * every);
+  const [on, off] = [one, other].map((weight) => lnDensity(colors, mixture(colors, weight, sampled)));
+  return on.map((value, i) => value - off[i]);
 }
 
 /** Share, mean and covariance of each Gaussian of the weighted colours at some indices. */

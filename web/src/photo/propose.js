@@ -56,7 +56,7 @@ function windowOf(origin, size) {
 }
 
 /** A square window around a box, moved into the photo. */
-export function around(box, width, height) {
+function around(box, width, height) {
   const side = AGAIN_SIDE * Math.max(box[2] - box[0], box[3] - box[1]);
   const spans = [width, height].map((length, axis) => {
     const extent = Math.min(length, Math.max(1, Math.round(side)));
@@ -67,7 +67,7 @@ export function around(box, width, height) {
 }
 
 /** One run of the network on a window; the cover is the window's. */
-export async function look(run, picture, window, clicks, box) {
+async function look(run, picture, window, clicks, box) {
   const corners = box && [...window.place(box.slice(0, 2)), ...window.place(box.slice(2))];
   const hints = drawHints(clicks.on.map(window.place), clicks.off.map(window.place), corners);
   const answer = await run(networkInput(picture, window, hints));

@@ -1,33 +1,37 @@
-/** How good a found mask is, as anyprobe.masks.quality: what the network expects, and whether other ways give the same. */
+/**
+ * How good a found mask is, as anyprobe.masks.quality: what the network expects of it, whether other ways to ask give the
+ * same object, and whether what lies beside it looks like it.
+ */
 
-import { luminance } from "../core/color.js";
-import { colorsApart } from "./colorsApart.js";
+import { colorOdds, colorsApart } from "./colorsApart.js";
 import { oneObject } from "./parts.js";
 import { objectBox } from "./picture.js";
-import { around, look, propose } from "./propose.js";
+import { propose } from "./propose.js";
 import { resize } from "./resize.js";
 
 /** Expected IoU below which a mask comes with a warning. */
-export const DOUBTFUL = 0.8;
+export const DOUBTFUL = 0.81;
 
-const OFFSET = -8.18;
+const OFFSET = -10.61;
 /** Of the log-odds of the IoU. */
 const WEIGHTS = {
-  expected: 2.93,
-  mirrored: 3.44,
-  byBox: 0.06,
-  byClick: 0.21,
-  grey: 0.15,
-  kept: 0.54,
-  onePart: 0.85,
-  toldApart: 2.21,
-  edge: 1.21,
-  small: -0.35,
+  expected: 3.54,
+  mirrored: 2.57,
+  darker: 0.63,
+  kept: 2.35,
+  toldApart: 2.53,
+  apart: 1.87,
+  edge: 0.73,
 };
 /** Power of the display values of the picture that is asked about again, exposed less. */
 const DARKER = 1.8;
-/** Longer side at which edges are compared. */
+/** What counts as just outside a mask, from and to, and as surroundings, in pixels of WORK_PX. */
+const BESIDE = [2, 6];
+const FAR_PX = 7;
+/** Longer side at which edges and what lies on their sides are compared. */
 const WORK_PX = 160;
+/** Of WORK_PX that colours are compared on. */
+const LEAST_PX = 20;
 
 /**
  * @typedef {object} Evidence what speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful, by
@@ -53,19 +57,18 @@ export async function qualityOf(run, picture, cover, mask, hints) {
   return { quality, warnings: [`The mask may be wrong (expected IoU ${quality.toFixed(2)}${because}).`] };
 }
 
-/** By WEIGHTS, but no more than a proposal that disagrees leaves likely. */
+/** By WEIGHTS. */
 export function expectedIou(evidence) {
   let odds = OFFSET;
   for (const [name, weight] of Object.entries(WEIGHTS)) odds += weight * evidence[name];
-  return Math.min(1 / (1 + Math.exp(-odds)), (1 + leastAgreement(evidence)) / 2);
+  return 1 / (1 + Math.exp(-odds));
 }
-
-const leastAgreement = ({ mirrored, byBox, byClick, grey, darker }) => Math.min(mirrored, byBox, byClick, grey, darker);
 
 /** What looks wrong, in a few words each, the gravest first. */
 export function doubts(evidence) {
   return [
-    [leastAgreement(evidence) - 0.6, "asked in another way, the network finds something else"],
+    [Math.min(evidence.mirrored, evidence.darker) - 0.6, "asked in another way, the network finds something else"],
+    [evidence.apart - 0.75, "what lies beside it has the same colours"],
     [evidence.edge - 0.45, "its outline does not follow the photo's edges"],
     [evidence.onePart - 0.8, "it falls into several parts"],
     [0.15 - evidence.border, "it is cut by the photo's border"],
@@ -82,62 +85,27 @@ export function doubts(evidence) {
 export async function examine(run, picture, cover, mask, hints) {
   const { width, height } = picture;
   const box = objectBox(mask, width);
-  const window = around(box, width, height);
-  const here = resize(cropOf(mask, width, window), 1, window.size, window.inner);
-  const lookHere = async (on, corners) => iou((await look(run, picture, window, { on, off: [] }, corners)).values, here);
-  const byBox = await lookHere([], box);
-  const byClick = await lookHere([deepestPoint(mask, width)], null);
   const again = async (other, asked, turn = (values) => values) => {
     const found = await propose(run, other, asked);
     return iou(resize(turn(found.values, found.width), 1, [found.width, found.height], [width, height]), mask);
   };
   const flipped = { width, height, rgba: mirrored(picture.rgba, width, 4) };
   const inMirror = await again(flipped, mirroredHints(hints, width), mirrored);
-  const grey = await again(mapped(picture, (r, g, b) => Array(3).fill(luminance(r, g, b))), hints);
-  const darker = await again(mapped(picture, (...rgb) => rgb.map((value) => 255 * (value / 255) ** DARKER)), hints);
+  const darker = await again(lessExposed(picture), hints);
   const { part, loose } = oneObject(mask, width);
   const share = mask.reduce((count, value) => count + (value > 0.5 ? 1 : 0), 0) / mask.length;
   return {
     expected: cover.confidence,
     mirrored: inMirror,
-    byBox,
-    byClick,
-    grey,
     darker,
     kept: iou(resize(cover.values, 1, [cover.width, cover.height], [width, height]), mask),
     onePart: 1 - loose,
     toldApart: colorsApart(picture, part),
+    apart: apartFrom(picture, mask, box),
     ...outlineOf(picture, mask, box),
     small: Math.log(Math.max(0.05 / Math.max(share, 1e-5), 1)),
     large: Math.max(share - 0.6, 0) / 0.4,
   };
-}
-
-/** The point of a mask that is furthest from everything outside, to a 64th of the longer side. */
-export function deepestPoint(mask, width) {
-  const height = mask.length / width;
-  const step = Math.max(1, Math.round(Math.max(width, height) / 64));
-  const start = Math.floor(step / 2);
-  const [columns, rows] = [width, height].map((length) => Math.ceil((length - start) / step) + 2);
-  let inside = new Uint8Array(columns * rows);
-  for (let y = 0; y < rows - 2; y++) {
-    for (let x = 0; x < columns - 2; x++) {
-      if (mask[(start + y * step) * width + start + x * step] > 0.5) inside[(y + 1) * columns + x + 1] = 1;
-    }
-  }
-  if (!inside.includes(1)) {
-    const first = mask.findIndex((value) => value > 0.5);
-    return [(first % width) + 0.5, Math.floor(first / width) + 0.5];
-  }
-  let last = inside;
-  while (inside.includes(1)) {
-    last = inside;
-    inside = last.map((value, i) => value & last[i - 1] & last[i + 1] & last[i - columns] & last[i + columns]);
-  }
-  const deepest = [...last.keys()].filter((i) => last[i]).map((i) => [i % columns, Math.floor(i / columns)]);
-  const mean = [0, 1].map((axis) => deepest.reduce((sum, point) => sum + point[axis], 0) / deepest.length);
-  const away = deepest.map(([x, y]) => Math.hypot(y - mean[1], x - mean[0]));
-  return deepest[away.indexOf(Math.min(...away))].map((at) => (at - 1) * step + start + 0.5);
 }
 
 function iou(one, other) {
@@ -166,11 +134,9 @@ function mirroredHints({ on, off, box }, width) {
   return { on: on.map(place), off: off.map(place), box: box && [width - box[2], box[1], width - box[0], box[3]] };
 }
 
-/** The picture with other colours. */
-function mapped({ width, height, rgba }, colorOf) {
-  const out = new Float32Array(rgba.length);
-  for (let at = 0; at < rgba.length; at += 4) out.set([...colorOf(rgba[at], rgba[at + 1], rgba[at + 2]), rgba[at + 3]], at);
-  return { width, height, rgba: out };
+/** The picture by DARKER. */
+function lessExposed({ width, height, rgba }) {
+  return { width, height, rgba: Float32Array.from(rgba, (value, at) => (at % 4 === 3 ? value : 255 * (value / 255) ** DARKER)) };
 }
 
 function cropOf(values, width, { origin: [x, y], size: [w, h] }, channels = 1) {
@@ -182,9 +148,9 @@ function cropOf(values, width, { origin: [x, y], size: [w, h] }, channels = 1) {
   return out;
 }
 
-/** Share of the outline where the photo changes more than it mostly does nearby, and share on the border. */
-function outlineOf({ width, height, rgba }, mask, [x0, y0, x1, y1]) {
-  const more = 0.25 * Math.max(x1 - x0, y1 - y0);
+/** Picture and mask (1 inside) around the object, with more of its longer side, at most WORK_PX across. */
+function aroundObject({ width, height, rgba }, mask, [x0, y0, x1, y1], share) {
+  const more = share * Math.max(x1 - x0, y1 - y0);
   const left = Math.max(0, Math.floor(x0 - more));
   const top = Math.max(0, Math.floor(y0 - more));
   const size = [Math.min(width, Math.floor(x1 + more) + 1) - left, Math.min(height, Math.floor(y1 + more) + 1) - top];
@@ -193,6 +159,43 @@ function outlineOf({ width, height, rgba }, mask, [x0, y0, x1, y1]) {
   const window = { origin: [left, top], size };
   const picture = resize(cropOf(rgba, width, window, 4), 4, size, small);
   const inside = resize(cropOf(mask, width, window), 1, size, small).map((value) => (value > 0.5 ? 1 : 0));
+  return { picture, inside, small };
+}
+
+/**
+ * Mean probability, by colour alone, that what lies just outside a mask is surroundings and not object: a part of an
+ * object, and a mask that ran over into its surroundings, have their own colours beside them.
+ */
+function apartFrom(photo, mask, box) {
+  const { picture, inside, small } = aroundObject(photo, mask, box, 0.35);
+  const grown = [inside];
+  while (grown.length <= FAR_PX) grown.push(grow(grown.at(-1), small));
+  const [from, to] = BESIDE.map((px) => grown[px]);
+  const beside = to.map((value, i) => value - from[i]);
+  const not = (values) => values.map((value) => 1 - value);
+  const core = not(grow(grow(not(inside), small), small));
+  const count = (values) => values.reduce((sum, value) => sum + value, 0);
+  const beyond = not(grown[FAR_PX]);
+  const far = count(beyond) >= LEAST_PX ? beyond : not(from);
+  if (Math.min(count(core), count(far), count(beside)) < LEAST_PX) return 0.5;
+  const colors = Float64Array.from({ length: 3 * inside.length }, (_, i) => picture[4 * Math.floor(i / 3) + (i % 3)] / 255);
+  const odds = colorOdds(colors, core, far);
+  return beside.reduce((sum, value, i) => sum + value / (1 + Math.exp(odds[i])), 0) / count(beside);
+}
+
+/** What is inside, 1, and the pixels beside it. */
+function grow(inside, [width, height]) {
+  return inside.map((value, i) => {
+    const [x, y] = [i % width, Math.floor(i / width)];
+    const isBeside = (x > 0 && inside[i - 1]) || (x < width - 1 && inside[i + 1]) || (y > 0 && inside[i - width]) || (y < height - 1 && inside[i + width]);
+    return value || isBeside ? 1 : 0;
+  });
+}
+
+/** Share of the outline where the photo changes more than it mostly does nearby, and share on the border. */
+function outlineOf(photo, mask, box) {
+  const { width } = photo;
+  const { picture, inside, small } = aroundObject(photo, mask, box, 0.25);
   const change = changeOf(picture, small);
   const share = boxMean(inside, small, 1);
   const outline = share.map((value) => (value > 0.01 && value < 0.99 ? 1 : 0));
@@ -206,7 +209,7 @@ function outlineOf({ width, height, rgba }, mask, [x0, y0, x1, y1]) {
   });
   for (let x = 0; x < width; x++) atBorder += mask[x] + mask[mask.length - width + x];
   for (let at = 0; at < mask.length; at += width) atBorder += mask[at] + mask[at + width - 1];
-  const around = 2 * (x1 - x0 + (y1 - y0));
+  const around = 2 * (box[2] - box[0] + (box[3] - box[1]));
   return { edge: all ? sharp / all : 0, border: Math.min(1, atBorder / Math.max(around, 1)) };
 }
 
