@@ -20,7 +20,7 @@ from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.propose import default_graph, shared_network
 from anyprobe.masks.quality import Evidence, examine
 from anyprobe.relight.ground import View
-from anyprobe.relight.placement import Spot, find_spot
+from anyprobe.relight.placement import Outline, Spot, find_spot
 from anyprobe.scatter.materials import given_material, material_input
 
 HINTS = {
@@ -75,15 +75,28 @@ def _broken(rgb: np.ndarray) -> tuple[np.ndarray, dict]:
     return mask, _quality(evidence)
 
 
-BOXES = [(10, 20, 150, 180), (200, 100, 400, 300), (480, 300, 599, 399), (5, 5, 595, 395), (0, 200, 330, 400)]
+SHAPES = [
+    [(10, 20, 150, 180)],
+    [(200, 100, 400, 300)],
+    [(480, 300, 599, 399)],
+    [(5, 5, 595, 395)],
+    [(0, 200, 330, 400)],
+    [(100, 40, 520, 120), (280, 120, 340, 330)],  # overhangs on both sides
+    [(60, 60, 110, 90), (110, 60, 300, 260), (300, 150, 450, 180)],  # a handle and a longer spout
+    [(0, 30, 600, 200)],
+]
+"""Of real objects: rectangles, in pixels."""
 CARDS = [(100, 100), (700, 120), (60, 700), (500, 30)]
 PITCHES_DEG = [-15.0, 0.0, 12.0]
 
 
 def _placements() -> list[dict]:
-    """Where find_spot puts flat things of some size beside boxes, under cameras of some pitch."""
+    """Where find_spot puts flat things of some size beside real objects, under cameras of some pitch."""
     cases = []
-    for box, (wide, high), pitch_deg in product(BOXES, CARDS, PITCHES_DEG):
+    for shape, (wide, high), pitch_deg in product(SHAPES, CARDS, PITCHES_DEG):
+        mask = np.zeros((400, 600), np.float32)
+        for left, top, right, bottom in shape:
+            mask[top:bottom, left:right] = 1.0
         tilt = np.radians(pitch_deg)
         view = View(width=600, height=400, focal=500.0, up=np.array([0.0, np.cos(tilt), np.sin(tilt)]))
 
@@ -96,10 +109,11 @@ def _placements() -> list[dict]:
                 spot.y + 0.3 * high * scale,
             )
 
-        given = {"box": box, "row": box[3], "behind": box[3] - 60, "most_behind": 0.8}
-        spot, is_behind = find_spot(view, *given.values(), covered)
-        found = {"x": spot.x, "y": spot.y, "share": spot.share, "is_behind": is_behind}
-        cases.append(given | {"card": [wide, high], "pitch_deg": pitch_deg, "found": found})
+        row = max(bottom for *_, bottom in shape)
+        given = {"row": row, "behind": row - 60, "most_behind": 0.8}
+        spot, side = find_spot(view, Outline(mask), *given.values(), covered)
+        found = asdict(spot) | {"side": side}
+        cases.append(given | {"shape": shape, "card": [wide, high], "pitch_deg": pitch_deg, "found": found})
     return cases
 
 

@@ -17,11 +17,12 @@ import { shown, step } from "../src/light/temporal.js";
 import { cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { propose } from "../src/photo/propose.js";
+import { objectBox } from "../src/photo/picture.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
-import { beside, farthestRow } from "../page/view/placement.js";
+import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
 import { Models } from "../src/networks/models.js";
 
 const folder = process.env.PARITY;
@@ -190,16 +191,24 @@ test("blurs of Python's own map", { skip }, () => {
 });
 
 test("where a virtual object stands", { skip }, () => {
-  const atFarRow = found.placements.filter(({ box, row, behind, most_behind: mostBehind, card, pitch_deg: pitchDeg, found: expected }) => {
+  const sides = { beside: 0, front: 0, behind: 0 };
+  const atFarRow = found.placements.filter(({ shape, row, behind, most_behind: mostBehind, card, pitch_deg: pitchDeg, found: expected }) => {
+    const mask = new Float32Array(600 * 400);
+    for (const [x0, y0, x1, y1] of shape) {
+      for (let y = y0; y < y1; y++) mask.fill(1, y * 600 + x0, y * 600 + x1);
+    }
+    const silhouette = new Silhouette(mask, 600, objectBox(mask, 600));
     const extentAt = ({ x, y, share }) => {
       const scale = share * Math.max(0.5 + (0.5 * y) / 400, 0.1);
       return [x - (card[0] * scale) / 2, y - card[1] * scale, x + (card[0] * scale) / 2, y + 0.3 * card[1] * scale];
     };
     const farRow = farthestRow(400, 500, pitchDeg);
-    const spot = beside({ width: 600, height: 400, box, row, behind, farRow, mostBehind }, extentAt);
-    assertClose([spot.x, spot.y, spot.share], [expected.x, expected.y, expected.share], 1e-6, `${box} ${card} ${pitchDeg}`);
-    assert.equal(spot.isBehind ?? false, expected.is_behind);
+    const spot = findSpot({ silhouette, row, behind, farRow, mostBehind }, extentAt);
+    assertClose([spot.x, spot.y, spot.share], [expected.x, expected.y, expected.share], 1e-6, `${shape} ${card} ${pitchDeg}`);
+    assert.equal(spot.side, expected.side);
+    sides[spot.side] += 1;
     return Math.abs(spot.y - farRow) < 1e-9;
   });
   assert.ok(atFarRow.length > 3);
+  assert.ok(Math.min(...Object.values(sides)) > 3, JSON.stringify(sides));
 });

@@ -2,7 +2,7 @@
 
 On the side with more room, under what overhangs too; on the other if only that holds it; smaller if neither does.
 Where it would become too small, nearer to the camera if it covers nothing there; else behind the real one, which then
-hides part of it. web/page/view/placement.js does the same by the real one's box alone, without the place in front.
+hides part of it. web/page/view/placement.js does the same.
 """
 
 from __future__ import annotations

@@ -2,12 +2,16 @@
  * Where a virtual object stands by default, as anyprobe.relight.placement: beside the real one on the same ground, all of it
  * in the photo and never over the real one.
  *
- * On the side with more room; on the other if only that holds it; smaller if neither does; and where it would become too
- * small, behind the real one, which then hides part of it.
+ * On the side with more room, under what overhangs too; on the other if only that holds it; smaller if neither does. Where
+ * it would become too small, nearer to the camera if it covers nothing there; else behind the real one, which then hides
+ * part of it.
  */
 
-/** Of what was asked: beside the real object it is made no smaller. */
+/** Of what was asked: beside the real object or in front of it, it is made no smaller. */
 const LEAST_SHARE = 0.35;
+
+/** Where places in front are tried, from the row that the real object stands on to the lowest of the photo. */
+const FRONT_ROWS = [0.25, 0.5, 0.75, 1];
 
 /** Kept free at the photo's border, of its width; and between the two objects, of the virtual one's. */
 const MARGIN = 0.02;
@@ -85,14 +89,40 @@ export function likelyPitchDeg(row, height, focal) {
  * @property {number} x of the foot, pixels
  * @property {number} y
  * @property {number} share of the size that was asked for
- * @property {boolean} [isBehind] the real object hides part of it
+ * @property {"beside" | "front" | "behind"} [side] of the real object, where it stands
  */
+
+/** How far the real object reaches to either side, row by row of its mask. */
+export class Silhouette {
+  /**
+   * @param {Float32Array} mask
+   * @param {number} width of the picture
+   * @param {number[]} box x0, y0, x1, y1 of mask > 0.5
+   */
+  constructor(mask, width, box) {
+    Object.assign(this, { width, height: mask.length / width, box });
+    this.left = new Float64Array(this.height).fill(width);
+    this.right = new Float64Array(this.height);
+    for (let y = box[1]; y < box[3]; y++) {
+      for (let x = box[0]; x < box[2]; x++) {
+        if (mask[y * width + x] <= 0.5) continue;
+        this.left[y] = Math.min(this.left[y], x);
+        this.right[y] = x + 1;
+      }
+    }
+  }
+
+  /** Left and right bound of what is free in rows from top to bottom, on one side (1: right, -1: left). */
+  free(top, bottom, side, [least, , most]) {
+    const rows = [Math.max(Math.floor(top), 0), Math.max(Math.ceil(bottom), 1)];
+    if (side > 0) return [this.right.subarray(...rows).reduce((x, right) => Math.max(x, right), least), most];
+    return [least, this.left.subarray(...rows).reduce((x, left) => Math.min(x, left), most)];
+  }
+}
 
 /**
  * @param {object} photo
- * @param {number} photo.width
- * @param {number} photo.height
- * @param {number[]} photo.box of the real object, x0, y0, x1, y1 in pixels
+ * @param {Silhouette} photo.silhouette of the real object
  * @param {number} photo.row on which both stand: the lowest that is seen of them
  * @param {number} photo.behind row of the ground behind the real object
  * @param {number} photo.farRow of farthestRow
@@ -100,39 +130,46 @@ export function likelyPitchDeg(row, height, focal) {
  * @param {(spot: Spot) => number[]} extentAt what the object covers there, x0, y0, x1, y1 in pixels
  * @returns {Spot}
  */
-export function beside({ width, height, box, row, behind, farRow, mostBehind }, extentAt) {
-  const [x0, , x1] = box;
+export function findSpot({ silhouette, row, behind, farRow, mostBehind }, extentAt) {
+  const { width, height, box } = silhouette;
   const edge = MARGIN * width;
-  const sides = [
-    { foot: x0, gap: -1, bounds: [edge, edge, x0, height - edge] },
-    { foot: x1, gap: 1, bounds: [x1, edge, width - edge, height - edge] },
-  ];
-  if (width - x1 >= x0) sides.reverse();
-  const found = sides.map(({ foot, gap, bounds }) => fit({ x: foot, y: row, share: 1 }, bounds, gap, farRow, extentAt));
-  const best = found[1].share > found[0].share + 0.01 ? found[1] : found[0];
-  if (best.share >= LEAST_SHARE) return best;
-  const { gap } = sides[0];
-  const far = { x: gap > 0 ? width : 0, y: behind, share: mostBehind };
-  return { ...fit(far, [edge, edge, width - edge, height - edge], 0, farRow, extentAt), isBehind: true };
+  const bounds = [edge, edge, width - edge, height - edge];
+  const sides = width - box[2] >= box[0] ? [1, -1] : [-1, 1];
+  const fitted = (footRow) => {
+    const [first, second] = sides.map((side) => {
+      const spot = { x: side > 0 ? box[2] : box[0], y: footRow, share: 1 };
+      return fit(spot, bounds, farRow, extentAt, silhouette, side);
+    });
+    return second.share > first.share + 0.01 ? second : first;
+  };
+  const beside = fitted(row);
+  if (beside.share >= LEAST_SHARE) return { ...beside, side: "beside" };
+  const rows = row < bounds[3] ? FRONT_ROWS.map((share) => row + share * (bounds[3] - row)) : [];
+  const front = rows.map(fitted).reduce((best, spot) => (best.share >= spot.share ? best : spot), { share: 0 });
+  if (front.share >= LEAST_SHARE) return { ...front, side: "front" };
+  const far = { x: sides[0] > 0 ? width : 0, y: behind, share: mostBehind };
+  return { ...fit(far, bounds, farRow, extentAt), side: "behind" };
 }
 
 /**
- * The spot moved into the bounds, by GAP away from their side where the real object is and on its row; smaller where they
- * are too narrow. What is nearer is larger, so that size and place depend on each other: later tries only shrink.
+ * The spot moved into the bounds, and to one side of a silhouette (1: right, -1: left), by GAP off it, its lowest point on the
+ * spot's row; smaller if needed. What is nearer is larger, so that size and place depend on each other: later tries only
+ * shrink.
  */
-function fit({ x, y, share: most }, [left, top, right, bottom], gap, farRow, extentAt) {
+function fit({ x, y, share: most }, bounds, farRow, extentAt, silhouette = null, side = 0) {
   const row = y;
   let share = most;
-  if (right - left < 1) return { x, y, share: 0 };
+  let [left, top, right, bottom] = bounds;
   for (let i = 0; i < TRIES; i++) {
     const [x0, y0, x1, y1] = extentAt({ x, y, share });
-    const wide = (x1 - x0) * (1 + Math.abs(gap) * GAP);
-    const tall = (gap ? Math.min(y1, bottom) : bottom) - top;
+    const down = side ? Math.min(bottom, row) - y1 : into(y0, y1, top, bottom);
+    if (silhouette) [left, right] = silhouette.free(y0 + down, y1 + down, side, bounds);
+    const wide = (x1 - x0) * (1 + Math.abs(side) * GAP);
+    const tall = (side ? Math.min(y1, bottom) : bottom) - top;
     const room = Math.min((right - left) / wide, tall / (y1 - y0));
     const larger = Math.min(Math.max(room, LEAST_STEP), i < TRIES / 2 ? most / share : 1, 1 / LEAST_STEP);
-    const apart = gap * GAP * (x1 - x0);
-    const across = gap > 0 ? left + apart - x0 : gap < 0 ? right + apart - x1 : into(x0, x1, left, right);
-    const down = gap ? Math.min(bottom, row) - y1 : into(y0, y1, top, bottom);
+    const apart = side * GAP * (x1 - x0);
+    const across = side > 0 ? left + apart - x0 : side < 0 ? right + apart - x1 : into(x0, x1, left, right);
     if (Math.abs(larger - 1) < 0.001 && Math.abs(across) < CLOSE_PX && Math.abs(down) < CLOSE_PX) break;
     x = Math.min(Math.max(x + across, left), right);
     y = Math.max(y + down, farRow);

@@ -27,7 +27,7 @@ import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
 import { SHARP_FACE_SIZES } from "../../src/light/prefilter.js";
 import { extentOf, outlineOf } from "./outline.js";
-import { beside, contactOf, farthestRow, likelyPitchDeg } from "./placement.js";
+import { Silhouette, contactOf, farthestRow, findSpot, likelyPitchDeg } from "./placement.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
@@ -44,6 +44,8 @@ const UNKNOWN_LENS_DEG = 38;
 const SHADOW_PX = 256;
 /** Pixels drawn for a pixel shown, along each side, over the camera's picture where WebGL is software. */
 const COARSE = 0.7;
+/** Said of a place that was not asked for. */
+const NOT_BESIDE = { front: "in front of it", behind: "behind it" };
 /** Cosine of a quarter of a degree: a dominant light that turns by less keeps its shadow. */
 const SAME_DIRECTION = 0.99999;
 
@@ -115,6 +117,7 @@ export class Stage {
     const longFovDeg = lensDeg ?? UNKNOWN_LENS_DEG;
     const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
     Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
+    this.silhouette = new Silhouette(mask, width, box);
     this.setMask(mask);
     const half = Math.tan((longFovDeg * Math.PI) / 360) * (height / Math.max(width, height));
     this.camera.fov = (2 * Math.atan(half) * 180) / Math.PI;
@@ -132,7 +135,7 @@ export class Stage {
 
   /** Put the object beside the real one, all of it in the photo. */
   #standBeside() {
-    const { width, height, box, size } = this;
+    const { width, height, box, silhouette, size } = this;
     const real = Math.max(box[3] - box[1], 0.6 * (box[2] - box[0]));
     const asked = (OF_REAL * real * DISTANCE) / this.#focalPx();
     const farRow = farthestRow(height, this.#focalPx(), this.pitchDeg);
@@ -146,9 +149,9 @@ export class Stage {
     const [, row] = this.contact;
     const behind = this.#rowBehind(asked * Math.min(size, 1 / OF_REAL));
     const mostBehind = Math.min(1, 1 / (OF_REAL * size));
-    const { x, y, share, isBehind } = beside({ width, height, box, row, behind, farRow, mostBehind }, extentAt);
+    const { x, y, share, side } = findSpot({ silhouette, row, behind, farRow, mostBehind }, extentAt);
     this.unit = asked * share;
-    this.isBehind = isBehind;
+    this.side = side;
     this.#setFoot(x, Math.max(y, farRow));
     this.#place();
   }
@@ -156,7 +159,7 @@ export class Stage {
   /** Row of the ground that lies behind the real object, as deep as wide, by what stands there. */
   #rowBehind(room) {
     const { height, box, up, ground } = this;
-    const away = DISTANCE + ((box[2] - box[0]) * DISTANCE) / this.#focalPx() + room;
+    const away = DISTANCE + ((box[2] - box[0]) / 2 / this.#focalPx()) * DISTANCE + room / 2;
     return height / 2 - (this.#focalPx() * (up.dot(ground.position) + up.z * away)) / up.y / away;
   }
 
@@ -215,7 +218,7 @@ export class Stage {
   /** Move the object to where the ground lies behind a pixel of the photo; false if none does. */
   moveTo(x, y) {
     this.isTouched = true;
-    this.isBehind = false;
+    this.side = null;
     const isGround = this.#setFoot(x, y);
     if (isGround) this.#aimShadow();
     return isGround;
@@ -240,7 +243,9 @@ export class Stage {
   /** What is to be said of the object's place: empty where all of it is in the photo, and nothing hides it. */
   placeNote() {
     if (!this.object || !this.box) return "";
-    if (this.isBehind) return "There is no room beside the object: the virtual one stands behind it. Drag it.";
+    if (this.side in NOT_BESIDE) {
+      return `There is no room beside the object: the virtual one stands ${NOT_BESIDE[this.side]}. Drag it.`;
+    }
     this.standing.updateWorldMatrix(true, false);
     const clip = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.standing.matrixWorld);
     const [x0, y0, x1, y1] = extentOf(this.outline, clip, this.width, this.height);

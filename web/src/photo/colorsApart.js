@@ -41,16 +41,17 @@ export function colorsApart({ width, height, rgba }, part) {
 /**
  * How much likelier colours are on one side than on the other, ln.
  *
- * @param {Float64Array} colors three display values each
- * @param {ArrayLike<number>} one their weights there
- * @param {ArrayLike<number>} other likewise
+ * @param {Float64Array} colors three in [0, 1] a pixel
+ * @param {ArrayLike<number>} one weight of each there
+ * @param {ArrayLike<number>} other
+ * @returns {Float64Array}
  */
 export function colorOdds(colors, one, other) {
   const count = colors.length / 3;
   const every = Math.max(1, Math.floor(count / SAMPLES));
   const sampled = Array.from({ length: Math.ceil(count / every) }, (_, i) => i * every);
-  const [first, second] = [one, other].map((weight) => lnDensity(colors, mixture(colors, weight, sampled)));
-  return first.map((value, i) => value - second[i]);
+  const [on, off] = [one, other].map((weight) => lnDensity(colors, mixture(colors, weight, sampled)));
+  return on.map((value, i) => value - off[i]);
 }
 
 /** Share, mean and covariance of each Gaussian of the weighted colours at some indices. */

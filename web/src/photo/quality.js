@@ -1,4 +1,7 @@
-/** How good a found mask is, as anyprobe.masks.quality: what the network expects, and whether other ways give the same. */
+/**
+ * How good a found mask is, as anyprobe.masks.quality: what the network expects of it, whether other ways to ask give the
+ * same object, and whether what lies beside it looks like it.
+ */
 
 import { colorOdds, colorsApart } from "./colorsApart.js";
 import { oneObject } from "./parts.js";
@@ -22,11 +25,12 @@ const WEIGHTS = {
 };
 /** Power of the display values of the picture that is asked about again, exposed less. */
 const DARKER = 1.8;
-/** Longer side at which edges and what lies on their sides are compared. */
-const WORK_PX = 160;
-/** What counts as just outside a mask, from and to, and as surroundings; and what colours are compared on, in those pixels. */
+/** What counts as just outside a mask, from and to, and as surroundings, in pixels of WORK_PX. */
 const BESIDE = [2, 6];
 const FAR_PX = 7;
+/** Longer side at which edges and what lies on their sides are compared. */
+const WORK_PX = 160;
+/** Of WORK_PX that colours are compared on. */
 const LEAST_PX = 20;
 
 /**
@@ -87,7 +91,7 @@ export async function examine(run, picture, cover, mask, hints) {
   };
   const flipped = { width, height, rgba: mirrored(picture.rgba, width, 4) };
   const inMirror = await again(flipped, mirroredHints(hints, width), mirrored);
-  const darker = await again({ width, height, rgba: Float32Array.from(picture.rgba, (value) => 255 * (value / 255) ** DARKER) }, hints);
+  const darker = await again(lessExposed(picture), hints);
   const { part, loose } = oneObject(mask, width);
   const share = mask.reduce((count, value) => count + (value > 0.5 ? 1 : 0), 0) / mask.length;
   return {
@@ -97,7 +101,7 @@ export async function examine(run, picture, cover, mask, hints) {
     kept: iou(resize(cover.values, 1, [cover.width, cover.height], [width, height]), mask),
     onePart: 1 - loose,
     toldApart: colorsApart(picture, part),
-    apart: apartOf(picture, mask, box),
+    apart: apartFrom(picture, mask, box),
     ...outlineOf(picture, mask, box),
     small: Math.log(Math.max(0.05 / Math.max(share, 1e-5), 1)),
     large: Math.max(share - 0.6, 0) / 0.4,
@@ -130,6 +134,11 @@ function mirroredHints({ on, off, box }, width) {
   return { on: on.map(place), off: off.map(place), box: box && [width - box[2], box[1], width - box[0], box[3]] };
 }
 
+/** The picture by DARKER. */
+function lessExposed({ width, height, rgba }) {
+  return { width, height, rgba: Float32Array.from(rgba, (value, at) => (at % 4 === 3 ? value : 255 * (value / 255) ** DARKER)) };
+}
+
 function cropOf(values, width, { origin: [x, y], size: [w, h] }, channels = 1) {
   const out = new values.constructor(w * h * channels);
   for (let row = 0; row < h; row++) {
@@ -139,52 +148,54 @@ function cropOf(values, width, { origin: [x, y], size: [w, h] }, channels = 1) {
   return out;
 }
 
-/** Picture [h, w, 4] and mask around the object's box, with more of its longer side, at most WORK_PX across. */
-function enlargedBox({ width, height, rgba }, mask, [x0, y0, x1, y1], share) {
+/** Picture and mask (1 inside) around the object, with more of its longer side, at most WORK_PX across. */
+function aroundObject({ width, height, rgba }, mask, [x0, y0, x1, y1], share) {
   const more = share * Math.max(x1 - x0, y1 - y0);
   const left = Math.max(0, Math.floor(x0 - more));
   const top = Math.max(0, Math.floor(y0 - more));
-  const from = [Math.min(width, Math.floor(x1 + more) + 1) - left, Math.min(height, Math.floor(y1 + more) + 1) - top];
-  const scale = Math.min(1, WORK_PX / Math.max(...from));
-  const size = from.map((length) => Math.max(4, Math.round(length * scale)));
-  const window = { origin: [left, top], size: from };
-  const inside = resize(cropOf(mask, width, window), 1, from, size).map((value) => (value > 0.5 ? 1 : 0));
-  return { picture: resize(cropOf(rgba, width, window, 4), 4, from, size), inside, size };
+  const size = [Math.min(width, Math.floor(x1 + more) + 1) - left, Math.min(height, Math.floor(y1 + more) + 1) - top];
+  const scale = Math.min(1, WORK_PX / Math.max(...size));
+  const small = size.map((length) => Math.max(4, Math.round(length * scale)));
+  const window = { origin: [left, top], size };
+  const picture = resize(cropOf(rgba, width, window, 4), 4, size, small);
+  const inside = resize(cropOf(mask, width, window), 1, size, small).map((value) => (value > 0.5 ? 1 : 0));
+  return { picture, inside, small };
 }
 
-/** Mean probability, by colour alone, that what lies just outside a mask is surroundings and not object. */
-function apartOf(whole, mask, box) {
-  const { picture, inside, size } = enlargedBox(whole, mask, box, 0.35);
+/**
+ * Mean probability, by colour alone, that what lies just outside a mask is surroundings and not object: a part of an
+ * object, and a mask that ran over into its surroundings, have their own colours beside them.
+ */
+function apartFrom(photo, mask, box) {
+  const { picture, inside, small } = aroundObject(photo, mask, box, 0.35);
   const grown = [inside];
-  while (grown.length <= FAR_PX) grown.push(grow(grown.at(-1), size));
+  while (grown.length <= FAR_PX) grown.push(grow(grown.at(-1), small));
+  const [from, to] = BESIDE.map((px) => grown[px]);
+  const beside = to.map((value, i) => value - from[i]);
   const not = (values) => values.map((value) => 1 - value);
+  const core = not(grow(grow(not(inside), small), small));
   const count = (values) => values.reduce((sum, value) => sum + value, 0);
-  const core = not(grow(grow(not(inside), size), size));
-  const near = not(grown[BESIDE[0]]);
-  const beside = near.map((value, i) => value * grown[BESIDE[1]][i]);
-  const far = count(not(grown[FAR_PX])) >= LEAST_PX ? not(grown[FAR_PX]) : near;
-  const besides = count(beside);
-  if (Math.min(count(core), count(far), besides) < LEAST_PX) return 0.5;
+  const beyond = not(grown[FAR_PX]);
+  const far = count(beyond) >= LEAST_PX ? beyond : not(from);
+  if (Math.min(count(core), count(far), count(beside)) < LEAST_PX) return 0.5;
   const colors = Float64Array.from({ length: 3 * inside.length }, (_, i) => picture[4 * Math.floor(i / 3) + (i % 3)] / 255);
   const odds = colorOdds(colors, core, far);
-  return odds.reduce((sum, value, i) => sum + beside[i] / (1 + Math.exp(Math.min(Math.max(value, -30), 30))), 0) / besides;
+  return beside.reduce((sum, value, i) => sum + value / (1 + Math.exp(odds[i])), 0) / count(beside);
 }
 
-/** A mask and the pixels beside it. */
-function grow(mask, [width, height]) {
-  return mask.map((value, i) => {
-    const x = i % width;
-    const y = Math.floor(i / width);
-    const beside = (x > 0 && mask[i - 1]) || (x < width - 1 && mask[i + 1]) || (y > 0 && mask[i - width]) || (y < height - 1 && mask[i + width]);
-    return value || beside ? 1 : 0;
+/** What is inside, 1, and the pixels beside it. */
+function grow(inside, [width, height]) {
+  return inside.map((value, i) => {
+    const [x, y] = [i % width, Math.floor(i / width)];
+    const isBeside = (x > 0 && inside[i - 1]) || (x < width - 1 && inside[i + 1]) || (y > 0 && inside[i - width]) || (y < height - 1 && inside[i + width]);
+    return value || isBeside ? 1 : 0;
   });
 }
 
 /** Share of the outline where the photo changes more than it mostly does nearby, and share on the border. */
-function outlineOf(whole, mask, box) {
-  const { picture, inside, size: small } = enlargedBox(whole, mask, box, 0.25);
-  const { width } = whole;
-  const [x0, y0, x1, y1] = box;
+function outlineOf(photo, mask, box) {
+  const { width } = photo;
+  const { picture, inside, small } = aroundObject(photo, mask, box, 0.25);
   const change = changeOf(picture, small);
   const share = boxMean(inside, small, 1);
   const outline = share.map((value) => (value > 0.01 && value < 0.99 ? 1 : 0));
@@ -198,7 +209,7 @@ function outlineOf(whole, mask, box) {
   });
   for (let x = 0; x < width; x++) atBorder += mask[x] + mask[mask.length - width + x];
   for (let at = 0; at < mask.length; at += width) atBorder += mask[at] + mask[at + width - 1];
-  const around = 2 * (x1 - x0 + (y1 - y0));
+  const around = 2 * (box[2] - box[0] + (box[3] - box[1]));
   return { edge: all ? sharp / all : 0, border: Math.min(1, atBorder / Math.max(around, 1)) };
 }
 
