@@ -47,7 +47,7 @@ def surfaces():
 
 
 def make_source(maps, surfaces, seed=0, **settings):
-    config = PairConfig(batch=4, seed=seed, group=2, pool=2, reuse=4, **settings)
+    config = PairConfig(**{"batch": 4, "seed": seed, "group": 2, "pool": 2, "reuse": 4} | settings)
     return PairSource(Illuminator(maps, compiled=False), surfaces, config)
 
 

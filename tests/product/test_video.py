@@ -121,7 +121,9 @@ def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
     # the light of frame 6 as frame 8's camera sees it
     world = [rotation_y(-0.05 * i) @ records[i]["dominant_light"]["direction"] for i in (6, 7, 8)]
     np.testing.assert_allclose(world[1:], [world[0]] * 2, atol=0.02)
-    assert turning.progress.light.spread < still.progress.light.spread
+    turned = np.degrees(np.arccos(world[0] @ poses[0] @ records[0]["dominant_light"]["direction"]))
+    lit = [still.progress.frames[i]["dominant_light"]["direction"] for i in (0, 6)]
+    assert turned < 0.5 * np.degrees(np.arccos(np.dot(*lit)))
 
 
 @pytest.mark.usefixtures("networks_opened_once")

@@ -37,7 +37,11 @@ def hold_match(
     features = features_of(radiance)
     if held is not None and _apart(features, held.features) < MOVED:
         return held
-    return HeldMatch(match=find_match(radiance, confidence, library), features=features)
+    match = find_match(radiance, confidence, library)
+    turn, gain = (np.ascontiguousarray(one) for one in (match.candidate_from_estimate, match.ln_gain))
+    # in the order of memory that a file gives back: sums go by it, to the last bit
+    match = replace(match, candidate_from_estimate=turn, ln_gain=gain)
+    return HeldMatch(match=match, features=np.ascontiguousarray(features))
 
 
 def exposed_match(held: HeldMatch, radiance: np.ndarray) -> Match:
