@@ -206,9 +206,9 @@ function bordersOf(length, count) {
   return Int32Array.from({ length: count + 1 }, (_, i) => Math.floor((i * length) / count + 0.5));
 }
 
-/** The object's mask, larger by GROW samples on every side. */
+/** The object's mask in 8 bits, larger by GROW samples on every side. */
 function grown(mask) {
-  const wide = largestBeside(mask, 1, CROP_SIZE);
+  const wide = largestBeside(mask.map((value) => Math.round(255 * value) / 255), 1, CROP_SIZE);
   return largestBeside(wide, CROP_SIZE, 1);
 }
 
