@@ -143,7 +143,7 @@ def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, 
         seen = run_steps("package_sources.mjs", url, {"page": "three.html"}, complaints_allowed=True)
     expected = estimator(VASE, fov_deg=FOV_DEG).sh9().ravel()
     for name, sh9 in seen["sh9"].items():
-        assert np.linalg.norm(np.subtract(sh9, expected)) < 0.05 * np.linalg.norm(expected), name
+        assert np.linalg.norm(np.subtract(sh9, expected)) < 0.06 * np.linalg.norm(expected), name
     assert seen["covered"] == pytest.approx(0.137, abs=0.02)
     assert seen["quality"] > 0.8
     refused = seen["refused"]
