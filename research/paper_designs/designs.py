@@ -22,6 +22,7 @@ import torch
 from torch import nn
 
 from anyprobe.light.reconstruct import blend_weight
+from anyprobe.nets.blocks import autocast
 from research.paper_designs.gradual import epoch_of, filtered
 from research.paper_designs.nets import HdrNet, IrradianceNet, MirrorNet, PictureNet
 from research.paper_designs.pairs import Batch
@@ -77,7 +78,7 @@ class Designs(nn.ModuleDict):
 
     def run(self, name: str, picture: torch.Tensor) -> torch.Tensor:
         """One network in bfloat16 arithmetic, its result in float32."""
-        with torch.autocast(picture.device.type, dtype=torch.bfloat16):
+        with autocast(picture.device):
             return self[name](picture.contiguous(memory_format=torch.channels_last)).float()
 
     def irradiance_image(self, batch: Batch) -> torch.Tensor:

@@ -25,6 +25,7 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import shrink
+from anyprobe.nets.blocks import autocast
 from anyprobe.nets.emitter_head import POWER_FLOOR
 from anyprobe.train.config import LightConfig
 from anyprobe.train.dataloader import stream
@@ -181,7 +182,7 @@ def train(
         rate = config.learning_rate * min(1.0, (step + 1) / config.warmup)
         for group in optimizer.param_groups:
             group["lr"] = rate
-        with torch.autocast("cpu", dtype=torch.bfloat16):
+        with autocast("cpu"):
             guess = net(*batch.inputs())
         terms = losses(guess, batch)
         loss = sum(losses.weights[name] * value for name, value in terms.items())

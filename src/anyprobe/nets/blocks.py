@@ -7,6 +7,13 @@ from torch import nn
 from torch.nn import functional as F
 
 
+def autocast(device: torch.device | str) -> torch.autocast:
+    """bfloat16 arithmetic where the device has it; a processor without it takes seconds for a convolution."""
+    kind = torch.device(device).type
+    has_bfloat16 = kind != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    return torch.autocast(kind, dtype=torch.bfloat16, enabled=has_bfloat16)
+
+
 class Wrap(nn.Module):
     """Repeat `columns` of an equirectangular picture beyond its seam, on both sides.
 

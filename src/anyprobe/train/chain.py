@@ -15,7 +15,7 @@ from anyprobe.dataset.pairs import Batch
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight
-from anyprobe.nets.blocks import UNet, Unwrap, Up, Wrap, conv
+from anyprobe.nets.blocks import UNet, Unwrap, Up, Wrap, autocast, conv
 from anyprobe.train.config import RunConfig
 
 
@@ -109,7 +109,7 @@ NETS = {"irradiance": IrradianceNet, "illumination": IlluminationNet, "hdr": Hdr
 
 
 class Chain:
-    """Losses of the three networks; float32 weights, bfloat16 arithmetic."""
+    """Losses of the three networks; float32 weights, the arithmetic of nets.blocks.autocast."""
 
     columns = tuple(NETS)
 
@@ -126,7 +126,7 @@ class Chain:
         return nn.ModuleDict({stage: net() for stage, net in NETS.items()})
 
     def _run(self, stage: str, x: torch.Tensor) -> torch.Tensor:
-        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
+        with autocast(self.device):
             return self.nets[stage](x.contiguous(memory_format=torch.channels_last)).float()
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:

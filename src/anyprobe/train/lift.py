@@ -16,6 +16,7 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.pairs import Batch
 from anyprobe.evaluate.calibration import CLOSE
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.nets.blocks import autocast
 from anyprobe.nets.emitter_head import POWER_FLOOR
 from anyprobe.nets.light_net import LightNet, LightPrediction
 
@@ -35,7 +36,7 @@ def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | floa
 
 
 class Normals:
-    """Loss of NormalsNet, from the photo alone; float32 weights, bfloat16 arithmetic."""
+    """Loss of NormalsNet, from the photo alone; float32 weights, the arithmetic of nets.blocks.autocast."""
 
     columns = ("normals",)
 
@@ -61,7 +62,7 @@ class Normals:
 
     def _guess(self, batch: Batch) -> torch.Tensor:
         net = self.nets["light"]
-        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
+        with autocast(self.device):
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
             return net.normals(photo, *net.camera_rays(batch.tan_half[:, None]))
 
@@ -131,7 +132,7 @@ def given_normals(batch: Batch) -> torch.Tensor:
 
 
 class Lift:
-    """Losses of LightNet; float32 weights, bfloat16 arithmetic."""
+    """Losses of LightNet; float32 weights, the arithmetic of nets.blocks.autocast."""
 
     def __init__(self, config: LiftConfig, device: str) -> None:
         self.config, self.device = config, device
@@ -165,7 +166,7 @@ class Lift:
     def _predict(self, batch: Batch) -> tuple[LightPrediction, torch.Tensor]:
         """The network's output, and the normals it was given."""
         photo = batch.photo.contiguous(memory_format=torch.channels_last)
-        with torch.autocast(torch.device(self.device).type, dtype=torch.bfloat16):
+        with autocast(self.device):
             normals = given_normals(batch)
             given = (batch.tan_half[:, None], normals, batch.surroundings, batch.given_material)
             return self.nets["light"](photo, *given), normals

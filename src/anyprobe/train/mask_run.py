@@ -23,6 +23,7 @@ from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.masks.propose import CONTRACT, SIZE
+from anyprobe.nets.blocks import autocast
 from anyprobe.nets.mask_net import MaskNet
 from anyprobe.train.checkpoint import (
     agreed,
@@ -187,7 +188,7 @@ def _step(net: MaskNet, optimizer: torch.optim.Optimizer, batch: Batch) -> dict[
     net.train()
     photo = batch.photo.repeat_interleave(batch.prompt.shape[1], dim=0)
     image = torch.cat([photo, batch.prompt.flatten(0, 1)[:, None]], dim=1)
-    with torch.autocast("cpu", dtype=torch.bfloat16):
+    with autocast("cpu"):
         logits = net.logits(image.contiguous(memory_format=torch.channels_last)).float()
     mask = batch.mask.flatten(0, 1)[:, None]
     loss = mask_loss(logits, mask)
