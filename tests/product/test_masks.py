@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import OpenEXR
@@ -457,3 +458,32 @@ def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, opti
     for word in words:
         assert word in complaint
     assert not (tmp_path / "masks").exists()
+
+
+@pytest.mark.parametrize(
+    ("whole_iou", "off", "expected"),
+    [(0.9, (), "whole"), (0.3, (), "part"), (0.9, [(50, 30)], "part")],
+)
+def test_a_click_on_a_part_gets_the_whole_where_that_is_likelier(monkeypatch, whole_iou, off, expected):
+    """The network alone finds the whole object, by the click a part of it; the better evidence counts, but never
+    against a click beside the object."""
+    whole, part = np.zeros((2, 48, 64), np.float32)
+    whole[8:40, 8:56] = part[8:40, 8:34] = 1.0
+    covers = {"whole": whole, "part": part}
+
+    class Network:
+        def propose(self, rgb, on=(), off=(), box=None):
+            return Proposal(cover=covers["part" if on else "whole"], confidence=0.9)
+
+    def examined(network, rgb, proposal, *given):
+        likely = whole_iou if proposal.cover is whole else 0.6
+        return SimpleNamespace(expected_iou=lambda: likely, doubts=list)
+
+    monkeypatch.setattr(find, "shared_network", Network)
+    monkeypatch.setattr(
+        find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0)
+    )
+    monkeypatch.setattr(find, "examine", examined)
+    photo = read_image(np.full((48, 64, 3), 128, np.uint8))
+    found = find_mask(photo, click=(12, 12), click_off=off or None)
+    np.testing.assert_array_equal(found.mask, covers[expected])

@@ -16,7 +16,7 @@ from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.depth import DepthSource, mask_from_depth
 from anyprobe.masks.pointing import Clicks, check_box, check_clicks
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.propose import Proposal, as_proposal, object_window, shared_network
+from anyprobe.masks.propose import MaskNetwork, Proposal, as_proposal, object_window, shared_network
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
@@ -122,21 +122,43 @@ class _Prompts:
 def _found(pixels: Pixels, prompts: _Prompts, segmenter: Segmenter | None) -> FoundMask:
     network = shared_network()
     if segmenter is None:
-        proposal = network.propose(pixels.rgb, *prompts.clicks())
-        cut = cut_out(pixels.rgb, proposal.cover, *prompts.clicks())
+        candidates = [
+            (proposal, cut_out(pixels.rgb, proposal.cover, *prompts.clicks()))
+            for proposal in _proposals(network, pixels.rgb, prompts)
+        ]
     else:
         proposal = _segmented(pixels.rgb, prompts, segmenter)
-        cut = tidy(pixels.rgb, proposal.cover)
-    if cut is None or not (cut.mask > 0.5).any():
+        candidates = [(proposal, tidy(pixels.rgb, proposal.cover))]
+    judged = [
+        (examine(network, pixels.rgb, proposal, cut, *prompts.clicks()), cut)
+        for proposal, cut in candidates
+        if cut is not None and (cut.mask > 0.5).any()
+    ]
+    if not judged:
         raise InvalidMask(_nothing(pixels.name, prompts))
-    mask = check_mask(cut.mask)
-    evidence = examine(network, pixels.rgb, proposal, cut, *prompts.clicks())
-    confidence = evidence.expected_iou()
+    evidence, cut = max(judged, key=lambda one: one[0].expected_iou())
+    mask, confidence = check_mask(cut.mask), evidence.expected_iou()
     if confidence < REFUSED:
         raise InvalidMask(_nothing(pixels.name, prompts))
     source = "segmenter" if segmenter is not None and prompts.source == "network" else prompts.source
     warnings = () if confidence >= DOUBTFUL else (_doubt(pixels.name, confidence, evidence.doubts()),)
     return FoundMask(mask=mask, source=source, confidence=confidence, warnings=warnings)
+
+
+def _proposals(network: MaskNetwork, rgb: np.ndarray, prompts: _Prompts) -> list[Proposal]:
+    """What the network finds by the prompts; and, as a click alone often gets a part, what it finds without them, where
+    the clicks agree with that."""
+    found = [network.propose(rgb, *prompts.clicks())]
+    if prompts.on and prompts.box is None:
+        plain = network.propose(rgb)
+        down, across = (there / here for there, here in zip(plain.cover.shape, rgb.shape[:2], strict=True))
+
+        def covered(point: Point) -> bool:
+            return plain.cover[int(point[1] * down), int(point[0] * across)] > 0.5
+
+        if all(map(covered, prompts.on)) and not any(map(covered, prompts.off)):
+            found.append(plain)
+    return found
 
 
 def _segmented(rgb: np.ndarray, prompts: _Prompts, segmenter: Segmenter) -> Proposal:

@@ -111,10 +111,29 @@ async function findMask(picture, hints) {
     return { mask, quality: null, warnings: [] };
   }
   const run = (input) => models.mask(input);
-  const cover = await propose(run, picture, hints);
-  const mask = hints.box ? cutOutOfBox(picture, hints) : cutOut(picture, cover, hints);
-  if (!objectBox(mask, picture.width)) return { mask, quality: 0, warnings: ["Nothing stands out there."] };
-  return { mask, ...(await qualityOf(run, picture, cover, mask, hints)) };
+  let best = { mask: null, quality: -1, warnings: ["Nothing stands out there."] };
+  for (const cover of await proposals(run, picture, hints)) {
+    const mask = hints.box ? cutOutOfBox(picture, hints) : cutOut(picture, cover, hints);
+    best.mask ??= mask;
+    if (!objectBox(mask, picture.width)) continue;
+    const found = { mask, ...(await qualityOf(run, picture, cover, mask, hints)) };
+    if (found.quality > best.quality) best = found;
+  }
+  return { ...best, quality: Math.max(best.quality, 0) };
+}
+
+/**
+ * What the network finds by the hints; and, as a click alone often gets a part, what it finds without them, where the
+ * clicks agree with that.
+ */
+async function proposals(run, picture, hints) {
+  const found = [await propose(run, picture, hints)];
+  if (!hints.on.length || hints.box) return found;
+  const plain = await propose(run, picture, { on: [], off: [], box: null });
+  const [across, down] = [plain.width / picture.width, plain.height / picture.height];
+  const covered = ([x, y]) => plain.values[Math.floor(y * down) * plain.width + Math.floor(x * across)] > 0.5;
+  if (hints.on.every(covered) && !hints.off.some(covered)) found.push(plain);
+  return found;
 }
 
 /** The same at one look and without refining, for video. */
