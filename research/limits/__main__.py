@@ -138,11 +138,12 @@ def show(table: dict[str, dict[str, dict]]) -> None:
         cells = [f"{scores[row]['power_median']:+.2f} {scores[row]['power_mae']:.2f}" for row in full]
         sheet.add_row(group, *cells)
     console.print(sheet)
-    sheet = Table("explained variance of ln radiance, order", *map(str, range(9)), "LDR SSIM")
-    for row in full[1:]:
-        one = table["all"][row]
-        sheet.add_row(row, *(f"{value:.2f}" for value in one["explained"]), f"{one['ssim']:.3f}")
-    console.print(sheet)
+    for name, of in (("explained", "ln radiance"), ("explained_ldr", "display values")):
+        sheet = Table(f"explained variance of {of}, order", *map(str, range(9)), "LDR SSIM")
+        for row in full[1:]:
+            one = table["all"][row]
+            sheet.add_row(row, *(f"{value:.2f}" for value in one[name]), f"{one['ssim']:.3f}")
+        console.print(sheet)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Limits: a model's figures beside those of less and of more that is given, by kind of material and alpha.
 
 For each kind and bin: LDR RMSE and SSIM, RMSE after the best single gain, total power; for all pairs, the explained
-variance of ln radiance in each order of spherical harmonics, against the mean map.
+variance of ln radiance and of display values in each order of spherical harmonics, against the mean map.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from anyprobe.dataset import priors
 from anyprobe.dataset.pair import Pair, is_painted
 from anyprobe.evaluate.metrics import power_ratio_stops, rmse, ssim
 from anyprobe.evaluate.scoring import ALPHA_EDGES
-from research.limits.orders import ln_error
+from research.limits.orders import ln_error, order_powers
 
 SMOOTH_BELOW = 0.25
 """Alpha below which a dielectric counts as smooth."""
@@ -74,6 +74,7 @@ def figures(estimate: np.ndarray, truth: np.ndarray) -> dict:
         "gain_rmse": gain_rmse(estimate, truth),
         "power": power_ratio_stops(estimate, truth),
         "orders": ln_error(estimate, truth),
+        "ldr_orders": order_powers((ldr - true_ldr).astype(np.float32)),
     }
 
 
@@ -100,7 +101,7 @@ class Limits:
         self.rows.setdefault(name, []).append(ldr_figures(ldr, pair.radiance))
 
     def table(self) -> dict[str, dict[str, dict]]:
-        """Group -> row -> figures: pairs, rmse, ssim, gain_rmse, power_median, power_mae, explained."""
+        """Group -> row -> figures: pairs, rmse, ssim, gain_rmse, power_median, power_mae, explained, explained_ldr."""
         names = sorted({name for one in self.groups for name in one}, key=order)
         result: dict[str, dict[str, dict]] = {}
         for group in names:
@@ -116,11 +117,14 @@ class Limits:
         if "power" not in scores[0]:
             return made
         power = np.array([s["power"] for s in scores])
-        base = np.sum([self.rows[MEAN_MAP][k]["orders"] for k in chosen], axis=0)
-        explained = 1 - np.sum([s["orders"] for s in scores], axis=0) / base
+        explained = {}
+        for name, orders in (("explained", "orders"), ("explained_ldr", "ldr_orders")):
+            base = np.sum([self.rows[MEAN_MAP][k][orders] for k in chosen], axis=0)
+            left = np.sum([s[orders] for s in scores], axis=0) / base
+            explained[name] = np.round(1 - left, 3).tolist()
         return made | {
             "gain_rmse": round(float(np.mean([s["gain_rmse"] for s in scores])), 4),
             "power_median": round(float(np.median(power)), 3),
             "power_mae": round(float(np.abs(power).mean()), 3),
-            "explained": np.round(explained, 3).tolist(),
+            **explained,
         }

@@ -236,7 +236,8 @@ def lobe(direction, width_deg: float) -> torch.Tensor:
 @pytest.mark.parametrize("place", ["expected", "mode"])
 def test_emitters_send_the_power_they_are_given(place):
     power = torch.tensor([[2.0, 1.0, 0.5]])
-    for logit in (lobe((1, 1, -1), 5.0), lobe((0, 0, 1), 40.0), torch.zeros(1, 1, 64, 128)):
+    peak = 200.0 * lobe((1, 1, -1), 5.0)
+    for logit in (peak, lobe((1, 1, -1), 5.0), lobe((0, 0, 1), 40.0), torch.zeros(1, 1, 64, 128)):
         radiance = getattr(EmitterHead(4), place)(torch.log(power + POWER_FLOOR), logit)
         angles = torch.from_numpy(pixel_solid_angles(64)).float()
         torch.testing.assert_close((radiance * angles).sum((2, 3)), power, rtol=1e-4, atol=0)
@@ -266,7 +267,7 @@ def test_emitters_turn_with_the_map(place):
     there = place(ln_power, logit)
     for columns in (8, 56, 64, 72):
         turned = place(ln_power, logit.roll(columns, dims=3))
-        torch.testing.assert_close(turned, there.roll(columns, dims=3), rtol=1e-3, atol=1e-5)
+        torch.testing.assert_close(turned, there.roll(columns, dims=3), rtol=5e-3, atol=1e-5)
 
 
 def test_of_two_likely_places_the_one_with_neighbours_is_drawn():
@@ -282,6 +283,17 @@ def test_of_two_likely_places_the_one_with_neighbours_is_drawn():
     )
     assert expected[2] < -0.9
     assert drawn[2] > 0.9
+
+
+def test_two_far_places_share_the_power_as_they_are_likely():
+    """Each as a disc that is much smaller than the doubt about it, so that little of the map is covered."""
+    places = np.array([(0, 0.5, -1), (0, 0.5, 1)]) / np.sqrt(1.25)
+    logit = torch.log(0.7 * lobe(places[0], 10.0).exp() + 0.3 * lobe(places[1], 10.0).exp())
+    drawn = EmitterHead(4).mode(torch.zeros(1, 3), logit)[0, 0].numpy()
+    power = drawn * pixel_solid_angles(64)
+    near = [pixel_directions(64) @ place > np.cos(np.radians(10)) for place in places]
+    assert [power[one].sum() / power.sum() for one in near] == pytest.approx([0.7, 0.3], abs=0.12)
+    assert (drawn > 0).mean() < 0.01
 
 
 def test_losses_above_white_are_least_at_the_truth():

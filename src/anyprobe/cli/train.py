@@ -137,6 +137,12 @@ def weights(
     keep: Annotated[
         Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
     ] = None,
+    kept: Annotated[
+        Path | None,
+        typer.Option(
+            help="Export the weights in this .pt, of the run whose graph ships, without its checkpoint."
+        ),
+    ] = None,
     mean_with: Annotated[
         Path | None,
         typer.Option(
@@ -169,7 +175,8 @@ def weights(
         if asked and data is None and option in ("--calibrated", "--int8"):
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
-    from anyprobe.train.checkpoint import keep_apart, mean_checkpoint, save_init_weights
+    from anyprobe.estimate.runtime import weights_folder
+    from anyprobe.train.checkpoint import keep_apart, kept_checkpoint, mean_checkpoint, save_init_weights
     from anyprobe.train.config import RUNS as NAMED
 
     if mean_map is not None and run not in NAMED:
@@ -192,6 +199,11 @@ def weights(
         read_checkpoint(checkpoint)  # there is one, or its pairs would be made in vain
         pairs = make_pairs(NAMED[run](), data, runs / "cache", "cpu")
     with TemporaryDirectory() as scratch:
+        if kept is not None:
+            if run != "lift":
+                raise InputError(f"--kept: expected lift, whose kept weights ship, got {run}; leave it out")
+            graph = weights_folder(run) / "light.onnx"
+            checkpoint = kept_checkpoint(kept, graph, Path(scratch) / "kept.pt")
         if mean_with is not None:
             checkpoint = mean_checkpoint(checkpoint, mean_with, Path(scratch) / "checkpoint.pt")
         if run == MASK_RUN:

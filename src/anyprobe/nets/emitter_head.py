@@ -7,6 +7,8 @@ the probability of each direction, however unsure.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import torch
 from torch import nn
@@ -23,10 +25,16 @@ REACH_DEG, ROUND_DEG = 40.0, 10.0
 """A candidate position is worth exp(-sqrt(angle^2 + ROUND^2) / REACH) of the light at that angle from it."""
 LIKELY, NEAR = 2.0, 48.0
 """Exponents of a direction's probability and of its worth as a candidate, in `mode`."""
+SOURCES = 2
+"""Discs that `mode` places. One has all power in the wrong place where it errs; each more is a highlight made up."""
+DISC_DEG = 4.0
+"""Their radius: the smallest that always covers a pixel centre."""
+LEAST = 1e-6
+"""Added to the likelihood of every direction in shares of the likeliest's, so that something is always left."""
 
 
 def worth_matrix() -> torch.Tensor:
-    """Worth of each of the 2 HEIGHT^2 directions as a candidate for each, [candidate, truth]."""
+    """Worth of each of the 2 HEIGHT^2 directions as a candidate for each other; symmetric."""
     d = pixel_directions(HEIGHT).reshape(-1, 3).astype(np.float64)
     angles = np.degrees(np.arccos(np.clip(d @ d.T, -1.0, 1.0)))
     return torch.from_numpy(np.exp(-np.hypot(angles, ROUND_DEG) / REACH_DEG).astype(np.float32))
@@ -40,6 +48,8 @@ class EmitterHead(nn.Module):
         self.power = nn.Sequential(nn.Linear(code, 64), nn.LeakyReLU(0.1), nn.Linear(64, 3))
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).expand(-1, 2 * MAP_HEIGHT)
         self.register_buffer("solid_angles", angles[None, None].contiguous(), persistent=False)
+        directions = torch.from_numpy(pixel_directions(MAP_HEIGHT)).permute(2, 0, 1)[None]
+        self.register_buffer("directions", directions.float().contiguous(), persistent=False)
         self.register_buffer("worth", worth_matrix(), persistent=False)
 
     def forward(self, code: torch.Tensor) -> torch.Tensor:
@@ -53,22 +63,41 @@ class EmitterHead(nn.Module):
         return self._radiance(ln_power, logit)
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
-        """The same power at its most likely positions, in sources as small as they are certain."""
-        density = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True)) * self.solid_angles
+        """The same power in SOURCES discs at the most likely positions, each with the share that is likely near it."""
+        left = torch.exp(_even(logit) - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
+        left = left * self.solid_angles
+        left = left / left.sum(dim=(2, 3), keepdim=True)
+        discs = torch.zeros_like(left)  # power per steradian, of a total of 1 at the end
+        for number in range(SOURCES):
+            cosine = (self.directions * self._likeliest(left)).sum(dim=1, keepdim=True).clamp(-1.0, 1.0)
+            disc = F.relu(cosine - math.cos(math.radians(DISC_DEG)))
+            disc = disc / (disc * self.solid_angles).sum(dim=(2, 3), keepdim=True)
+            near = torch.ones_like(cosine) if number == SOURCES - 1 else (1.0 + cosine) / 2.0
+            discs = discs + disc * (left * near).sum(dim=(2, 3), keepdim=True)
+            left = left * (1.0 - near)
+        return self._power(ln_power) * discs
+
+    def _likeliest(self, share: torch.Tensor) -> torch.Tensor:
+        """Unit directions [N, 3, 1, 1] nearest to all that is likely; share: of each pixel [N, 1, 64, 128]."""
         step = MAP_HEIGHT // HEIGHT
-        share = F.avg_pool2d(density, step)
-        share = share / share.sum(dim=(2, 3), keepdim=True)
-        worth = F.linear(share.flatten(2), self.worth).unflatten(2, (HEIGHT, 2 * HEIGHT))
+        coarse = F.avg_pool2d(share, step)
+        coarse = coarse / coarse.sum(dim=(2, 3), keepdim=True)
+        worth = (coarse.flatten(2) @ self.worth).unflatten(2, (HEIGHT, 2 * HEIGHT))
         worth = torch.cat([worth[..., -2:], worth, worth[..., :2]], dim=3)
         worth = F.interpolate(worth, scale_factor=step, mode="bilinear", align_corners=False)
         worth = worth[..., 2 * step : -2 * step]
-        return self._radiance(ln_power, LIKELY * _even(logit) + NEAR * torch.log(worth))
+        score = LIKELY * torch.log(share / self.solid_angles) + NEAR * torch.log(worth)
+        weight = torch.exp(score - score.amax(dim=(2, 3), keepdim=True)) * self.solid_angles
+        return F.normalize((weight * self.directions).sum(dim=(2, 3), keepdim=True), dim=1)
 
     def _radiance(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
         spread = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True))
         per_steradian = spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
-        power = (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)
-        return power[:, :, None, None] * per_steradian
+        return self._power(ln_power) * per_steradian
+
+    @staticmethod
+    def _power(ln_power: torch.Tensor) -> torch.Tensor:
+        return (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)[:, :, None, None]
 
 
 def _even(logit: torch.Tensor) -> torch.Tensor:

@@ -258,6 +258,27 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     return path
 
 
+def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
+    """A checkpoint at path, for export alone, of kept weights, with what a graph exported from them says of their run.
+
+    Raises:
+        ModelError: no weights, or no graph of an export.
+    """
+    from onnx import load
+
+    said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
+    if not {"config", "steps", "pairs"} <= said.keys():
+        raise ModelError(f"{graph}: expected a graph of `anyprobe weights`, got one that names no run")
+    nets = {
+        name: value.float() if value.is_floating_point() else value
+        for name, value in _read_init_weights(kept)[0].items()
+    }
+    origin = {name: said[name] for name in ("start", "assets") if name in said}
+    step, pairs = int(said["steps"]), int(said["pairs"])
+    torch.save({"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}, path)
+    return path
+
+
 def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
     """The weights that a file keeps, and how many pairs they have seen, if it says so."""
     try:

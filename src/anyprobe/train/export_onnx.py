@@ -210,19 +210,25 @@ def _smooth(shape: tuple[int, ...], generator: torch.Generator) -> torch.Tensor:
 
 
 def store_half(model) -> None:
-    """Keep large float32 weights as float16 behind a Cast; the runtime widens them once, when it opens."""
+    """Keep large float32 weights as float16 behind a Cast, equal ones once; the runtime widens them when it opens."""
     import onnx
     from onnx import numpy_helper
 
-    casts = []
+    casts, kept, renamed = [], {}, {}
     for tensor in list(model.graph.initializer):
         values = numpy_helper.to_array(tensor)
         if values.dtype != np.float32 or values.size < 1024:
             continue
         name = tensor.name
         model.graph.initializer.remove(tensor)
+        first = kept.setdefault((values.shape, values.tobytes()), name)
+        if first != name:
+            renamed[name] = first
+            continue
         model.graph.initializer.append(numpy_helper.from_array(values.astype(np.float16), name + "_half"))
         casts.append(onnx.helper.make_node("Cast", [name + "_half"], [name], to=onnx.TensorProto.FLOAT))
+    for node in model.graph.node:
+        node.input[:] = [renamed.get(name, name) for name in node.input]
     for node in reversed(casts):
         model.graph.node.insert(0, node)
 
