@@ -2,8 +2,10 @@
 
 import csv
 import hashlib
+import shutil
 import warnings
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -45,7 +47,7 @@ def run(tmp_path_factory):
     illuminator = Illuminator([draw_map(rng, height=32)[0] for _ in range(2)], compiled=False)
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1))
 
-    def call(folder, stop_after=None, steps=6, named=paper, start=None):
+    def call(folder, stop_after=None, steps=3, named=paper, start=None):
         config = smoke(named(), steps)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # TensorBoard warns about itself
@@ -55,33 +57,42 @@ def run(tmp_path_factory):
     return call
 
 
+@pytest.fixture(scope="module")
+def two_steps(run, tmp_path_factory):
+    """Checkpoints of runs of two steps, each trained once and not to be written to: two_steps(paper)."""
+    return lru_cache(lambda named: run(tmp_path_factory.mktemp("two_steps"), steps=2, named=named))
+
+
 @pytest.mark.parametrize("named", [paper, lift])
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
     straight = torch.load(run(tmp_path / "a", named=named), weights_only=True)
-    part = run(tmp_path / "b", stop_after=3, named=named)
+    part = run(tmp_path / "b", stop_after=1, named=named)
     # a kill leaves rows that no checkpoint knows of
     log = part.with_name("log.csv")
-    log.write_text(log.read_text() + "5,10,0.5,0.5,0.5,1e-3,1\n")
+    log.write_text(log.read_text() + "2,10,0.5,0.5,0.5,1e-3,1\n")
     resumed = torch.load(run(tmp_path / "b", named=named), weights_only=True)
-    assert straight["step"] == resumed["step"] == 6
+    assert straight["step"] == resumed["step"] == 3
     for name, value in straight["nets"].items():
         assert torch.equal(value, resumed["nets"][name]), name
     steps = [row["step"] for row in csv.DictReader(log.read_text().splitlines())]
-    assert steps == ["3", "6"]
+    assert steps == ["1", "3"]
 
 
 @pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself, the loader on one core
 def test_pairs_that_others_made_ahead_teach_the_same(tmp_path, capsys):
-    """Two processes make them, and go on where a run stopped; each has the lit materials of its own lane."""
-    config = smoke(lift(), 4)
-    config = replace(config, surfaces=SurfaceConfig(views=1, procedural=2), light=LightConfig(procedural=2))
+    """Two processes go on where one stopped; each has the lit materials of its own lane."""
+    config = replace(
+        smoke(normals(), 3), pairs=smoke(lift()).pairs
+    )  # the pairs of one, the network of the other
+    config = replace(config, surfaces=SurfaceConfig(views=1, procedural=1), light=LightConfig(procedural=1))
     assert config.pairs.lanes == 2
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         settings = {"data": None, "compiled": False}
+        train(config, runs=tmp_path / "alone", stop_after=1, **settings)
+        shutil.copytree(tmp_path / "alone", tmp_path / "ahead")
         alone = train(config, runs=tmp_path / "alone", **settings)
-        train(config, runs=tmp_path / "ahead", workers=2, stop_after=1, **settings)
         ahead = train(config, runs=tmp_path / "ahead", workers=2, **settings)
     finally:
         torch.set_num_threads(threads)
@@ -92,10 +103,10 @@ def test_pairs_that_others_made_ahead_teach_the_same(tmp_path, capsys):
     assert "drawing shapes" in capsys.readouterr().err
 
 
-def test_a_finished_run_is_left_alone(run, tmp_path):
-    path = run(tmp_path, steps=2)
+def test_a_finished_run_is_left_alone(run, two_steps):
+    path = two_steps(paper)
     before = path.stat().st_mtime_ns
-    run(tmp_path, steps=2)
+    assert run(path.parents[1], steps=2) == path
     assert path.stat().st_mtime_ns == before
 
 
@@ -134,9 +145,9 @@ def test_learning_rate_rises_stays_and_falls():
     assert rates[-1] < 0.01 * config.learning_rate
 
 
-def test_exported_chain_agrees_with_torch(run, tmp_path, monkeypatch):
+def test_exported_chain_agrees_with_torch(two_steps, tmp_path, monkeypatch):
     """The graphs pass the parity check that export makes, and that check can fail."""
-    checkpoint = run(tmp_path, steps=2)
+    checkpoint = two_steps(paper)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
         differences = export_onnx.export(checkpoint, tmp_path / "weights")
@@ -148,10 +159,10 @@ def test_exported_chain_agrees_with_torch(run, tmp_path, monkeypatch):
     assert not list((tmp_path / "refused").iterdir())
 
 
-def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(run, tmp_path):
+def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(two_steps, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        differences = export_onnx.export(run(tmp_path, steps=2, named=lift), tmp_path / "mine")
+        differences = export_onnx.export(two_steps(lift), tmp_path / "mine")
     assert set(differences) == {"light"}
     assert differences["light"] < 0.02
     crop = np.random.default_rng(0).random((128, 128, 4), dtype=np.float32)
@@ -165,7 +176,7 @@ def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(run, tmp_path):
     assert np.abs(wider.ln_radiance - outputs.ln_radiance).max() > 0.01
 
 
-def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
+def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
     """As far as the checkpoint knows it: older ones do not say what they began from, few are means."""
     onnx = pytest.importorskip("onnx", reason="needs the train extra")
     kept = tmp_path / "start.pt"
@@ -173,18 +184,26 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
     save_init_weights(path, kept)
     begun = run(tmp_path / "b", steps=1, named=normals, start=kept)
 
+    names = ("start", "assets", "mean_with", "mean_with_pairs")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch's exporter warns about itself
+        export_onnx.export(begun, tmp_path / "weights")
+    model = onnx.load(str(tmp_path / "weights" / "light.onnx"))
+    written = {one.key: one.value for one in model.metadata_props}
+    assert written["computes"] == "float32"
+    told = {}
+    monkeypatch.setattr(export_onnx, "_export_stage", lambda stage, graph, recipe, path: told.update(recipe))
+
     def hints(checkpoint) -> dict[str, str]:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # torch's exporter warns about itself
-            export_onnx.export(checkpoint, tmp_path / "weights")
-        model = onnx.load(str(tmp_path / "weights" / "light.onnx"))
-        found = {one.key: one.value for one in model.metadata_props}
-        assert (found["steps"], found["pairs"], found["computes"]) == ("1", "4", "float32")
-        return {
-            name: found[name] for name in ("start", "assets", "mean_with", "mean_with_pairs") if name in found
-        }
+        """What the graph would tell, without making it."""
+        told.clear()
+        export_onnx.export(checkpoint, tmp_path)
+        assert (told["steps"], told["pairs"]) == ("1", "4")
+        return {name: told[name] for name in names if name in told}
 
     assert hints(path) == {"start": "nothing"}
+    assert {name: written[name] for name in names if name in written} == hints(begun)
+    assert written.items() >= told.items()
     assert hints(begun) == {"start": hashlib.sha256(kept.read_bytes()).hexdigest()[:16]}
     stored = torch.load(path, weights_only=True)
     mean = {"mean_with": {"start": "0123456789abcdef", "pairs": 823040}}
@@ -205,7 +224,7 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path):
     assert hints(tmp_path / "unknown.pt") == {"mean_with": "0123456789abcdef"}
 
 
-def test_a_run_begins_from_kept_weights(run, tmp_path):
+def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
     """Half of the size, within half floats; a checkpoint goes before; others' weights are refused."""
     kept = tmp_path / "start.pt"
     checkpoint = run(tmp_path / "a", steps=4, named=lift)
@@ -216,11 +235,10 @@ def test_a_run_begins_from_kept_weights(run, tmp_path):
     trained = torch.load(checkpoint, weights_only=True)["nets"]
     for name, value in learner.nets.state_dict().items():
         torch.testing.assert_close(value, trained[name], rtol=1e-3, atol=1e-6)
-    begun, fresh = (
-        run(tmp_path / where, steps=2, named=lift, start=start) for where, start in (("b", kept), ("c", None))
-    )
+    begun = run(tmp_path / "b", steps=2, named=lift, start=kept)
     weights = [
-        torch.load(path, weights_only=True)["nets"]["light.sphere.head.weight"] for path in (begun, fresh)
+        torch.load(path, weights_only=True)["nets"]["light.sphere.head.weight"]
+        for path in (begun, two_steps(lift))
     ]
     assert (weights[0] - trained["light.sphere.head.weight"]).abs().max() < 0.02
     assert (weights[1] - trained["light.sphere.head.weight"]).abs().max() > (
@@ -264,10 +282,10 @@ def test_no_checkpoint_is_one_clear_line(tmp_path):
         export_onnx.export(tmp_path / "checkpoint.pt", tmp_path)
 
 
-def test_the_mean_of_a_run_and_what_it_began_from(run, tmp_path):
-    kept, other = tmp_path / "start.pt", tmp_path / "normals.pt"
-    save_init_weights(run(tmp_path / "a", steps=4, named=lift), kept)
-    checkpoint = run(tmp_path / "b", steps=4, named=lift, start=kept)
+def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
+    kept, other = tmp_path / "start.pt", tmp_path / "paper.pt"
+    save_init_weights(two_steps(lift), kept)
+    checkpoint = run(tmp_path / "b", steps=2, named=lift, start=kept)
     mean = mean_checkpoint(checkpoint, kept, tmp_path / "mean.pt")
     before, after, both = (
         torch.load(path, map_location="cpu", weights_only=True) for path in (kept, checkpoint, mean)
@@ -282,10 +300,10 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, tmp_path):
     assert both["config"] == after["config"]
     assert both["mean_with"] == {"start": init_weights_id(kept), "pairs": None}
     whole = torch.load(mean_checkpoint(checkpoint, checkpoint, tmp_path / "same.pt"), weights_only=True)
-    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 16}
+    assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 8}
     assert "light" in load_nets(mean)
-    save_init_weights(run(tmp_path / "c", steps=2), other)
-    with pytest.raises(ModelError, match="normals.pt: expected weights of this run.*got another network's"):
+    save_init_weights(two_steps(paper), other)
+    with pytest.raises(ModelError, match="paper.pt: expected weights of this run.*got another network's"):
         mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
     assert not (tmp_path / "none.pt").exists()
 

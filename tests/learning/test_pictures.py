@@ -41,8 +41,8 @@ def light_and_surfaces():
 
 @pytest.fixture
 def run(light_and_surfaces, monkeypatch):
-    """Four steps of six pairs, with a checkpoint after each, the last of which is written: run(folder, named) -> the
-    run's folder."""
+    """Four steps of six pairs, or as many as asked for, with a checkpoint after each, the last of which is written:
+    run(folder, named) -> the run's folder."""
     save = loop.save_checkpoint
     monkeypatch.setattr(loop, "CHECKPOINT_SECONDS", -1.0)
 
@@ -76,10 +76,10 @@ def events(folder) -> dict[int, np.ndarray]:
 
 @pytest.mark.parametrize("named", SHOWN)
 def test_weights_are_the_same_to_the_bit_with_pictures_and_without(run, tmp_path, named, monkeypatch):
-    shown = run(tmp_path / "shown", named)
+    shown = run(tmp_path / "shown", named, steps=2)
     drawn_after = torch.get_rng_state()
     monkeypatch.delattr(LEARNERS[named().model], "pictures")
-    plain = run(tmp_path / "plain", named)
+    plain = run(tmp_path / "plain", named, steps=2)
     assert torch.equal(torch.get_rng_state(), drawn_after)
     assert (shown / "pictures.png").is_file()
     assert not list(plain.glob("pictures.*"))

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from anyprobe.core.response import MEAN_CURVE, inverse_response
+from anyprobe.core.sampling import hammersley
+from anyprobe.dataset import pair as pair_module
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.pair import (
@@ -50,6 +52,12 @@ def store() -> AssetStore:
         maps,
         [ShapeAsset(id=f"{i:08x}", name=f"sphere{i}", licence="own", mesh=sphere(16)) for i in range(2)],
     )
+
+
+@pytest.fixture
+def few_samples(monkeypatch) -> None:
+    """Pairs shaded roughly, where it does not matter how."""
+    monkeypatch.setattr(pair_module, "hammersley", lambda count: hammersley(4))
 
 
 def test_a_recipe_is_twenty_bytes_and_comes_back() -> None:
@@ -121,16 +129,15 @@ def test_the_test_set_is_balanced(store) -> None:
     assert digest(recipes) != digest(recipes[::-1])
 
 
-@pytest.mark.parametrize("conditions", [0, 1])
-def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
-    """Rendered anew in two processes with another number of threads: bit for bit."""
+def test_a_pair_is_the_same_whatever_the_threads() -> None:
+    """Clean and worldly, rendered anew in two processes with another number of threads: bit for bit."""
     script = (
         "import hashlib; from anyprobe.dataset.asset_store import load_asset_store;"
         "from anyprobe.dataset.recipe import full_plan; from anyprobe.dataset.pair import render_pair;"
         "stock = load_asset_store(None, 'train', procedural_maps=1, procedural_shapes=1);"
-        f"pair = render_pair(full_plan(stock, conditions={conditions}).recipe(3), stock);"
-        "parts = (pair.photo, pair.irradiance, pair.radiance, pair.map_from_camera, pair.gain);"
-        "print(hashlib.sha256(b''.join(p.tobytes() for p in parts)).hexdigest())"
+        "pairs = [render_pair(full_plan(stock, conditions=c).recipe(3), stock) for c in (0, 1)];"
+        "parts = [(p.photo, p.irradiance, p.radiance, p.map_from_camera, p.gain) for p in pairs];"
+        "print(*(hashlib.sha256(b''.join(p.tobytes() for p in some)).hexdigest() for some in parts))"
     )
     printed = [
         subprocess.run(
@@ -143,6 +150,7 @@ def test_a_pair_is_the_same_whatever_the_threads(tmp_path, conditions) -> None:
         for threads in "12"
     ]
     assert printed[0] == printed[1]
+    assert len(set(printed[0].split())) == 2
 
 
 def test_some_curve_of_the_family_carries_ln_radiance_to_the_ldr_map(store) -> None:
@@ -177,14 +185,14 @@ def test_exposures_of_map_pairs_span_two_stops(store) -> None:
     assert 0.02 < means[0] < means[2] < means[4] < 0.5
 
 
-def test_the_stored_rotation_and_gain_give_the_map(store) -> None:
+def test_the_stored_rotation_and_gain_give_the_map(store, few_samples) -> None:
     """radiance = gain * map seen from the camera: what a shard says in numbers."""
     pair = render_pair(full_plan(store).recipe(0), store)
     again = rotate(store.maps[pair.recipe.map_id].radiance, pair.map_from_camera.T)
     np.testing.assert_allclose(pair.radiance, again * pair.gain, rtol=1e-6)
 
 
-def test_the_shot_is_told_without_taking_the_photo(store) -> None:
+def test_the_shot_is_told_without_taking_the_photo(store, few_samples) -> None:
     """By its white balance: a pair's gain is one exposure times that."""
     for index in range(4):
         recipe = full_plan(store).recipe(index)
@@ -209,7 +217,7 @@ def test_photo_and_map_have_one_exposure() -> None:
         assert (ratio < 1.6).all()
 
 
-def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(store) -> None:
+def test_clean_photos_keep_the_mask_and_worldly_ones_do_not(store, few_samples) -> None:
     clean, worldly = (
         [render_pair(full_plan(store, conditions=c).recipe(i), store) for i in range(count)]
         for c, count in ((0, 4), (1, 24))
@@ -248,7 +256,7 @@ def box(*size: float) -> ShapeAsset:
     return ShapeAsset(id="0b0b0b0b", name="box", licence="own", mesh=make_mesh(BOX * size, BOX_FACES))
 
 
-def test_a_card_seen_edge_on_is_seen_from_aside(store) -> None:
+def test_a_card_seen_edge_on_is_seen_from_aside(store, few_samples) -> None:
     """No pixel's centre is on it from there: the photo shows its front."""
     card = box(1.0, 1.0, 0.001)
     own = AssetStore(store.maps.values(), [card])
@@ -256,6 +264,8 @@ def test_a_card_seen_edge_on_is_seen_from_aside(store) -> None:
 
     def is_empty(recipe: Recipe) -> bool:
         drawn = _draw(recipe, recipe.rng())
+        if abs(drawn.world_from_camera[2, 2]) > 0.02:
+            return False  # the camera stands too far before the card's face, or behind it
         camera = frame_object(card.mesh, drawn.world_from_camera, fov_deg=drawn.fov_deg)
         return not see(card.mesh, camera).mask.any()
 
@@ -293,7 +303,7 @@ def test_viewpoints_are_spread_evenly_over_the_upper_hemisphere() -> None:
     assert apart.min() > 0.6 * 2 * np.arccos(1 - 1 / VIEWPOINTS)
 
 
-def test_material_numbers_say_what_the_material_is(store) -> None:
+def test_material_numbers_say_what_the_material_is(store, few_samples) -> None:
     for material in range(8):
         pair = render_pair(replace(full_plan(store).recipe(0), material=material), store)
         assert (pair.material.alpha >= 0.5) == (not pair.specular) == bool(material & 1)

@@ -20,7 +20,7 @@ from anyprobe.dataset.pair import render_pair  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig  # noqa: E402
 from anyprobe.dataset.samples import StoreRenderer  # noqa: E402
 from anyprobe.errors import InputError  # noqa: E402
-from anyprobe.train.config import lift, smoke  # noqa: E402
+from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.dataloader import ShardSource  # noqa: E402
 from anyprobe.train.loop import train  # noqa: E402
 
@@ -101,7 +101,7 @@ def test_an_older_dataset_has_no_normals(rendered, tmp_path):
 
 @pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself
 def test_a_run_on_shards_resumes_to_the_bit_and_on_these_alone(rendered, tmp_path):
-    config = replace(smoke(lift(), 4), pairs=replace(smoke(lift()).pairs, batch=3))
+    config = replace(smoke(normals(), 4), pairs=replace(smoke(normals()).pairs, batch=3))
 
     def run(folder, pairs=None, **settings):
         with warnings.catch_warnings():
@@ -116,6 +116,6 @@ def test_a_run_on_shards_resumes_to_the_bit_and_on_these_alone(rendered, tmp_pat
         assert torch.equal(value, resumed["nets"][name]), name
     other = ShardSource(rendered, None, config.pairs)
     other.keys = other.keys[:5]
-    run(tmp_path / "c", stop_after=2)
+    run(tmp_path / "c", stop_after=1)
     with pytest.raises(InputError, match="expected --data with 6 rendered pairs"):
         run(tmp_path / "c", pairs=other)

@@ -13,25 +13,29 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import Batch, PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces  # noqa: E402
 from anyprobe.train.dataloader import stream  # noqa: E402
 
 
-def open_source(seed: int) -> PairSource:
+@pytest.fixture(scope="module")
+def surfaces() -> SurfaceSet:
+    return build_surfaces([], SurfaceConfig(views=1, procedural=2))
+
+
+def open_source(seed: int, surfaces: SurfaceSet) -> PairSource:
     torch.set_num_threads(1)
     light = np.random.default_rng(seed).random((16, 32, 3)).astype(np.float32)
-    surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
     return PairSource(
         Illuminator([light], compiled=False), surfaces, PairConfig(batch=2, seed=seed, group=2, pool=2)
     )
 
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on one core
-def test_workers_make_the_same_batches_as_one_process():
+def test_workers_make_the_same_batches_as_one_process(surfaces):
     threads = torch.get_num_threads()
     try:
-        source = open_source(3)
-        made = list(stream(partial(open_source, 3), range(5, 13, 2), workers=2))
+        source = open_source(3, surfaces)
+        made = list(stream(partial(open_source, 3, surfaces), range(5, 13, 2), workers=2))
         assert len(made) == 4
         for step, batch in zip(range(5, 13, 2), made, strict=True):
             expected = source.batch(step)
@@ -41,14 +45,14 @@ def test_workers_make_the_same_batches_as_one_process():
         torch.set_num_threads(threads)
 
 
-def test_without_workers_this_process_makes_them():
-    made = list(stream(partial(open_source, 3), range(2, 4), workers=0))
+def test_without_workers_this_process_makes_them(surfaces):
+    made = list(stream(partial(open_source, 3, surfaces), range(2, 4), workers=0))
     assert [batch.photo.shape for batch in made] == [(2, 4, 128, 128)] * 2
 
 
 def test_a_fault_in_a_worker_is_raised_here():
     with pytest.raises(TypeError):
-        next(stream(partial(open_source, None, 1), range(1), workers=1))
+        next(stream(partial(open_source, None, None, 1), range(1), workers=1))
 
 
 class ThreadSettings:

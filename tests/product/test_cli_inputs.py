@@ -237,7 +237,7 @@ def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path)
     for name, twin in (("cmyk", "plain"), ("animated", "palette")):  # of the animation the first frame
         off = np.abs(shown[name] - shown[twin])
         assert off.mean() < 0.015, name
-        assert off.max() < 0.06, name
+        assert np.quantile(off, 0.999) < 0.06, name  # but for a source that stands a pixel further
 
 
 def test_own_transparency_of_every_kind_is_a_mask(work, command, photo_rgba):

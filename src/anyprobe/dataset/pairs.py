@@ -6,9 +6,11 @@ with exactly the pairs it would have seen.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -110,6 +112,13 @@ class Batch:
         return Batch(**{one.name: getattr(self, one.name).to(device) for one in fields(self)})
 
 
+def slide(kept: dict, wanted: range, make: Callable[[int], Any]) -> list:
+    """The things of the wanted numbers, made when not kept yet; the others are forgotten."""
+    for number in kept.keys() - set(wanted):
+        del kept[number]
+    return [kept[number] if number in kept else kept.setdefault(number, make(number)) for number in wanted]
+
+
 class PairSource:
     """Endless fresh batches; `batch(k)` for consecutive k is fast."""
 
@@ -118,7 +127,7 @@ class PairSource:
         self.surfaces = surfaces
         self.device = illuminator.device
         self._places, self._tone = illuminator.wrap(lookup_coords), illuminator.wrap(response)
-        self._groups: dict[tuple[int, int], list[LitMaterial]] = {}
+        self._groups: dict[int, dict[int, list[LitMaterial]]] = defaultdict(dict)
         self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
         self._steps_per_group = max(1, config.group * config.reuse // config.batch)
 
@@ -126,16 +135,12 @@ class PairSource:
         """The lit materials that the step's lane has at hand, the oldest first."""
         turn, lane = divmod(step, self.config.lanes)
         first = turn // self._steps_per_group
-        wanted = [(lane, index) for index in range(first, first + self.config.pool)]
-        for key in [key for key in self._groups if key[0] == lane and key not in wanted]:
-            del self._groups[key]
-        for key in wanted:
-            if key not in self._groups:
-                rng = np.random.default_rng((self.config.seed, 1, *key))
-                self._groups[key] = [
-                    self.illuminator.draw(rng, self.config.world) for _ in range(self.config.group)
-                ]
-        return [lit for key in wanted for lit in self._groups[key]]
+
+        def draw(number: int) -> list[LitMaterial]:
+            rng = np.random.default_rng((self.config.seed, 1, lane, number))
+            return [self.illuminator.draw(rng, self.config.world) for _ in range(self.config.group)]
+
+        return sum(slide(self._groups[lane], range(first, first + self.config.pool), draw), [])
 
     @torch.no_grad()
     def batch(self, step: int) -> Batch:

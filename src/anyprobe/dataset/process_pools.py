@@ -1,4 +1,4 @@
-"""The same tasks on a Ray cluster: any node may take any task, and a lost node's tasks go to others."""
+"""Tasks done by processes of this machine, or by a Ray cluster: those of a worker or node that is lost go to others."""
 
 from __future__ import annotations
 

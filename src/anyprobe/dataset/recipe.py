@@ -35,7 +35,7 @@ class Recipe:
     """What one pair is made of; the same recipe gives the same pair bit for bit on the CPU.
 
     kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
-    map_id, shape_id: 8 hexadecimal digits, the assets' names in a Stock.
+    map_id, shape_id: 8 hexadecimal digits, the assets' ids in an AssetStore.
     material: for objects 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
         second draw of the two, or under WORLD bits 0 and 1 the kind of priors.KINDS, bit 2 the
         brighter half of that kind; for maps the exposure's number, 0 to 4.

@@ -328,7 +328,7 @@ def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
 
 
 def render_missing(job: Job, engine: Callable, watch: Callable[[int, int], None]) -> None:
-    """Render what is missing with engine(work, tasks, watch), see local_engine and ray_engine.
+    """Render what is missing with engine(work, tasks, watch): run_local or run_ray of process_pools.
 
     watch(shard, pairs done in it) reports the progress.
     """

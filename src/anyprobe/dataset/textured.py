@@ -180,7 +180,7 @@ def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def factor_at(points: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """draw_factor of points [P, 3] of a surface, of normals [P, 3]: [P, 3], 1 in the mean.
 
-    Marble, wood, cloth, tiles, print or dirt as `textures.draw_texture` has them, of little contrast.
+    Marble, wood, cloth, tiles, print or dirt as `draw_texture` has them, of little contrast.
     """
     contrast = CONTRAST * np.exp(rng.normal(0.0, CONTRAST_SPREAD))
     pattern = np.log(draw_texture(rng, SIDES))

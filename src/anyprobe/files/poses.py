@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -95,10 +95,10 @@ class Poses:
             return list(range(len(photos)))
         bare = [PurePosixPath(bare_name(photo.name)) for photo in photos]
         for what, names in (("poses of", self.names), ("photos", [photo.name for photo in bare])):
-            twice = _first_twice(names)
-            if twice is not None:
+            name, count = Counter(names).most_common(1)[0] if names else ("", 0)
+            if count > 1:
                 raise InputError(
-                    f"{self.file}: expected names that differ, got two {what} {twice}; rename one"
+                    f"{self.file}: expected names that differ, got two {what} {name}; rename one"
                 )
         places = {name: place for place, name in enumerate(self.names)}
         found = [places.get(photo.name, places.get(photo.stem)) for photo in bare]  # some write no suffix
@@ -171,16 +171,6 @@ def _check_count(file: str, poses: int, photos: int) -> None:
     """InputError unless poses without names are as many as the photos."""
     if poses != photos:
         raise InputError(f"{file}: expected {photos} poses, one a photo in order, got {poses}")
-
-
-def _first_twice(names: Iterable[str]) -> str | None:
-    """The first name that stood before it already."""
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            return name
-        seen.add(name)
-    return None
 
 
 def _lens_keys(entry: Any) -> dict[str, Any]:

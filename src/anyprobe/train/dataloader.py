@@ -158,7 +158,7 @@ def open_batches(
 ) -> Iterator[Batch]:
     """The batches of steps on a device, made by this process, or ahead of it by so many others on the CPU.
 
-    stock: of load_assets; the others read their own from data.
+    store: of load_assets; the others read their own from data.
     """
     if workers == 0:
         return map(_pairs(config, store, cache, device, compiled).batch, steps)

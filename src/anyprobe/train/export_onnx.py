@@ -152,7 +152,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
     """Provenance of a checkpoint's weights besides its own steps, as far as known:
 
     start           identity of the file of weights that the run began from, or "nothing"
-    assets          the maps and shapes of its data, as supply.name_assets has them
+    assets          the maps and shapes of its data, as dataloader.name_assets has them
     mean_with       identity of the file of weights that they are the mean with
     mean_with_pairs the pairs that those have seen
     """

@@ -7,7 +7,7 @@ photographed again: mirrored, cropped, in other tones, by another phone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.dataset.camera import SUBSAMPLINGS, blur, compress
 from anyprobe.dataset.mask_scenes.composites import ASPECTS, GREY, Scene, draw_scene
 from anyprobe.dataset.mask_scenes.foregrounds import LitView, ViewSource
+from anyprobe.dataset.pairs import slide
 from anyprobe.masks.prompts import draw_prompts
 
 SIZE = 160
@@ -79,7 +80,7 @@ class SceneSource:
         """The examples of step number `step`."""
         config = self.config
         first = step * config.fresh
-        scenes = _slide(self._scenes, range(first, first + config.scenes), self._draw)
+        scenes = slide(self._scenes, range(first, first + config.scenes), self._draw)
         rng = np.random.default_rng((config.seed, 5, step))
         photos, prompts, masks = [], [], []
         for which in rng.integers(len(scenes), size=config.batch):
@@ -92,19 +93,9 @@ class SceneSource:
     def _draw(self, number: int) -> Scene:
         """Scene number `number`, of one of the views then kept."""
         oldest = number // self.config.scenes_per_view
-        views = _slide(self._views, range(oldest, oldest + self.config.views), self.views.view)
+        views = slide(self._views, range(oldest, oldest + self.config.views), self.views.view)
         rng = np.random.default_rng((self.config.seed, 2, number))
         return draw_scene(rng, views[rng.integers(len(views))], self.views.textures)
-
-
-def _slide(kept: dict, wanted: range, make: Callable[[int], object]) -> list:
-    """The things of the wanted numbers, made when not kept yet; the others are forgotten."""
-    for number in [number for number in kept if number not in wanted]:
-        del kept[number]
-    for number in wanted:
-        if number not in kept:
-            kept[number] = make(number)
-    return [kept[number] for number in wanted]
 
 
 def unasked_target(scene: Scene) -> int | None:
