@@ -11,6 +11,7 @@ import pytest
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.export.cube_textures import cube_faces, encode_bc6h
+from anyprobe.relight.appearance import _seen_of_object
 from anyprobe.relight.ground import View
 from anyprobe.relight.insert import Stage, cast_shadow
 
@@ -92,6 +93,29 @@ def test_shadow_by_strips_is_the_shadow(scene, monkeypatch):
     expected[dark] = response(inverse_response(photo.rgb[dark]) * ratio[dark])
     np.testing.assert_array_equal(found, expected)
     assert 0.1 < dark.mean() < 0.9
+
+
+def test_shadow_of_a_larger_photo_is_worked_out_at_no_more_places(scene, monkeypatch):
+    """It is enlarged, over the part that was asked for and no other; the same but for its edge."""
+    photo, view, shadow = scene
+    exact = cast_shadow(photo, view, shadow)
+    asked, at = [], shadow.at
+    shadow.at = lambda points: (asked.append(len(points)), at(points))[1]
+    monkeypatch.setattr("anyprobe.relight.insert.MOST_SHADED", 250)
+    part = view.part_around(shadow.foot, shadow.reach)
+    found = cast_shadow(photo, view, shadow, part)
+    assert sum(asked) <= 250**2
+    assert found.shape == photo.rgb[part].shape
+    assert np.abs(found - exact[part]).mean() < 0.01
+    assert (found != photo.rgb[part]).any()
+
+
+def test_object_of_a_larger_photo_is_judged_by_no_more_pixels(monkeypatch):
+    photo = SimpleNamespace(rgb=np.full((90, 90, 3), 0.5, np.float32), mask=np.ones((90, 90), np.float32))
+    monkeypatch.setattr("anyprobe.relight.appearance.MOST_PIXELS", 900)
+    assert _seen_of_object(photo).shape == (900, 3)
+    photo.mask[:], photo.mask[40] = 0, 0.7  # a row that every third one misses
+    assert _seen_of_object(photo).shape == (90, 3)
 
 
 def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):

@@ -90,8 +90,9 @@ def relight(
     quiet: QuietOption = False,
 ) -> None:
     """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
+    from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
-    from anyprobe.files.images import write_png
+    from anyprobe.files.images import picture_bytes, write_png
     from anyprobe.files.objects import open_object
     from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
     from anyprobe.scatter.materials import material_named
@@ -117,10 +118,13 @@ def relight(
     stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     names = STRIP if strip else (material,)
     with progress(f"drawing the {name}", silent):
-        shadow = stage.shadow(radiance)
-        pictures = [stage.relit(radiance, one, renderer, shadow) for one in names]
-    if strip or before:
-        pictures.insert(0, taken.rgb)
+        shown = picture_bytes(taken.rgb)
+        pictures = [shown] if strip or before else []
+        shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
+        for one in names:
+            part, changed = stage.change(radiance, one, renderer, shadow)
+            pictures.append(shown.copy() if pictures else shown)
+            pictures[-1][part] = to_bytes(changed)
     with progress(f"writing {out}", silent):
         write_png(out, np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0])
     spot = stage.view.pixels(stage.placement.foot)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from PIL import Image, ImageCms, ImageOps
+from PIL import ExifTags, Image, ImageCms, ImageOps
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
@@ -95,13 +95,13 @@ def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
     """Write [H, W], [H, W, 3] or [H, W, 4] as PNG: uint8, or float display values in [0, 1]."""
     image = np.asarray(rgb)
     if image.dtype != np.uint8:
-        image = _bytes_of(image)
+        image = picture_bytes(image)
     with atomic_path(path) as temporary:
         level = FAST_PNG if image.size > MANY_VALUES else USUAL_PNG
         Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG", compress_level=level)
 
 
-def _bytes_of(image: np.ndarray) -> np.ndarray:
+def picture_bytes(image: np.ndarray) -> np.ndarray:
     """to_bytes, a few rows at a time where there are many values, which would not fit the processor's caches."""
     if image.size <= MANY_VALUES:
         return to_bytes(image)
@@ -163,8 +163,10 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
 
 
 def _upright(image: Image.Image) -> Image.Image:
-    """Turned as its EXIF asks; as it is where that is damaged."""
+    """Turned as its EXIF asks; as it is where that asks nothing or is damaged."""
     try:
+        if image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
+            return image  # which exif_transpose would copy
         return ImageOps.exif_transpose(image)
     except (ValueError, KeyError, TypeError, SyntaxError, struct.error, OSError, Warning):
         return image
@@ -200,7 +202,7 @@ def _to_srgb(image: Image.Image) -> Image.Image:
                 )
         except (ImageCms.PyCMSError, OSError, ValueError):
             pass  # the colours are then read as sRGB, as most viewers do
-    return image.convert("RGB")
+    return image if image.mode == "RGB" else image.convert("RGB")  # which would copy it
 
 
 def _from_exr(data: bytes, name: str) -> Pixels:

@@ -27,14 +27,16 @@ LEAST_METAL_F0 = 0.2
 MOST_REFLECTED = 0.9
 """Of the light on it; paper and silver send back about so much."""
 
+MOST_PIXELS = 1 << 22
+"""Of a photo, that its object's brightness and colour are taken from."""
+
 SPHERE = 24
 NUM_QUANTILES = 32
 
 
 def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
     """The best of the materials above for the masked pixels under a map [H, 2H, 3] of the camera's frame."""
-    seen = photo.rgb[photo.mask > 0.9]
-    seen = photo.rgb[photo.mask > 0.5] if len(seen) == 0 else seen
+    seen = _seen_of_object(photo)
     mean = inverse_response(seen).mean(axis=0)
     quantiles = np.quantile(luminance(seen), _levels())
     # a larger map would be read at points between which a sun is lost
@@ -59,11 +61,20 @@ def least_scale(photo: Photo, radiance: np.ndarray) -> float:
     brighter than anything could under them, and a virtual one beside it looks unlit. The object is taken
     for a sphere, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
     """
-    seen = photo.rgb[photo.mask > 0.9]
-    seen = photo.rgb[photo.mask > 0.5] if len(seen) == 0 else seen
+    seen = _seen_of_object(photo)
     on = sphere_normals(SPHERE)[1]
     white = max(float(luminance(sphere(radiance, SPHERE)[on]).mean()) for sphere in (diffuse, mirror))
     return max(1.0, float(luminance(inverse_response(seen)).mean()) / (MOST_REFLECTED * max(white, 1e-6)))
+
+
+def _seen_of_object(photo: Photo) -> np.ndarray:
+    """Display values [N, 3] of its pixels; of a large photo those of every few rows and columns, if they show it."""
+    for step in (int(np.ceil(np.sqrt(photo.mask.size / MOST_PIXELS))), 1):
+        rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
+        for least in (0.9, 0.5):
+            if len(seen := rgb[mask > least]):
+                return seen
+    return seen
 
 
 def _candidates(sphere, mean: np.ndarray, alpha: float):

@@ -13,6 +13,7 @@ import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
+from anyprobe.estimate.normals_prior import Part
 from anyprobe.estimate.photo import Photo, object_box
 
 LEAST_SLOPE_DEG = 12.0
@@ -72,7 +73,7 @@ class View:
         down = -(rays @ self.up)
         return rays / np.where(down > 1e-4, down, np.nan)[..., None]
 
-    def part_around(self, point: np.ndarray, reach: float) -> tuple[slice, slice]:
+    def part_around(self, point: np.ndarray, reach: float) -> Part:
         """Rows and columns of the photo that show the square of ground [-reach, reach] along orthonormal_basis(up).
 
         All of them where that reaches the camera.
@@ -86,9 +87,7 @@ class View:
         right, bottom = np.ceil(np.clip(pixels.max(axis=0), 0, sides)).astype(int)
         return slice(top, bottom), slice(left, right)
 
-    def ground_strips(
-        self, part: tuple[slice, slice] | None = None
-    ) -> Iterator[tuple[tuple[slice, slice], np.ndarray]]:
+    def ground_strips(self, part: Part | None = None) -> Iterator[tuple[Part, np.ndarray]]:
         """on_ground of all pixels' centres from the top down, a few rows at a time: which pixels, and [R, C, 3].
 
         part: rows and columns; None for the whole photo.
@@ -96,14 +95,14 @@ class View:
         for strip in self.strips(part):
             yield strip, self.ground_of(strip)
 
-    def strips(self, part: tuple[slice, slice] | None = None) -> list[tuple[slice, slice]]:
+    def strips(self, part: Part | None = None) -> list[Part]:
         """The pixels of ground_strips alone."""
         lines, columns = part or (slice(0, self.height), slice(0, self.width))
         step = max(1, STRIP_PIXELS // max(columns.stop - columns.start, 1))
         tops = range(lines.start, lines.stop, step)
         return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]
 
-    def ground_of(self, strip: tuple[slice, slice]) -> np.ndarray:
+    def ground_of(self, strip: Part) -> np.ndarray:
         """on_ground of the centres of these pixels, [R, C, 3]."""
         y, x = np.mgrid[strip] + 0.5
         return self.on_ground(x.ravel(), y.ravel()).reshape(*x.shape, 3)

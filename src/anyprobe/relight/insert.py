@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
@@ -11,9 +12,10 @@ from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
+from anyprobe.estimate.normals_prior import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground import View, view_of
+from anyprobe.relight.ground import STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
@@ -30,6 +32,10 @@ MOST_DRAWN = 512
 
 ENLARGED_SUPERSAMPLE = 2
 """Points of a pixel, along a side, of an object that is enlarged."""
+
+MOST_SHADED = 1024
+"""Places along a side of the shadow's part of the photo where it is worked out, four times its own grid; in larger
+photos it is enlarged."""
 
 THREADS = 2
 """That darken strips of the ground at a time."""
@@ -49,6 +55,13 @@ class Window:
     top: int
     size: int
     camera: Camera
+
+    def part(self, height: int, width: int) -> Part:
+        """What a photo of that size shows of it."""
+        return (
+            slice(max(self.top, 0), min(self.top + self.size, height)),
+            slice(max(self.left, 0), min(self.left + self.size, width)),
+        )
 
 
 def window_surroundings(placement: Placement, view: View) -> Window | None:
@@ -74,52 +87,84 @@ def window_surroundings(placement: Placement, view: View) -> Window | None:
     return Window(left=int(low[0]), top=int(low[1]), size=size, camera=camera)
 
 
-def cast_shadow(photo: Photo, view: View, shadow: GroundShadow) -> np.ndarray:
-    """The photo [H, W, 3] with the shadow on its ground.
+def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | None = None) -> np.ndarray:
+    """A part of the photo [R, C, 3], or all of it, with the shadow on its ground.
 
     The real object and what lies above the horizon get none; pixels that lose nothing keep their bits. Of the photo
-    only the part is looked at that shows the shadow's square.
+    only what shows the shadow's square is looked at, which the part must hold.
     """
-    picture = photo.rgb.copy()
+    part = part or (slice(0, view.height), slice(0, view.width))
+    picture, shown = photo.rgb[part].copy(), view.part_around(shadow.foot, shadow.reach)
+    ratio_of = _ratio_over(view, shadow, shown)
 
-    def darken(strip: tuple[slice, slice]) -> None:
-        ground = view.ground_of(strip)
-        ratio = shadow.at(ground.reshape(-1, 3)).reshape(ground.shape)
-        ratio = 1.0 - (1.0 - ratio) * (1.0 - photo.mask[strip][..., None])
+    def darken(strip: Part) -> None:
+        ratio = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - photo.mask[strip][..., None])
         touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
-        under = picture[strip]
+        under = picture[_within(strip, part)]
         under[touched] = response(inverse_response(under[touched]) * ratio[touched])
 
     with ThreadPoolExecutor(THREADS) as pool:  # each strip is its own part of the picture
-        list(pool.map(darken, view.strips(view.part_around(shadow.foot, shadow.reach))))
+        list(pool.map(darken, view.strips(shown)))
     return picture
+
+
+def _ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:
+    """What the shadow leaves of strips of a part of the photo, [R, C, 3]; from MOST_SHADED places along its sides."""
+    corner, size = [side.start for side in part], [side.stop - side.start for side in part]
+    count = [min(side, MOST_SHADED) for side in size]
+
+    def ratio_at(y: np.ndarray, x: np.ndarray) -> np.ndarray:
+        points = view.on_ground(*(one.ravel() for one in np.meshgrid(x, y)))
+        return shadow.at(points).reshape(len(y), len(x), 3)
+
+    if count == size:
+        return lambda strip: ratio_at(*(np.arange(side.start, side.stop) + 0.5 for side in strip))
+    y, x = (c + (np.arange(n) + 0.5) * s / n for c, n, s in zip(corner, count, size, strict=True))
+    some = np.array_split(y, -(-y.size * x.size // STRIP_PIXELS))
+    with ThreadPoolExecutor(THREADS) as pool:
+        coarse = np.concatenate(list(pool.map(lambda rows: ratio_at(rows, x).astype(np.float32), some)))
+    channels = [Image.fromarray(np.ascontiguousarray(coarse[..., k])) for k in range(3)]
+
+    def enlarged_over(strip: Part) -> np.ndarray:
+        (top, bottom), (left, right) = (
+            ((side.start - c) * n / s, (side.stop - c) * n / s)
+            for side, c, n, s in zip(strip, corner, count, size, strict=True)
+        )
+        shape = tuple(int(side.stop - side.start) for side in strip[::-1])
+        box = (left, top, min(right, count[1]), min(bottom, count[0]))  # rounding may lead out of the picture
+        found = [one.resize(shape, Image.Resampling.BILINEAR, box=box) for one in channels]
+        return np.stack([np.asarray(one) for one in found], axis=-1)
+
+    return enlarged_over
+
+
+def _within(part: Part, outer: Part) -> Part:
+    """Rows and columns of the photo as those of a part of it."""
+    rows, columns = (
+        slice(side.start - whole.start, side.stop - whole.start)
+        for side, whole in zip(part, outer, strict=True)
+    )
+    return rows, columns
 
 
 def lay_over(
-    picture: np.ndarray,
-    drawn: np.ndarray,
-    window: Window,
-    photo: Photo,
-    behind: bool = False,
-) -> np.ndarray:
-    """Lay an object [S, S, 4] (linear radiance, coverage) over a display picture [H, W, 3], which is changed.
+    picture: np.ndarray, part: Part, drawn: np.ndarray, window: Window, photo: Photo, behind: bool = False
+) -> None:
+    """Lay an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, which is changed.
 
     Args:
+        picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
         behind: whether the real object hides it.
     """
-    height, width = picture.shape[:2]
-    top, left = max(window.top, 0), max(window.left, 0)
-    bottom, right = min(window.top + window.size, height), min(window.left + window.size, width)
-    if top >= bottom or left >= right:
-        return picture
-    part = drawn[top - window.top : bottom - window.top, left - window.left : right - window.left]
-    coverage = part[..., 3:]
+    height, width = photo.mask.shape
+    shown = window.part(height, width)
+    drawn = drawn[_within(shown, (slice(window.top, height), slice(window.left, width)))]
+    coverage = drawn[..., 3:]
     if behind:
-        coverage = coverage * (1.0 - photo.mask[top:bottom, left:right, None])
-    under = picture[top:bottom, left:right]
-    mixed = under + coverage * (response(part[..., :3]) - under)
-    picture[top:bottom, left:right] = np.where(coverage > 0, mixed, under)
-    return picture
+        coverage = coverage * (1.0 - photo.mask[shown][..., None])
+    under = picture[_within(shown, part)]
+    mixed = under + coverage * (response(drawn[..., :3]) - under)
+    np.copyto(under, mixed, where=coverage > 0)
 
 
 def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
@@ -224,7 +269,21 @@ class Stage:
         shadow: GroundShadow | None = None,
         drawn: np.ndarray | None = None,
     ) -> np.ndarray:
-        """The photo with the object in it, [H, W, 3] display values in [0, 1].
+        """The photo with the object in it, [H, W, 3] display values in [0, 1]; arguments as change has them."""
+        part, changed = self.change(radiance, material, renderer, shadow, drawn)
+        picture = self.photo.rgb.copy()
+        picture[part] = changed
+        return picture
+
+    def change(
+        self,
+        radiance: np.ndarray,
+        material: str | Material,
+        renderer: str = "auto",
+        shadow: GroundShadow | None = None,
+        drawn: np.ndarray | None = None,
+    ) -> tuple[Part, np.ndarray]:
+        """The rows and columns of the photo that object and shadow may change, and what it shows there, [R, C, 3].
 
         Args:
             radiance: [H, 2H, 3], camera frame, the photo's exposure units.
@@ -233,13 +292,20 @@ class Stage:
             shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
         """
 
-        def shaded() -> np.ndarray:
-            return cast_shadow(self.photo, self.view, shadow or self.shadow(radiance))
+        def shaded() -> tuple[Part, np.ndarray]:
+            cast = shadow or self.shadow(radiance)
+            both = self.view.part_around(cast.foot, cast.reach), self.window.part(*self.photo.mask.shape)
+            part = tuple(
+                slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True)
+            )
+            return part, cast_shadow(self.photo, self.view, cast, part)
 
         with ThreadPoolExecutor(1) as pool:  # while the object is drawn
-            picture = pool.submit(shaded)
+            shading = pool.submit(shaded)
             drawn = self.draw(radiance, material, renderer) if drawn is None else drawn
-        return lay_over(picture.result(), drawn, self.window, self.photo, behind=self._behind())
+        part, picture = shading.result()
+        lay_over(picture, part, drawn, self.window, self.photo, behind=self._behind())
+        return part, picture
 
     def draw(self, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> np.ndarray:
         """The object alone in its window, [S, S, 4] as render.picture.draw_mesh has it; see relit."""

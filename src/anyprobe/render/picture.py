@@ -17,7 +17,6 @@ from anyprobe.render.integrate import (
     PATCHES,
     compile_kernel,
     emitters_specular,
-    shade,
     shade_diffuse,
     shade_specular,
     shading_pyramid,
@@ -158,17 +157,22 @@ def draw_mesh(
     turn = np.asarray(camera.world_from_camera, np.float32).T
     n, wo = n @ turn, wo @ turn
     light, u = reduced(np.asarray(radiance, np.float32), LIGHT_ROWS), hammersley(num_samples)
+    u_diffuse = u if np.any(material.albedo) else None  # a metal has none
     wide = shading_pyramid(light)
     pyramid = wide if material.alpha >= PATCHES[0][0] else shading_pyramid(light, material.alpha)
     picture = np.zeros((size * size, 4), np.float32)
     picture[:, 3] = count / supersample**2
     if material.alpha >= MAPS_FROM and len(seen) > MAP_SIZE**2:
-        picture[seen, :3] = radiance_by_maps(pyramid, n, wo, material, u, u, size=MAP_SIZE, wide=wide)
+        picture[seen, :3] = radiance_by_maps(pyramid, n, wo, material, u, u_diffuse, size=MAP_SIZE, wide=wide)
         return picture.reshape(size, size, 4)
     for some in np.array_split(np.arange(len(seen)), max(1, -(-len(seen) // CHUNK))):
         if len(some):
-            shading = shade(pyramid, n[some], wo[some], material.alpha, u, wide=wide)
-            picture[seen[some], :3] = shading.radiance(material)
+            _, specular, grazing = shade_specular(pyramid, n[some], wo[some], material.alpha, u)
+            radiance = material.f0 * specular + (1.0 - material.f0) * grazing
+            if u_diffuse is not None:
+                diffuse = shade_diffuse(wide, n[some], wo[some], u_diffuse)
+                radiance = radiance + material.albedo * (1.0 - material.f0) * diffuse
+            picture[seen[some], :3] = radiance
     return picture.reshape(size, size, 4)
 
 
