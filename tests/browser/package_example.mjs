@@ -1,8 +1,7 @@
-// A page that uses the npm package. arguments: { page, screenshot?, click? }; the direction of its dominant light, its
-// canvas' pixels (RGBA, base64), what it fetched in bytes, and how long it took; with click, the canvas after one.
+// A page that uses the npm package. arguments: { page, screenshot? }; the direction of its dominant light, its canvas'
+// pixels (RGBA, base64), what could not be fetched, and how long it took.
 
-export default async ({ page, context, url, arguments: given }) => {
-  await context.grantPermissions(["camera"], { origin: new URL(url).origin });
+export default async ({ page, url, arguments: given }) => {
   const failed = [];
   page.on("response", (answer) => answer.status() >= 400 && failed.push(answer.url()));
   const start = Date.now();
@@ -11,22 +10,15 @@ export default async ({ page, context, url, arguments: given }) => {
   const seconds = (Date.now() - start) / 1000;
   await page.waitForTimeout(300); // until it is drawn where a framework draws it
   if (given.screenshot) await page.screenshot({ path: given.screenshot });
-  const look = () =>
-    page.evaluate(() => {
-      const canvas = document.querySelector("canvas");
-      const { width, height } = canvas;
-      const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
-      copy.drawImage(canvas, 0, 0);
-      const bytes = copy.getImageData(0, 0, width, height).data;
-      let text = "";
-      for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
-      return { width, height, rgba: btoa(text) };
-    });
-  const seen = { seconds, failed, direction: JSON.parse(await page.evaluate(() => document.body.dataset.light)), drawn: await look() };
-  if (given.click) {
-    await page.mouse.click(5, 5);
-    await page.waitForTimeout(500);
-    seen.clicked = await look();
-  }
-  return seen;
+  const drawn = await page.evaluate(() => {
+    const canvas = document.querySelector("canvas");
+    const { width, height } = canvas;
+    const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+    copy.drawImage(canvas, 0, 0);
+    const bytes = copy.getImageData(0, 0, width, height).data;
+    let text = "";
+    for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+    return { width, height, rgba: btoa(text) };
+  });
+  return { seconds, failed, direction: JSON.parse(await page.evaluate(() => document.body.dataset.light)), drawn };
 };

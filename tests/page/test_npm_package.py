@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import shutil
 import subprocess
 import tarfile
@@ -69,7 +70,9 @@ def built_site(packed, tmp_path_factory) -> Path:
     shutil.copy(VASE, folder / "public")
     install = ["npm", "install", "--silent", "--no-audit", "--no-fund", "--prefer-offline", packed]
     subprocess.run(install, cwd=folder, check=True, capture_output=True)
+    (folder / "estimated.js").write_text(without_the_swap())
     sources = {"three": "three.js", "fiber": "fiber.jsx", "babylon": "babylon.js", "webxr": "webxr.js"}
+    sources["estimated"] = "estimated.js"
     for name, source in sources.items():
         head = f'<head><link rel="icon" href="data:,"><script type="module" src="/{source}"></script></head>'
         (folder / f"{name}.html").write_text(f"<!doctype html><html>{head}<body></body></html>")
@@ -79,6 +82,25 @@ def built_site(packed, tmp_path_factory) -> Path:
     )
     subprocess.run(["npx", "vite", "build"], cwd=folder, check=True, capture_output=True)
     return folder / "dist"
+
+
+def without_the_swap() -> str:
+    """The example webxr.js with three.js's own XREstimatedLight: the README's diff, reversed."""
+    lines = (WEB / "examples" / "webxr.js").read_text().splitlines()
+    diff = re.search(r"```diff\n(.*?)```", (WEB / "README.md").read_text(), re.DOTALL)[1]
+    for hunk in diff.split("...\n"):
+        removed, added = ([line[1:] for line in hunk.splitlines() if line.startswith(sign)] for sign in "-+")
+        length = len(added)
+        places = [i for i in range(len(lines)) if _tokens(lines[i : i + length]) == _tokens(added)]
+        assert len(places) == 1, f"of webxr.js, not the README's lines: {added}"
+        lines[places[0] : places[0] + length] = removed
+    assert not re.search("anyprobe|ProbeLight", "\n".join(lines))
+    return "\n".join(lines)
+
+
+def _tokens(lines: list[str]) -> list[str]:
+    """Lines whatever their quotes and spaces."""
+    return ["".join(line.split()).replace("'", '"') for line in lines]
 
 
 def look(site: Path, page: str, **options) -> dict:
@@ -176,17 +198,45 @@ def test_example_draws_the_light_from_its_side(built_site, estimator, name):
 
 
 @pytest.mark.slow
-def test_probe_light_stands_in_for_the_estimate_of_a_session(built_site, estimator, tmp_path):
+@pytest.mark.parametrize("name", ["webxr", "estimated"])
+def test_probe_light_stands_in_for_the_estimate_of_a_session(built_site, estimator, tmp_path, name):
     with Image.open(VASE) as image:
         frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
-    video = write_y4m(tmp_path / "camera.y4m", [frame])
-    seen = look(built_site, "webxr.html", arguments={"click": True}, flags=camera_flags(video))
-    expected = (
+    darker = (0.6 * frame).astype(np.uint8)
+    video = write_y4m(tmp_path / "camera.y4m", [frame, darker], order=[0] * 30 + [1] * 30)
+    arguments = {"page": f"{name}.html", "estimates": name == "estimated"}
+    with serve({"/": built_site}, headers=ISOLATED) as url:
+        seen = run_steps("package_webxr.mjs", url, arguments, flags=camera_flags(video))
+    mode, features = seen["asked"]
+    assert mode == "immersive-ar"
+    assert "light-estimation" in features
+    default = "HemisphereLight"
+    assert seen["events"] == [
+        f"add {default}",
+        "add estimate",
+        f"remove {default}",
+        f"add {default}",
+        "remove estimate",
+    ]
+    first, second = (np.reshape(seen[state]["sh"], (9, 3)) for state in ("lit", "later"))
+    assert np.abs(first).max(axis=1).min() > 0
+    assert np.abs(second - first).max(axis=1).min() > 0
+    assert seen["lit"]["reflects"]
+    assert not seen["ended"]["reflects"]
+    assert seen["moved"] == pytest.approx([1, 0, -2])
+    lit, ended = (pixels(seen[state]["drawn"]) for state in ("lit", "ended"))
+    assert np.abs(lit - ended)[..., :3].mean() > 0.002  # the default light is back
+    position = np.array(seen["lit"]["position"])
+    if name == "estimated":
+        assert seen["lit"]["intensity"] == 3
+        assert position == pytest.approx([0.6, 0.8, 0])
+        return
+    assert seen["lit"]["intensity"] > 0
+    assert max(seen["lit"]["color"]) == pytest.approx(1)
+    direction = (
         estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).dominant_light().direction
     )
-    assert np.dot(seen["direction"], expected) > np.cos(np.radians(15))
-    lit, default = pixels(seen["drawn"]), pixels(seen["clicked"])
-    assert np.abs(lit - default)[..., :3].mean() > 0.002  # estimationend brings the default light back
+    assert np.dot(position / np.linalg.norm(position), direction) > np.cos(np.radians(15))
 
 
 @pytest.mark.parametrize("name", ["three.js", "fiber.jsx", "babylon.js", "webxr.js"])

@@ -21,9 +21,6 @@ SOFTWARE_WEBGPU = (
 )
 
 
-@pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="on SwiftShader the map is 0.08 of white off, cause unknown"
-)
 def test_webgpu_gives_what_wasm_gives(page_url):
     seen = run_steps("page_webgpu.mjs", page_url, {"photo": str(VASE)}, flags=SOFTWARE_WEBGPU, timeout_s=580)
     if seen["adapter"] is None:

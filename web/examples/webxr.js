@@ -1,35 +1,30 @@
-/**
- * Nine spheres whose light is the default one until an estimate begins, as three.js's webxr_ar_lighting has them; a video
- * stands in the place of the session's camera.
- */
+/** Spheres in augmented reality as three.js's webxr_ar_lighting lights them; a video stands in for what the session estimates. */
 
 import { AnyProbe } from "anyprobe";
-import { ProbeLight, installCameraCurve } from "anyprobe/three";
-import { HemisphereLight, Mesh, MeshStandardMaterial, PerspectiveCamera, Scene, SphereGeometry, WebGLRenderer } from "three";
+import { ProbeLight } from "anyprobe/three";
+import * as THREE from "three";
+import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
+import { ARButton } from "three/addons/webxr/ARButton.js";
 
 const video = Object.assign(document.createElement("video"), { muted: true, loop: true, playsInline: true });
 video.srcObject = await navigator.mediaDevices.getUserMedia({ video: { facingMode: "environment" } });
 await video.play();
 
-const renderer = new WebGLRenderer({ alpha: true, preserveDrawingBuffer: true });
-installCameraCurve(renderer);
+const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
 renderer.setSize(innerWidth, innerHeight);
+renderer.xr.enabled = true;
 document.body.append(renderer.domElement);
-const scene = new Scene();
-const camera = new PerspectiveCamera(70, innerWidth / innerHeight, 0.01, 20);
-const defaultLight = new HemisphereLight(0xffffff, 0xbbbbff, 1);
+const scene = new THREE.Scene();
+const camera = new THREE.PerspectiveCamera(70, innerWidth / innerHeight, 0.01, 20);
+const defaultEnvironment = new THREE.PMREMGenerator(renderer).fromScene(new RoomEnvironment()).texture;
+const defaultLight = new THREE.HemisphereLight(0xffffff, 0xbbbbff, 1);
+defaultLight.position.set(0.5, 1, 0.25);
 scene.add(defaultLight);
-
-const geometry = new SphereGeometry(0.175, 32, 32);
-for (let i = 0; i < 9; i++) {
-  const [column, row] = [i % 3, Math.floor(i / 3)];
-  const material = new MeshStandardMaterial({ color: 0xdddddd, roughness: column / 3, metalness: row / 3 });
-  const sphere = new Mesh(geometry, material);
-  sphere.position.set(0.4 * (column - 1), 0.4 * (row - 1), -2);
-  scene.add(sphere);
-}
+scene.environment = defaultEnvironment;
 
 const xrLight = new ProbeLight(await AnyProbe.load());
+xrLight.track(video, { camera });
+renderer.xr.addEventListener("sessionend", () => xrLight.stop());
 xrLight.addEventListener("estimationstart", () => {
   scene.add(xrLight);
   scene.remove(defaultLight);
@@ -38,12 +33,27 @@ xrLight.addEventListener("estimationstart", () => {
 xrLight.addEventListener("estimationend", () => {
   scene.add(defaultLight);
   scene.remove(xrLight);
-  scene.environment = null;
+  scene.environment = defaultEnvironment;
 });
-xrLight.track(video, { click: [0.5 * video.videoWidth, 0.55 * video.videoHeight] });
 
-renderer.setAnimationLoop(() => {
-  renderer.render(scene, camera);
-  if (xrLight.estimate) document.body.dataset.light = JSON.stringify(xrLight.estimate.dominant.direction);
+const group = new THREE.Group();
+group.position.z = -2;
+const geometry = new THREE.SphereGeometry(0.175, 32, 32);
+for (let i = 0; i < 9; i++) {
+  const [row, column] = [Math.floor(i / 3), i % 3];
+  const material = new THREE.MeshStandardMaterial({ color: 0xdddddd, roughness: row / 3, metalness: column / 3 });
+  const sphere = new THREE.Mesh(geometry, material);
+  sphere.position.set(0.4 * (row - 1), 0.4 * (column - 1), 0);
+  group.add(sphere);
+}
+const controller = renderer.xr.getController(0);
+controller.addEventListener("select", () => group.position.set(0, 0, -2).applyMatrix4(controller.matrixWorld));
+scene.add(group, controller);
+document.body.append(ARButton.createButton(renderer, { optionalFeatures: ["light-estimation"] }));
+
+renderer.setAnimationLoop(() => renderer.render(scene, camera));
+addEventListener("resize", () => {
+  renderer.setSize(innerWidth, innerHeight);
+  camera.aspect = innerWidth / innerHeight;
+  camera.updateProjectionMatrix();
 });
-document.addEventListener("click", () => xrLight.stop());
