@@ -122,3 +122,10 @@ def test_another_network_is_refused(tmp_path):
     with pytest.raises(ModelError, match="hdr.onnx: expected convolutions named /head/ and /sphere"):
         quantize(weights_folder("paper") / "hdr.onnx", tmp_path / "hdr.onnx", [{}])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_shipped_graph_stores_equal_tables_once():
+    onnx = pytest.importorskip("onnx")
+    initializers = onnx.load(weights_folder("lift") / "light.onnx").graph.initializer
+    large = [t.raw_data for t in initializers if len(t.raw_data) > 4096]
+    assert len(large) == len(set(large)) > 50
