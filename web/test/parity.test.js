@@ -115,7 +115,7 @@ test("a given material, and the map with it", { skip }, async (t) => {
   for (const [name, given] of Object.entries(found.materials)) {
     const material = materialInput(givenMaterial(given));
     assertClose(material, floats(`material_${name}`), 1e-6, name);
-    assertMostlyClose((await lit({ material })).radiance, floats(`radiance_${name}`), 3e-3, `radiance of ${name}`);
+    assertMostlyClose((await lit({ material })).radiance, floats(`radiance_${name}`), 5e-3, `radiance of ${name}`);
   }
 });
 
