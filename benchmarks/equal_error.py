@@ -64,21 +64,14 @@ def compare(
 class _Cell:
     """One light, kind and alpha."""
 
-    def __init__(
-        self, light: Light, view: View, table: LightTable, kind: str, alpha: float, effort: Effort
-    ) -> None:
+    def __init__(self, light: Light, view: View, table: LightTable, kind: str, alpha: float, effort: Effort) -> None:
         self.light, self.view, self.table, self.effort = light, view, table, effort
         self.kind, self.alpha, self.material = kind, alpha, material(kind, alpha)
 
     def _converge(self, points, **options) -> Converging:
         effort = self.effort
         return converge(
-            self.table,
-            points,
-            self.material,
-            seconds=effort.reference_seconds,
-            noise=effort.reference_noise,
-            **options,
+            self.table, points, self.material, seconds=effort.reference_seconds, noise=effort.reference_noise, **options
         )
 
     def our_reference(self) -> Converging:
@@ -117,11 +110,7 @@ class _Cell:
             target=target,
             seconds=self.effort.timing_seconds,
         )
-        given = {
-            "reference": theirs.mean,
-            "noise": theirs.noise,
-            "seconds": self.effort.timing_seconds,
-        }
+        given = {"reference": theirs.mean, "noise": theirs.noise, "seconds": self.effort.timing_seconds}
         their = rival.reach(target=target, **given)
         line: dict[str, Any] = {
             "part": "equal-error",

@@ -57,9 +57,7 @@ def steadiness(maps: Run[np.ndarray], shown: np.ndarray) -> dict[str, float]:
     turns = np.degrees(np.arccos(np.clip((toward[1:] * toward[:-1]).sum(axis=1), -1, 1)))
     return {
         "color_angle_std_deg": rounded(np.sqrt(np.mean([angle_deg(sphere, mean) ** 2 for sphere in shown]))),
-        "color_angle_step_deg": rounded(
-            np.mean([angle_deg(b, a) for a, b in zip(shown, shown[1:], strict=False)])
-        ),
+        "color_angle_step_deg": rounded(np.mean([angle_deg(b, a) for a, b in zip(shown, shown[1:], strict=False)])),
         "sh_step_percent": rounded(100 * steps.mean()),
         "dominant_light_step_deg": rounded(turns.mean()),
         "dominant_light_step_max_deg": rounded(turns.max()),
@@ -109,9 +107,7 @@ def estimates(
     return truth, found
 
 
-def measure(
-    scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path | None
-) -> Iterable[dict[str, Any]]:
+def measure(scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path | None) -> Iterable[dict[str, Any]]:
     """A line for the true lights, frame by frame, and filtered."""
     truth, found = estimates(scene, sequence, estimator, cache)
     steady, state, held = [], None, 0

@@ -48,15 +48,8 @@ def main() -> None:
         write_float_graph(Path(folder))
         for engine in options.engines:
             for threads in options.threads:
-                models = {
-                    kind: Models(name, threads, engine)
-                    for kind, name in (("float", folder), ("int8", "lift"))
-                }
-                print(
-                    json.dumps(
-                        compare(models, pairs, options.rounds) | {"engine": engine, "threads": threads}
-                    )
-                )
+                models = {kind: Models(name, threads, engine) for kind, name in (("float", folder), ("int8", "lift"))}
+                print(json.dumps(compare(models, pairs, options.rounds) | {"engine": engine, "threads": threads}))
 
 
 def own_pairs() -> list[Pair]:

@@ -62,10 +62,7 @@ def main() -> None:
         photo = make_photo(Path(name))
         out = str(Path(name) / "out.png")
         relight = ["relight", *photo, "-q", "--renderer", given.renderer, "-o", out]
-        runs = {
-            "read and write": (ROOT / "src", COPY, [photo[0], out]),
-            "relight": (ROOT / "src", RELIGHT, relight),
-        }
+        runs = {"read and write": (ROOT / "src", COPY, [photo[0], out]), "relight": (ROOT / "src", RELIGHT, relight)}
         if given.other:
             runs["relight, other"] = (given.other, RELIGHT, relight)
         found = {which: float("inf") for which in runs}

@@ -93,9 +93,7 @@ def describe(seen: dict) -> dict:
     """Rates and milliseconds while it counted; stillness and following from every change on."""
     start, end = seen["from"], seen["to"]
     counted = [light for light in seen["lights"] if start <= light["time"] <= end]
-    rates = [
-        float(re.search(r"(\d+) frames/s", one["text"])[1]) for one in seen["rates"] if one["time"] >= start
-    ]
+    rates = [float(re.search(r"(\d+) frames/s", one["text"])[1]) for one in seen["rates"] if one["time"] >= start]
     result = {
         "lights": len(counted),
         "lights_per_s": round(len(counted) / (end - start), 1),
@@ -189,9 +187,7 @@ def main() -> None:
         steps["screenshot"] = str(asked.screenshot.resolve())
     with tempfile.TemporaryDirectory() as folder, server() as url:
         pictures = [
-            one
-            for patch, light in enumerate(lights)
-            for one in frames(light, patch, DISTINCT, rng, asked.sway)
+            one for patch, light in enumerate(lights) for one in frames(light, patch, DISTINCT, rng, asked.sway)
         ]
         stretch = np.arange(round(FPS * asked.half)) % DISTINCT
         order = [*stretch, *(DISTINCT + stretch)]

@@ -65,9 +65,7 @@ def open_mitsuba(threads: int) -> ModuleType:
         drjit.set_thread_count(threads)
         drjit.eval(drjit.arange(mitsuba.Float, 4) + 1)
     except (ImportError, RuntimeError) as error:
-        raise AnyprobeError(
-            f"expected an LLVM library that Mitsuba can use, found none; {INSTALL}"
-        ) from error
+        raise AnyprobeError(f"expected an LLVM library that Mitsuba can use, found none; {INSTALL}") from error
     mitsuba.set_log_level(mitsuba.LogLevel.Error)  # multijitter tells of every count it rounds up
     return mitsuba
 
@@ -75,9 +73,7 @@ def open_mitsuba(threads: int) -> ModuleType:
 class MitsubaSphere:
     """The sphere in Mitsuba, under one map, seen by one camera; `kind` and alpha as in sphere.material."""
 
-    def __init__(
-        self, mitsuba: ModuleType, radiance: np.ndarray, view: View, kind: str, alpha: float
-    ) -> None:
+    def __init__(self, mitsuba: ModuleType, radiance: np.ndarray, view: View, kind: str, alpha: float) -> None:
         self._mi, self._view, self._scenes = mitsuba, view, {}
         # Mitsuba's +Z lies in the centre column, ours has -Z there
         self._bitmap = mitsuba.Bitmap(np.roll(radiance, radiance.shape[0], axis=1).astype(np.float32))
@@ -156,13 +152,9 @@ class MitsubaSphere:
             result.add(self.points(self.picture("direct", "multijitter", spp)[0]))
         return result
 
-    def _error(
-        self, how: tuple[str, str], spp: int, reference: np.ndarray, noise: float, repeat: int
-    ) -> float:
+    def _error(self, how: tuple[str, str], spp: int, reference: np.ndarray, noise: float, repeat: int) -> float:
         """Root of the mean squared relative RMSE of several pictures."""
-        errors = [
-            relative_rmse(self.points(self.picture(*how, spp)[0]), reference, noise) for _ in range(repeat)
-        ]
+        errors = [relative_rmse(self.points(self.picture(*how, spp)[0]), reference, noise) for _ in range(repeat)]
         return float(np.sqrt(np.mean(np.square(errors))))
 
     def reach(

@@ -99,9 +99,7 @@ class OurRenderer:
             self._pyramids[alpha] = shading_pyramid(self._map, alpha)
         return self._pyramids[alpha]
 
-    def picture(
-        self, view: View, material: Material, way: Way, timed: bool = False
-    ) -> Callable[[], torch.Tensor]:
+    def picture(self, view: View, material: Material, way: Way, timed: bool = False) -> Callable[[], torch.Tensor]:
         """A call that shades every point: Lo [P, 3].
 
         timed: by the compiled kernels if there are any.
@@ -118,15 +116,7 @@ class OurRenderer:
         def by_maps() -> torch.Tensor:
             with torch.no_grad():
                 return radiance_by_maps(
-                    pyramid,
-                    n,
-                    wo,
-                    material,
-                    u,
-                    u_diffuse,
-                    size=way.size,
-                    wide=wide,
-                    kernels=kernels,
+                    pyramid, n, wo, material, u, u_diffuse, size=way.size, wide=wide, kernels=kernels
                 )
 
         def by_points() -> torch.Tensor:

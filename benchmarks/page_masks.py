@@ -62,9 +62,7 @@ def middle_and_most(values: list[float]) -> list[int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder with hdri/test and meshes/test to render scenes of")
     parser.add_argument("--scenes", type=int, default=12)
     parser.add_argument("--photos", type=Path, help="folder of photos NAME.* with NAME_mask.png beside them")
@@ -81,9 +79,7 @@ def main() -> None:
         sets["photos"] = list(photo_cases(asked.photos))
     for name, cases in sets.items():
         for given in PROMPTS:
-            print(
-                json.dumps({"set": name, "well_exposed_fraction": given, **compare(cases, given)}), flush=True
-            )
+            print(json.dumps({"set": name, "well_exposed_fraction": given, **compare(cases, given)}), flush=True)
 
 
 if __name__ == "__main__":

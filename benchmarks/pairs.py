@@ -55,9 +55,7 @@ class Setup:
         if not self.quick:
             return config
         return replace(
-            config,
-            surfaces=replace(config.surfaces, views=1, procedural=6),
-            light=replace(config.light, procedural=6),
+            config, surfaces=replace(config.surfaces, views=1, procedural=6), light=replace(config.light, procedural=6)
         )
 
     def open_source(self) -> PairSource:

@@ -68,9 +68,7 @@ def draw_place(
         mask, tan_half = disturb_mask(surface.mask, rng), camera.tan_half
         if room is not None:
             rays = _phone_rays(display.shape[0], tan_half)
-            behind = _photo_of_room(
-                asset.radiance * gain, rays @ turns[-1].T, turns[-1] @ [0, 0, room], shot, rng
-            )
+            behind = _photo_of_room(asset.radiance * gain, rays @ turns[-1].T, turns[-1] @ [0, 0, room], shot, rng)
             display, mask = (
                 _in_the_middle(display, surface.mask, behind),
                 _in_the_middle(mask, mask, rays[..., 0] > 2),

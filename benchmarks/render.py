@@ -31,9 +31,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="one JSON object a line instead of tables")
-    parser.add_argument(
-        "--quick", action="store_true", help="a dry run of a few minutes; no figures to quote"
-    )
+    parser.add_argument("--quick", action="store_true", help="a dry run of a few minutes; no figures to quote")
     parser.add_argument("--only", choices=PARTS, action="append", help="this part only; may be repeated")
     parser.add_argument("--data", type=Path, help="folder with hdri/ and meshes/; without, assets of our own")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="for pairs and memory")
@@ -43,9 +41,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--kinds", choices=KINDS, nargs="+", default=list(KINDS))
     parser.add_argument("--size", type=int, default=SIZE, help="side of the sphere's picture")
     parser.add_argument("--pairs", type=int, help="pairs of the memory part (100000; quick 2000)")
-    parser.add_argument(
-        "--cache", type=Path, default=Path("runs/cache"), help="rasterised shapes are kept here"
-    )
+    parser.add_argument("--cache", type=Path, default=Path("runs/cache"), help="rasterised shapes are kept here")
     parser.add_argument("--eager", action="store_true", help="without torch.compile; no figures to quote")
     options = parser.parse_args(arguments)
     if options.threads < 1 or not 0 < options.target < 1:
@@ -94,8 +90,7 @@ def summarise(results: list[dict[str, Any]], options: argparse.Namespace, device
     """The last line; what was not measured is null."""
     cells = [line for line in results if line["part"] == "equal-error"]
     speedups, over_independent = (
-        [line[name] for line in cells if line[name] is not None]
-        for name in ("speedup", "speedup_over_independent")
+        [line[name] for line in cells if line[name] is not None] for name in ("speedup", "speedup_over_independent")
     )
     by_part = {line["part"]: line for line in results}
     return {

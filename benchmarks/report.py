@@ -9,19 +9,7 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-COLUMNS = (
-    "light",
-    "kind",
-    "alpha",
-    "samples",
-    "error",
-    "ms",
-    "spp",
-    "error",
-    "ms",
-    "faster",
-    "than its default",
-)
+COLUMNS = ("light", "kind", "alpha", "samples", "error", "ms", "spp", "error", "ms", "faster", "than its default")
 WIDTH = 124
 """Columns at least, also where the output is a file."""
 

@@ -82,9 +82,7 @@ def sequences(seconds: float) -> list[Sequence]:
     orbit, swing = np.radians([ORBIT_DEG_S, SWING_DEG_S])
     return [
         Sequence(name="still", seconds=seconds, yaw=lambda t: 0.0, emitter=lambda t: EMITTER_LEFT),
-        Sequence(
-            name="camera turns", seconds=seconds, yaw=lambda t: orbit * t, emitter=lambda t: EMITTER_LEFT
-        ),
+        Sequence(name="camera turns", seconds=seconds, yaw=lambda t: orbit * t, emitter=lambda t: EMITTER_LEFT),
         Sequence(
             name="emitter jumps",
             seconds=seconds,
@@ -92,12 +90,7 @@ def sequences(seconds: float) -> list[Sequence]:
             emitter=lambda t: EMITTER_LEFT if t < jump_s - 1e-6 else EMITTER_RIGHT,
             jump_s=jump_s,
         ),
-        Sequence(
-            name="emitter swings",
-            seconds=seconds,
-            yaw=lambda t: 0.0,
-            emitter=lambda t: EMITTER_LEFT - swing * t,
-        ),
+        Sequence(name="emitter swings", seconds=seconds, yaw=lambda t: 0.0, emitter=lambda t: EMITTER_LEFT - swing * t),
     ]
 
 

@@ -161,9 +161,7 @@ def main() -> None:
         "memory_mb_at_end": round(float(warm[-1])),
         "memory_mb_most": round(float(max(mb for _, mb in held))),
     }
-    print(
-        json.dumps(result) if asked.json else "\n".join(f"{key:22} {value}" for key, value in result.items())
-    )
+    print(json.dumps(result) if asked.json else "\n".join(f"{key:22} {value}" for key, value in result.items()))
 
 
 if __name__ == "__main__":

@@ -42,9 +42,7 @@ SHOWN = (
 )
 
 
-def measure(
-    store: AssetStore, places: int, arc_deg: float, room: float | None, estimator: Estimator
-) -> Iterator[dict]:
+def measure(store: AssetStore, places: int, arc_deg: float, room: float | None, estimator: Estimator) -> Iterator[dict]:
     """One line a place, number of photos and what is told of the surroundings."""
     rng, surroundings = np.random.default_rng(15), arc_deg == 360
     for number in range(places):
@@ -55,9 +53,7 @@ def measure(
             lights[OWN] = [estimator.from_photo(photo) for photo in given]
         for count in COUNTS:
             chosen = (
-                np.linspace(0, MOST if surroundings else MOST - 1, count, endpoint=not surroundings)
-                .round()
-                .astype(int)
+                np.linspace(0, MOST if surroundings else MOST - 1, count, endpoint=not surroundings).round().astype(int)
             )
             poses = place.map_from_camera[chosen]
             fused = {name: fuse_lights([few[k] for k in chosen], poses) for name, few in lights.items()}
@@ -80,9 +76,7 @@ def seen(photo: Photo) -> Photo:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, help="folder with hdri and meshes")
-    parser.add_argument(
-        "--left-out", action="store_true", help="training assets that no shipped weights learn from"
-    )
+    parser.add_argument("--left-out", action="store_true", help="training assets that no shipped weights learn from")
     parser.add_argument("--places", type=int, default=40)
     parser.add_argument("--arc", type=float, default=360.0, help="degrees that the camera goes round")
     parser.add_argument("--room", type=float, help="the camera's distance over the walls', below 1")
@@ -93,12 +87,7 @@ def main() -> None:
     else:
         own = 0 if options.data else 12
         store = load_asset_store(
-            options.data,
-            "test",
-            extra=False,
-            commercial_only=False,
-            procedural_maps=own,
-            procedural_shapes=own,
+            options.data, "test", extra=False, commercial_only=False, procedural_maps=own, procedural_shapes=own
         )
     lines = []
     for line in measure(store, options.places, options.arc, options.room, Estimator()):
@@ -109,8 +98,7 @@ def main() -> None:
         rows = [line for line in lines if line["photos"] == count and line["surroundings"] == given]
         means = {name: float(np.mean([row[name] for row in rows if name in row])) for name in SHOWN}
         medians = {
-            name: float(np.median([row[name] for row in rows]))
-            for name in ("dominant_light_deg", "total_power_stops")
+            name: float(np.median([row[name] for row in rows])) for name in ("dominant_light_deg", "total_power_stops")
         }
         print(
             json.dumps(

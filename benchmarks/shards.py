@@ -35,9 +35,7 @@ def main() -> None:
     config = replace(small, pairs=replace(lift().pairs, batch=BATCH))
     rendered = rate(ShardSource(asked.shards, asked.data, config.pairs), asked.batches)
     made = rate(make_pairs(config, asked.data, Path("runs/cache"), "cpu"), asked.batches)
-    print(
-        f"rendered {rendered:.0f}, on the fly {made:.0f} pairs a second: {rendered / made:.2f} times as many"
-    )
+    print(f"rendered {rendered:.0f}, on the fly {made:.0f} pairs a second: {rendered / made:.2f} times as many")
 
 
 if __name__ == "__main__":

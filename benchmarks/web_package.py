@@ -54,9 +54,7 @@ def page_site(clone: Path, folder: Path) -> Path:
     """What a clone's `anyprobe serve --static` writes."""
     program = "from anyprobe.cli.app import main; main()"
     command = [sys.executable, "-c", program, "serve", "--static", folder]
-    subprocess.run(
-        command, check=True, capture_output=True, env=os.environ | {"PYTHONPATH": str(clone / "src")}
-    )
+    subprocess.run(command, check=True, capture_output=True, env=os.environ | {"PYTHONPATH": str(clone / "src")})
     return folder
 
 
@@ -80,9 +78,7 @@ def main() -> None:
         with Image.open(ROOT / "examples" / "vase.png") as image:
             frame = np.pad(np.asarray(image.convert("RGB")), ((0, 0), (80, 80), (0, 0)), mode="edge")
         noise = np.random.default_rng(7)
-        frames = [
-            np.clip(frame + noise.normal(0, 2, frame.shape), 0, 255).astype(np.uint8) for _ in range(30)
-        ]
+        frames = [np.clip(frame + noise.normal(0, 2, frame.shape), 0, 255).astype(np.uint8) for _ in range(30)]
         flags = camera_flags(write_y4m(folder / "camera.y4m", frames))
         seen: dict[tuple[str, int], list[dict]] = {}
         for _ in range(given.rounds):

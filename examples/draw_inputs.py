@@ -35,10 +35,7 @@ def main(path: Path) -> None:
     maps = [own_map(SEED, index) for index in range(ROWS)]
     shapes = [
         ShapeAsset(
-            id=f"{index:08x}",
-            name=f"figure {index}",
-            licence="own",
-            mesh=figure(np.random.default_rng((SEED, index))),
+            id=f"{index:08x}", name=f"figure {index}", licence="own", mesh=figure(np.random.default_rng((SEED, index)))
         )
         for index in range(ROWS)
     ]

@@ -46,9 +46,7 @@ def main(path: Path) -> None:
         if target is None or scene.bounds != (0, SIZE, 0, SIZE) or len(scene.covers) < 2:
             continue
         rgb = scene.photo.permute(1, 2, 0).numpy()
-        columns.append(
-            _column(rgb, scene.covers.numpy(), target, len(columns), cover_box(scene.covers[target]))
-        )
+        columns.append(_column(rgb, scene.covers.numpy(), target, len(columns), cover_box(scene.covers[target])))
     Image.fromarray(np.concatenate(columns, axis=1)).quantize(192).save(path, optimize=True)
 
 
@@ -64,9 +62,7 @@ def _column(rgb: np.ndarray, covers: np.ndarray, target: int, kind: int, box) ->
     shown = Image.fromarray(to_bytes(draw_overlay(rgb, found.mask)))
     column = Image.new("RGB", (TILE + GAP, 2 * TILE + 3 * GAP), "white")
     for row, picture in enumerate((given, shown)):
-        column.paste(
-            picture.resize((TILE, TILE), Image.Resampling.LANCZOS), (GAP // 2, GAP + row * (TILE + GAP))
-        )
+        column.paste(picture.resize((TILE, TILE), Image.Resampling.LANCZOS), (GAP // 2, GAP + row * (TILE + GAP)))
     return np.asarray(column)
 
 

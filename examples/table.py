@@ -69,9 +69,7 @@ class Table:
         y0, y1 = round(0.24 * height), round(0.76 * height)
         mask[y0:y1, x0:x1] = 1.0  # how large the vase is to be
         rgb = np.zeros((height, width, 3), np.float32)
-        photo = Photo(
-            rgb=rgb, mask=mask, long_fov_deg=LONG_FOV_DEG, fov_source="given", name="table", warnings=()
-        )
+        photo = Photo(rgb=rgb, mask=mask, long_fov_deg=LONG_FOV_DEG, fov_source="given", name="table", warnings=())
         place = Arrangement(size=1.0, at=((x0 + x1) / 2, y1 - 0.03 * height), pitch_deg=PITCH_DEG)
         self.stage = Stage(photo, open_object("vase"), place)
         self.fine = ROOM_SHARE * room(np.random.default_rng(29), height=1024)
@@ -95,16 +93,12 @@ class Table:
         x, z = points[..., 0], points @ ahead
         inside = np.hypot(x, z - TABLE_DEPTH) < TABLE_RADIUS
         plank = np.floor(9 * x / TABLE_RADIUS)
-        grain = np.sin(14 * z + 3 * np.sin(5 * plank) + 2 * np.sin(31 * x)) * np.sin(
-            90 * x + 9 * np.sin(2 * z)
-        )
+        grain = np.sin(14 * z + 3 * np.sin(5 * plank) + 2 * np.sin(31 * x)) * np.sin(90 * x + 9 * np.sin(2 * z))
         tone = 1 + 0.16 * np.sin(2.4 * plank) + 0.07 * grain
         tone = np.where(np.abs(9 * x / TABLE_RADIUS - plank - 0.5) > 0.47, 0.6, tone)
         albedo = np.where(inside, tone, 0.0)[..., None] * WOOD
         past = np.where(inside[..., None], 0.0, past)
-        return tuple(
-            part.reshape(self.height, 2, self.width, 2, 3).mean(axis=(1, 3)) for part in (past, albedo)
-        )
+        return tuple(part.reshape(self.height, 2, self.width, 2, 3).mean(axis=(1, 3)) for part in (past, albedo))
 
     @lru_cache(maxsize=4)  # noqa: B019
     def lit(self, azimuth_deg: float | None) -> Lit:
@@ -178,12 +172,8 @@ def relit(path: Path) -> None:
         command += f" --insert sphere --insert-material gold --at 228,183 --scale 0.6 --pitch {PITCH_DEG:g}"
         subprocess.run([*ANYPROBE, *command.split()], check=True)
         clips = (read_frames(open_clip(one), []) for one in (HERE / "table.mp4", Path(folder) / "relit.mp4"))
-        frames = [
-            Image.fromarray(np.concatenate([a.rgb, b.rgb], axis=1)) for a, b in zip(*clips, strict=True)
-        ]
-    frames[0].save(
-        path, save_all=True, append_images=frames[1:], duration=1000 // FPS, loop=0, quality=60, method=2
-    )
+        frames = [Image.fromarray(np.concatenate([a.rgb, b.rgb], axis=1)) for a, b in zip(*clips, strict=True)]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=1000 // FPS, loop=0, quality=60, method=2)
 
 
 def main() -> None:

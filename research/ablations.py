@@ -53,9 +53,7 @@ def lift_trial() -> RunConfig:
         cooldown=0.5,
         lift=replace(lift().lift, level=0.0, color=0.0, material=0.0),
         pairs=replace(plain, seed=59),
-        surfaces=replace(
-            lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, shadows=False, seed=4
-        ),
+        surfaces=replace(lift().surfaces, views=9, figures=400, parts=0, bend=0.0, relief=0.0, shadows=False, seed=4),
         light=replace(lift().light, seed=8),
     )
 
@@ -92,9 +90,7 @@ def light_both() -> RunConfig:
 
 def clean_trial() -> RunConfig:
     """Photos as the paper's: no blur, noise or JPEG, masks exact."""
-    return replace(
-        lift_trial(), name="clean_trial", pairs=replace(lift_trial().pairs, conditions=0, cut_out=0.0)
-    )
+    return replace(lift_trial(), name="clean_trial", pairs=replace(lift_trial().pairs, conditions=0, cut_out=0.0))
 
 
 def shapes_trial() -> RunConfig:
@@ -131,14 +127,7 @@ ABLATIONS = {
     )
 }
 FIRST, OTHER_MODEL = "lift_trial", "shapes_trial"
-FIGURES = (
-    "ldr_rmse",
-    "ldr_ssim",
-    "ln_hdr_rmse",
-    "angle_diffuse_deg",
-    "dominant_light_deg",
-    "total_power_stops",
-)
+FIGURES = ("ldr_rmse", "ldr_ssim", "ln_hdr_rmse", "angle_diffuse_deg", "dominant_light_deg", "total_power_stops")
 
 
 @app.command("train")
@@ -155,9 +144,7 @@ def train_run(
 
 @app.command()
 def score(
-    data: Annotated[
-        Path, typer.Option(help="The data they learned from; scored on what its licences leave out.")
-    ],
+    data: Annotated[Path, typer.Option(help="The data they learned from; scored on what its licences leave out.")],
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = Path("runs"),
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/ablations.json"),
 ) -> None:

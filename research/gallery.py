@@ -82,9 +82,7 @@ def main() -> None:
         path = DOCS / "gallery" / f"{scene.name.replace(', ', '_').replace(' ', '_')}.jpg"
         sheet(photo.rgb, light, truth, relit).save(path, quality=82, optimize=True)
         lines.append(
-            SECTION.format(
-                name=scene.name, inserted=scene.inserted, path=path.name, errors=errors(light, truth)
-            )
+            SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=errors(light, truth))
         )
         print(path, flush=True)
     (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")

@@ -13,23 +13,14 @@ import numpy as np
 import typer
 
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.runtime import (
-    DEFAULT_ENGINE,
-    DEFAULT_MODEL,
-    ENGINES,
-    open_engine,
-    stages_of,
-    weights_folder,
-)
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, open_engine, stages_of, weights_folder
 from anyprobe.files.graphs import open_graph
 
 WARM = 3
 """Calls that do not count."""
 
 
-def time_model(
-    model: str, photo: Path, threads: int, repeats: int, engine: str = DEFAULT_ENGINE
-) -> dict[str, Any]:
+def time_model(model: str, photo: Path, threads: int, repeats: int, engine: str = DEFAULT_ENGINE) -> dict[str, Any]:
     """Seconds of each network on one input, and of Estimator on a photo's path.
 
     Returns:
@@ -40,8 +31,7 @@ def time_model(
     estimator = Estimator(model, threads=threads, engine=engine)
     folder = weights_folder(model)
     networks = {
-        stage: _seconds(_network(folder / f"{stage}.onnx", threads, engine), repeats)
-        for stage in stages_of(folder)
+        stage: _seconds(_network(folder / f"{stage}.onnx", threads, engine), repeats) for stage in stages_of(folder)
     }
     return {"networks": networks, "whole": _seconds(lambda: estimator(photo), repeats)}
 
@@ -83,9 +73,7 @@ def _seconds(call: Callable[[], Any], repeats: int) -> dict[str, float]:
 
 def timing(
     model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
-    engine: Annotated[
-        list[str] | None, typer.Option(help=f"One of {', '.join(ENGINES)}; repeat for more.")
-    ] = None,
+    engine: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(ENGINES)}; repeat for more.")] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the runtime.")] = 1,
     repeats: Annotated[int, typer.Option(min=3, help="Calls, of which the median counts.")] = 50,
     photo: Annotated[Path, typer.Option(help="A photo with an alpha channel.")] = Path("examples/vase.png"),

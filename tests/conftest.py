@@ -20,9 +20,7 @@ from anyprobe.estimate.estimator import Estimator
 
 
 def pytest_configure() -> None:
-    if (
-        signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    ):  # by a shell that runs tests in the background; its children
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # by a shell that runs tests in the background; its children
         signal.signal(signal.SIGINT, signal.default_int_handler)  # would inherit it, and never end by Ctrl-C
 
 

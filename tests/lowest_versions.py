@@ -10,13 +10,8 @@ from pathlib import Path
 
 def lowest(extras: list[str]) -> list[str]:
     """NAME==VERSION of the direct dependencies of the package and of these extras."""
-    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))[
-        "project"
-    ]
-    wanted = [
-        *project["dependencies"],
-        *(one for name in extras for one in project["optional-dependencies"][name]),
-    ]
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *(one for name in extras for one in project["optional-dependencies"][name])]
     found = (re.fullmatch(r"([\w.-]+)>=([\w.]+)", one) for one in wanted)
     return [f"{one[1]}=={one[2]}" for one in found if one]
 

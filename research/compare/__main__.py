@@ -26,14 +26,10 @@ AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")
 def compare(
     hdri: Annotated[Path, typer.Option(help="Folder of held-out maps, as for anyprobe evaluate.")],
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes.")],
-    model: Annotated[
-        list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")
-    ] = None,
+    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder of graphs; repeat for more.")] = None,
     pairs: Annotated[int, typer.Option(min=2, max=1000, help="The first so many frozen pairs.")] = 1000,
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write.")] = Path("runs/compare.json"),
-    kept: Annotated[
-        Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")
-    ] = None,
+    kept: Annotated[Path | None, typer.Option(help="Folder that keeps rendered pairs for the next time.")] = None,
 ) -> None:
     """Score every method on the frozen test set, by every figure of docs/evaluation.md."""
     names = model or [DEFAULT_MODEL]

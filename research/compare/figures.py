@@ -17,15 +17,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import LN_RANGE, Pair
 from anyprobe.evaluate.methods import Estimate
-from anyprobe.evaluate.metrics import (
-    color_angle_deg,
-    direction_error_deg,
-    power_ratio_stops,
-    psnr,
-    rmse,
-    si_rmse,
-    ssim,
-)
+from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops, psnr, rmse, si_rmse, ssim
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, integral
 from anyprobe.light.harmonics import COSINE_LOBE, project
@@ -90,11 +82,7 @@ def sphere_scores(ldr: np.ndarray, true_ldr: np.ndarray) -> dict[str, float]:
     """Fig. 13: the LDR maps as mirror spheres; PSNR and RMSE inside the sphere, SSIM of the picture."""
     mask = sphere_normals(SPHERE_SIZE)[1]
     a, b = mirror_sphere(ldr), mirror_sphere(true_ldr)
-    return {
-        "sphere_psnr": psnr(a[mask], b[mask]),
-        "sphere_rmse": rmse(a[mask], b[mask]),
-        "sphere_ssim": ssim(a, b),
-    }
+    return {"sphere_psnr": psnr(a[mask], b[mask]), "sphere_rmse": rmse(a[mask], b[mask]), "sphere_ssim": ssim(a, b)}
 
 
 @lru_cache(maxsize=1)

@@ -37,23 +37,14 @@ def means(scores: Scores, method: str, group: str = "all") -> dict[str, float]:
     return result
 
 
-def difference(
-    scores: Scores, better: str, worse: str, name: str, group: str = "all"
-) -> dict[str, float | None]:
+def difference(scores: Scores, better: str, worse: str, name: str, group: str = "all") -> dict[str, float | None]:
     """Mean of better minus worse over a group's pairs, and its standard error (clustered_error)."""
-    both = zip(
-        scores.rows[better], scores.rows[worse], scores.maps, scores.shapes, scores.groups, strict=True
-    )
+    both = zip(scores.rows[better], scores.rows[worse], scores.maps, scores.shapes, scores.groups, strict=True)
     found = [
-        (a[name] - b[name], *where)
-        for a, b, *where, member in both
-        if group in member and name in a and name in b
+        (a[name] - b[name], *where) for a, b, *where, member in both if group in member and name in a and name in b
     ]
     d, maps, shapes = zip(*found, strict=True)
-    return {
-        "mean": round(float(np.mean(d)), 7),
-        "standard_error": rounded(clustered_error(d, maps, shapes), 7),
-    }
+    return {"mean": round(float(np.mean(d)), 7), "standard_error": rounded(clustered_error(d, maps, shapes), 7)}
 
 
 def clustered_error(d: Sequence[float], maps: Sequence[str], shapes: Sequence[str]) -> float:

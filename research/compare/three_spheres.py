@@ -116,9 +116,7 @@ def field_scores(truth: np.ndarray, estimates: Sequence[np.ndarray]) -> list[dic
     return result
 
 
-def clean_scores(
-    truth: np.ndarray, estimates: Sequence[np.ndarray], size: int = FIELD_SIZE
-) -> list[dict[str, float]]:
+def clean_scores(truth: np.ndarray, estimates: Sequence[np.ndarray], size: int = FIELD_SIZE) -> list[dict[str, float]]:
     """Linear spheres of radiance, Lambert white, GGX silver and mirror; a mean over all numbers.
 
     "clean_<sphere>_rmse", "_si_rmse" in units of the true sphere's mean, "_angle_deg".

@@ -94,9 +94,7 @@ def array_matrix() -> np.ndarray:
     x = (np.arange(columns) + 0.5) / columns * 2 - 1
     y = ((np.arange(rows) + 0.5) / rows * 2 - 1) * rows / columns
     right, up = np.meshgrid(x * 0.17, -y * 0.17 + 0.035)
-    ray = (
-        np.stack([right, up, -np.ones_like(right)], axis=-1).reshape(-1, 3) @ rotation_x(np.radians(-25.0)).T
-    )
+    ray = np.stack([right, up, -np.ones_like(right)], axis=-1).reshape(-1, 3) @ rotation_x(np.radians(-25.0)).T
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     point, normal, there = _first_hit(origin, ray, centers)
     wi = pixel_directions(ARRAY_ROWS).reshape(-1, 3).astype(np.float64)
@@ -111,9 +109,7 @@ def array_matrix() -> np.ndarray:
     return (ARRAY_ALBEDO / np.pi * cosine * solid_angle).astype(np.float32)
 
 
-def _first_hit(
-    origin: np.ndarray, ray: np.ndarray, centers: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _first_hit(origin: np.ndarray, ray: np.ndarray, centers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and normals [P, 3] of what rays meet first, unit spheres or the plane y = 0, and whether any."""
     distance = np.where(ray[:, 1] < 0, -origin[1] / np.minimum(ray[:, 1], -1e-9), np.inf)
     normal = np.broadcast_to(np.array([0.0, 1.0, 0.0]), ray.shape).copy()

@@ -13,12 +13,8 @@ from research.detail_library.boxes import Boxes, lines, noise, turbulence
 
 PLAIN, WOOD, BOOKS, FABRIC, FACADE, LEAVES, GRID = range(7)
 """Textures of boxes."""
-WOODS = np.array(
-    [[0.42, 0.27, 0.15], [0.25, 0.14, 0.07], [0.6, 0.46, 0.3], [0.33, 0.25, 0.19], [0.5, 0.5, 0.48]]
-)
-WALLS = np.array(
-    [[0.8, 0.78, 0.74], [0.72, 0.7, 0.62], [0.55, 0.6, 0.62], [0.7, 0.55, 0.45], [0.4, 0.45, 0.4]]
-)
+WOODS = np.array([[0.42, 0.27, 0.15], [0.25, 0.14, 0.07], [0.6, 0.46, 0.3], [0.33, 0.25, 0.19], [0.5, 0.5, 0.48]])
+WALLS = np.array([[0.8, 0.78, 0.74], [0.72, 0.7, 0.62], [0.55, 0.6, 0.62], [0.7, 0.55, 0.45], [0.4, 0.45, 0.4]])
 
 
 def floor(rng, position, foot, kind: int, wood) -> np.ndarray:
@@ -89,19 +85,12 @@ def texture(rng, boxes: Boxes, index, position, normal, foot) -> np.ndarray:
     color[books] = cover + board[:, None] * (color[books] - cover)
     grid = np.flatnonzero((kind == GRID) & side)
     doors = np.maximum(
-        lines(across[grid], 0.45, 0.012, foot[grid]),
-        lines((high - position)[grid, 1], 0.4, 0.012, foot[grid]),
+        lines(across[grid], 0.45, 0.012, foot[grid]), lines((high - position)[grid, 1], 0.4, 0.012, foot[grid])
     )
     color[grid] *= (1 - 0.75 * doors)[:, None]
     facade = np.flatnonzero((kind == FACADE) & side)
     color[facade] = _facade(
-        rng,
-        len(boxes.low),
-        index[facade],
-        across[facade],
-        (position - low)[facade, 1],
-        foot[facade],
-        color[facade],
+        rng, len(boxes.low), index[facade], across[facade], (position - low)[facade, 1], foot[facade], color[facade]
     )
     return color.clip(0.005, 0.95)
 
@@ -127,9 +116,7 @@ def _facade(rng, count, index, across, up, foot, color) -> np.ndarray:
 def land(rng, kind: str, spot, foot, albedo, other) -> np.ndarray:
     """Grass, soil or paving at points of the ground [N, 3]."""
     patch = np.clip(0.5 + 1.2 * turbulence(rng, spot * 0.22, 4, foot * 0.22), 0, 1)[:, None]
-    fine = 0.38 * turbulence(rng, spot * 9, 5, foot * 9, 0.7) + 0.2 * turbulence(
-        rng, spot * 1.3, 4, foot * 1.3
-    )
+    fine = 0.38 * turbulence(rng, spot * 9, 5, foot * 9, 0.7) + 0.2 * turbulence(rng, spot * 1.3, 4, foot * 1.3)
     if kind in ("park", "land"):
         color = albedo + 0.6 * patch * (other - albedo)
         path = np.abs(spot[:, 0] + 2.5 * np.sin(spot[:, 2] * 0.12) - 2.5) < 1.1

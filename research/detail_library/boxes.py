@@ -55,9 +55,7 @@ class Builder:
 
     def boxes(self) -> Boxes:
         """All of them."""
-        low, high, albedo, emission, texture, shadow = (
-            np.array(values) for values in zip(*self.rows, strict=True)
-        )
+        low, high, albedo, emission, texture, shadow = (np.array(values) for values in zip(*self.rows, strict=True))
         return Boxes(low=low, high=high, albedo=albedo, emission=emission, texture=texture, shadow=shadow)
 
 
@@ -112,11 +110,7 @@ def noise(rng: np.random.Generator, x: np.ndarray) -> np.ndarray:
 
 
 def turbulence(
-    rng: np.random.Generator,
-    x: np.ndarray,
-    octaves: int,
-    footprint: np.ndarray | float = 0.0,
-    fall: float = 0.55,
+    rng: np.random.Generator, x: np.ndarray, octaves: int, footprint: np.ndarray | float = 0.0, fall: float = 0.55
 ) -> np.ndarray:
     """Octaves of noise at x [N, 3], the first of cells of size 1, [N]; cells smaller than a footprint [N] fade out."""
     total, size, weight = np.zeros(len(x)), 1.0, 1.0

@@ -88,9 +88,7 @@ def edge_ratios(display: np.ndarray) -> tuple[float, float]:
     poles over that between all neighbouring rows."""
     columns = np.abs(np.diff(display, axis=1, append=display[:, :1])).mean(axis=(0, 2))
     across = [np.abs(row - np.roll(row, len(display), axis=0)).mean() for row in (display[0], display[-1])]
-    return float(columns[-1] / columns.mean()), float(
-        np.mean(across) / np.abs(np.diff(display, axis=0)).mean()
-    )
+    return float(columns[-1] / columns.mean()), float(np.mean(across) / np.abs(np.diff(display, axis=0)).mean())
 
 
 def test_store(data: Path) -> AssetStore:
@@ -140,9 +138,7 @@ def compared(store: AssetStore, count: int, library: Library) -> Iterator[Compar
             pair=pair,
             plain=found.radiance,
             detailed=detailed.radiance,
-            truth=np.maximum(
-                rotate(store.map(recipe.map_id).radiance, pair.map_from_camera.T) * pair.gain, 0.0
-            ),
+            truth=np.maximum(rotate(store.map(recipe.map_id).radiance, pair.map_from_camera.T) * pair.gain, 0.0),
             name=detailed.name,
             seconds=time.process_time() - start,
         )
@@ -228,8 +224,7 @@ def sheet(rows: list[Compared]) -> np.ndarray:
     for one in rows:
         maps = (one.plain, one.detailed, one.truth)
         spheres = [
-            _display(draw_under(radiance, "sphere", "chrome", size=2 * TILE)[..., :3], TILE)
-            for radiance in maps
+            _display(draw_under(radiance, "sphere", "chrome", size=2 * TILE)[..., :3], TILE) for radiance in maps
         ]
         lines.append(
             np.concatenate(

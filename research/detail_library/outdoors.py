@@ -34,10 +34,7 @@ def detailed_outdoor(rng: np.random.Generator, height: int) -> np.ndarray:
         d = d @ turn
         rngs = [np.random.default_rng((seed, k)) for k in range(6)]
         sky = _sky(rngs[0], d, sun, turbidity, cover, hidden, scale)
-        azimuth = (
-            np.stack([d[:, 0], d[:, 2], d[:, 1] * 0], -1)
-            / np.maximum(np.hypot(d[:, 0], d[:, 2]), 1e-6)[:, None]
-        )
+        azimuth = np.stack([d[:, 0], d[:, 2], d[:, 1] * 0], -1) / np.maximum(np.hypot(d[:, 0], d[:, 2]), 1e-6)[:, None]
         result = sky
         for k, (far, haze) in enumerate(((1.0, 0.65), (0.6, 0.35))):
             line = ridge * far * (0.6 + turbulence(rngs[1], azimuth * (2.0 + 3 * k), 6))
@@ -45,9 +42,7 @@ def detailed_outdoor(rng: np.random.Generator, height: int) -> np.ndarray:
             body = (0.5 * GROUNDS[1] + 0.5 * albedo) * (1 + 0.35 * turbulence(rngs[2], d * [30, 60, 30], 4))[
                 :, None
             ].clip(0.2)
-            result = np.where(
-                hill[:, None], haze * np.array([0.55, 0.65, 0.8]) * 0.9 + (1 - haze) * body, result
-            )
+            result = np.where(hill[:, None], haze * np.array([0.55, 0.65, 0.8]) * 0.9 + (1 - haze) * body, result)
         below = d[:, 1] < -1e-3
         distance = np.where(below, ground / np.minimum(d[:, 1], -1e-3), np.inf)
         hits = cast(boxes, eye, d)
@@ -119,10 +114,7 @@ def _town(rng, kind: str, ground: float) -> Boxes:
         scene.add([r * np.sin(a), ground + tall / 2, r * np.cos(a)], [0.12, tall, 0.12], 0.06)
     for _ in range(rng.integers(3, 10) if rows > 1 else 1):
         a, r = rng.uniform(0, 6.28), rng.uniform(4.5, 20)
-        at, color = (
-            np.array([r * np.sin(a), ground, r * np.cos(a)]),
-            rng.choice([0.03, 0.2, 0.7]) * tint(rng, 0.25),
-        )
+        at, color = (np.array([r * np.sin(a), ground, r * np.cos(a)]), rng.choice([0.03, 0.2, 0.7]) * tint(rng, 0.25))
         scene.add(at + [0, 0.6, 0], [1.7, 0.7, 4.2], color)
         scene.add(at + [0, 1.15, 0.2], [1.5, 0.5, 2.2], 0.04)
     return scene.boxes()
@@ -165,9 +157,7 @@ def _leaf(rng, d, trees, reach, result, sun, hidden) -> np.ndarray:
             + 0.5 * turbulence(own, local / radius * 6, 4, 0.05 * distance / radius)
         )
         leaf = np.array([0.1, 0.15, 0.05]) * shade * bright.clip(0.15, 2.0)[:, None]
-        result[near] = np.where(
-            crown[:, None], leaf, np.where(trunk[:, None], [0.07, 0.055, 0.04], result[near])
-        )
+        result[near] = np.where(crown[:, None], leaf, np.where(trunk[:, None], [0.07, 0.055, 0.04], result[near]))
     return result
 
 

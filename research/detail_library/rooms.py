@@ -22,24 +22,13 @@ from research.detail_library.box_textures import (
     texture,
     wall,
 )
-from research.detail_library.boxes import (
-    SUPERSAMPLE,
-    Boxes,
-    Builder,
-    cast,
-    lines,
-    panorama,
-    turbulence,
-    visible,
-)
+from research.detail_library.boxes import SUPERSAMPLE, Boxes, Builder, cast, lines, panorama, turbulence, visible
 
 
 def detailed_room(rng: np.random.Generator, height: int) -> np.ndarray:
     """A furnished room, lit by its windows and lamps."""
     half = np.array([rng.uniform(1.7, 3.4), rng.uniform(1.15, 1.5), rng.uniform(1.7, 3.4)])
-    eye = np.array(
-        [rng.uniform(-0.45, 0.45) * half[0], rng.uniform(-0.25, 0.25), rng.uniform(-0.45, 0.45) * half[2]]
-    )
+    eye = np.array([rng.uniform(-0.45, 0.45) * half[0], rng.uniform(-0.25, 0.25), rng.uniform(-0.45, 0.45) * half[2]])
     scene = Builder()
     wood = WOODS[rng.integers(5)] * rng.uniform(0.6, 1.3)
     for _ in range(rng.integers(12, 22)):
@@ -58,11 +47,7 @@ def detailed_studio(rng: np.random.Generator, height: int) -> np.ndarray:
     scene, lamps = Builder(), []
     dark = np.full(3, rng.choice([0.04, 0.12, 0.5, 0.75])) * tint(rng, 0.03)
     for _ in range(rng.integers(3, 7)):
-        a, r, size = (
-            rng.uniform(0, 6.28),
-            rng.uniform(1.8, 0.9 * half[[0, 2]].min()),
-            rng.uniform(0.4, 1.3, 2),
-        )
+        a, r, size = (rng.uniform(0, 6.28), rng.uniform(1.8, 0.9 * half[[0, 2]].min()), rng.uniform(0.4, 1.3, 2))
         at = np.array([r * np.sin(a), rng.uniform(-0.2, 1.0), -r * np.cos(a)])
         lit = rng.random() < 0.6
         along = abs(np.sin(a)) > 0.7
@@ -86,35 +71,23 @@ def detailed_studio(rng: np.random.Generator, height: int) -> np.ndarray:
         a, size = rng.uniform(0, 6.28), rng.uniform(0.2, 0.7, 3)
         spot = np.array([np.sin(a), 0, np.cos(a)]) * rng.uniform(0.6, 0.9) * half
         scene.add(
-            [spot[0], -half[1] + size[1] / 2, spot[2]],
-            size,
-            rng.choice([0.05, 0.3, 0.6]),
-            0,
-            rng.choice([PLAIN, WOOD]),
+            [spot[0], -half[1] + size[1] / 2, spot[2]], size, rng.choice([0.05, 0.3, 0.6]), 0, rng.choice([PLAIN, WOOD])
         )
     if not lamps:
         lamps = [(np.array([0.5, half[1] - 0.3, 0.2]), 3.0)]
     return _interior(rng, scene.boxes(), half, eye, lamps, [], dark, WOODS[rng.integers(5)], height)
 
 
-def _furnish(
-    rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np.ndarray, wood: np.ndarray
-) -> None:
+def _furnish(rng: np.random.Generator, scene: Builder, half: np.ndarray, eye: np.ndarray, wood: np.ndarray) -> None:
     """One piece of furniture against a wall or in the room, out of the eye's way."""
     base, kind = -half[1], rng.choice(["table", "shelf", "sofa", "cabinet", "chair", "bed", "plant"])
-    deep = {"table": 0.8, "shelf": 0.35, "sofa": 0.9, "cabinet": 0.5, "chair": 0.5, "bed": 2.0, "plant": 0.4}[
-        kind
-    ]
-    wide = {"table": 1.5, "shelf": 1.2, "sofa": 2.0, "cabinet": 1.3, "chair": 0.5, "bed": 1.5, "plant": 0.4}[
-        kind
-    ]
+    deep = {"table": 0.8, "shelf": 0.35, "sofa": 0.9, "cabinet": 0.5, "chair": 0.5, "bed": 2.0, "plant": 0.4}[kind]
+    wide = {"table": 1.5, "shelf": 1.2, "sofa": 2.0, "cabinet": 1.3, "chair": 0.5, "bed": 1.5, "plant": 0.4}[kind]
     wide, turned = wide * rng.uniform(0.7, 1.4), rng.random() < 0.5
     x, z = (deep, wide) if turned else (wide, deep)
     side = rng.choice([-1, 1])
     gap = 0.06 if kind not in ("table", "chair") else rng.uniform(0.06, 0.8)
-    at = np.array(
-        [rng.uniform(-1, 1) * max(half[0] - x / 2, 0), 0, rng.uniform(-1, 1) * max(half[2] - z / 2, 0)]
-    )
+    at = np.array([rng.uniform(-1, 1) * max(half[0] - x / 2, 0), 0, rng.uniform(-1, 1) * max(half[2] - z / 2, 0)])
     axis = 0 if turned else 2
     at[axis] = side * (half[axis] - deep / 2 - gap)
     reach = np.array([x, z]) / 2
@@ -154,12 +127,7 @@ def _furnish(
             put(arm, (x, 0.25, 0.18) if turned else (0.18, 0.25, z), color, FABRIC)
     elif kind == "cabinet":
         tall = rng.uniform(0.5, 1.9)
-        put(
-            (0, tall / 2, 0),
-            (x, tall, z),
-            wood if rng.random() < 0.6 else color,
-            GRID if rng.random() < 0.5 else WOOD,
-        )
+        put((0, tall / 2, 0), (x, tall, z), wood if rng.random() < 0.6 else color, GRID if rng.random() < 0.5 else WOOD)
         put((0, tall + 0.15, 0), (0.18, 0.3, 0.18), rng.uniform(0.05, 0.8) * tint(rng, 0.3))
     elif kind == "chair":
         put((0, 0.45, 0), (0.45, 0.05, 0.45), color, FABRIC)
@@ -197,11 +165,7 @@ def _lamps(rng: np.random.Generator, scene: Builder, half: np.ndarray) -> list[t
                 found.append((at - [0, 0.05, 0], 3.0 / (nx * nz)))
     elif kind == "pendant":
         at = np.array(
-            [
-                rng.uniform(-0.4, 0.4) * half[0],
-                half[1] - rng.uniform(0.5, 0.9),
-                rng.uniform(0.3, 0.6) * half[2],
-            ]
+            [rng.uniform(-0.4, 0.4) * half[0], half[1] - rng.uniform(0.5, 0.9), rng.uniform(0.3, 0.6) * half[2]]
         )
         scene.add(at, [0.35, 0.22, 0.35], 0.6, 14 * warm)
         scene.add([at[0], (at[1] + half[1]) / 2, at[2]], [0.015, half[1] - at[1], 0.015], 0.05)
@@ -218,9 +182,7 @@ def _lamps(rng: np.random.Generator, scene: Builder, half: np.ndarray) -> list[t
 def _openings(rng: np.random.Generator, half: np.ndarray) -> list[tuple]:
     """Windows, doors and pictures: kind, axis and side of the wall, centre [2] along it and up, half size [2]."""
     found = []
-    for kind in (
-        ["window"] * rng.integers(1, 6) + ["door"] * rng.integers(1, 3) + ["picture"] * rng.integers(3, 10)
-    ):
+    for kind in ["window"] * rng.integers(1, 6) + ["door"] * rng.integers(1, 3) + ["picture"] * rng.integers(3, 10):
         axis, side = rng.choice([0, 2]), rng.choice([-1, 1])
         long = half[2 - axis]
         size = {
@@ -229,14 +191,9 @@ def _openings(rng: np.random.Generator, half: np.ndarray) -> list[tuple]:
             "picture": rng.uniform(0.12, 0.5, 2),
         }[kind]
         size = np.minimum(size, [0.8 * long, 0.9 * half[1]])
-        up = {"window": rng.uniform(-0.1, 0.2), "door": size[1] - half[1], "picture": rng.uniform(0.0, 0.4)}[
-            kind
-        ]
+        up = {"window": rng.uniform(-0.1, 0.2), "door": size[1] - half[1], "picture": rng.uniform(0.0, 0.4)}[kind]
         centre = np.array([rng.uniform(-1, 1) * (long - size[0]) * 0.95, min(up, half[1] - size[1] - 0.05)])
-        clash = any(
-            a == axis and s == side and np.all(np.abs(centre - c) < size + e + 0.12)
-            for _, a, s, c, e in found
-        )
+        clash = any(a == axis and s == side and np.all(np.abs(centre - c) < size + e + 0.12) for _, a, s, c, e in found)
         if not clash:
             found.append((kind, axis, side, centre, size))
     return found
@@ -297,13 +254,10 @@ def _interior(rng, boxes: Boxes, half, eye, lamps, openings, paint, wood, height
         )
         glow[on_box] = boxes.emission[index]
         corners = np.arange(len(d)).reshape(-1, 2 * height * SUPERSAMPLE)[::SUPERSAMPLE, ::SUPERSAMPLE]
-        light = _light(boxes, position[corners.ravel()], normal[corners.ravel()], lights).reshape(
-            corners.shape
-        )
+        light = _light(boxes, position[corners.ravel()], normal[corners.ravel()], lights).reshape(corners.shape)
         light = light.repeat(SUPERSAMPLE, axis=0).repeat(SUPERSAMPLE, axis=1).ravel()
         corner = sum(
-            np.exp(-(half[k] - np.abs(position[:, k])) / 0.18) * (np.abs(normal[:, k]) < 0.5)
-            for k in range(3)
+            np.exp(-(half[k] - np.abs(position[:, k])) / 0.18) * (np.abs(normal[:, k]) < 0.5) for k in range(3)
         )
         ambient = 0.32 * (1.0 - 0.35 * np.minimum(corner, 1.5) / 1.5)
         return glow + albedo * (light + ambient)[:, None]
@@ -349,9 +303,7 @@ def _lay(rng, openings, position, foot, d, here, albedo, glow, outside) -> None:
             )
             bars = np.where(frame, 1.0, bars)[:, None]
             far = d[inside] * [6, 6, 6]
-            green = np.array([0.2, 0.28, 0.12]) * (
-                1 + 0.8 * turbulence(rng, far * [3, 3, 3], 5)[:, None]
-            ).clip(0.1)
+            green = np.array([0.2, 0.28, 0.12]) * (1 + 0.8 * turbulence(rng, far * [3, 3, 3], 5)[:, None]).clip(0.1)
             tree = d[inside][:, 1] + 0.12 * turbulence(rng, far, 4) < rng.uniform(-0.1, 0.15)
             view = np.where(
                 tree[:, None], outside * green, outside * (1 + 0.25 * turbulence(rng, far * 0.3, 4)[:, None])

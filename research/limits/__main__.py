@@ -38,9 +38,7 @@ def limits(
         str, typer.Option(help="Pairs: frozen, or a part of the world test set, test or left-out.")
     ] = "test",
     pairs: Annotated[int, typer.Option(min=1, help="The first so many.")] = 1000,
-    kept: Annotated[
-        Path | None, typer.Option(help="Folder that keeps rendered pairs, a folder for each part.")
-    ] = None,
+    kept: Annotated[Path | None, typer.Option(help="Folder that keeps rendered pairs, a folder for each part.")] = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
     sphere: Annotated[bool, typer.Option(help="Also the linear limit of a perfect sphere.")] = True,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for limits-PART.json.")] = Path("runs"),
@@ -48,10 +46,7 @@ def limits(
     """Score a model by kind of material and alpha, with nothing, normals, material and both given."""
     chosen = _pairs(data, part, pairs, kept)
     models, title = Models(model), Path(model).name
-    maps = {
-        MEAN_MAP: lambda pair: mean_map(),
-        title: lambda pair: run_with_priors(models, pair, set()).radiance,
-    }
+    maps = {MEAN_MAP: lambda pair: mean_map(), title: lambda pair: run_with_priors(models, pair, set()).radiance}
     for name in GIVEN:
         maps[f"+ {name}"] = partial(
             lambda pair, given: run_with_priors(models, pair, given).radiance, given=PRIORS[name]
@@ -77,9 +72,7 @@ def limits(
         + ("" if model == DEFAULT_MODEL else f" --model {title}"),
         "model": model_id(model),
         "groups": table,
-        "claims": {
-            group: [round(float(share), 3) for share in np.mean(rows, axis=0)] for group, rows in held.items()
-        },
+        "claims": {group: [round(float(share), 3) for share in np.mean(rows, axis=0)] for group, rows in held.items()},
     }
     write_result(out / f"limits-{part}.json", content)
     show(table)
@@ -89,9 +82,7 @@ def limits(
 
 def _pairs(data: Path, part: str, count: int, kept: Path | None):
     if part not in (FROZEN, *PARTS):
-        raise InputError(
-            f"--part {part}: expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them"
-        )
+        raise InputError(f"--part {part}: expected {', '.join((FROZEN, *PARTS))}, got another; choose one of them")
     if part != FROZEN:
         return islice(world_pairs(data, part, kept), count)
     store = load_asset_store(data, "test", commercial_only=False)

@@ -119,15 +119,7 @@ def paper_draw(metal: bool) -> Draw:
 class SphereLimit:
     """Estimates maps from spheres of one alpha; called with pairs, gives maps [64, 128, 3] of display values."""
 
-    def __init__(
-        self,
-        views: Views,
-        alpha: float,
-        draw: Draw,
-        world: bool,
-        given: bool,
-        seed: int = 1,
-    ) -> None:
+    def __init__(self, views: Views, alpha: float, draw: Draw, world: bool, given: bool, seed: int = 1) -> None:
         """Learn from views.
 
         Args:
@@ -139,9 +131,7 @@ class SphereLimit:
         light = views.radiance
         materials = [draw(rng, alpha) for _ in light]
         colors = Material(
-            albedo=np.stack([one.albedo for one in materials]),
-            f0=np.stack([one.f0 for one in materials]),
-            alpha=alpha,
+            albedo=np.stack([one.albedo for one in materials]), f0=np.stack([one.f0 for one in materials]), alpha=alpha
         )
         seen = reflected(views.terms(alpha), colors)
         gains = np.stack([_gain(rng, world, *each) for each in zip(seen, light, strict=True)])

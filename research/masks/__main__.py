@@ -21,8 +21,7 @@ from research.results import commit, write_result
 
 def masks(
     photos: Annotated[
-        list[Path] | None,
-        typer.Option(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable."),
+        list[Path] | None, typer.Option(help="Folder of photos NAME.* with NAME_mask.png beside them; repeatable.")
     ] = None,
     data: Annotated[
         Path | None, typer.Option(help="Folder with hdri/test and meshes/test to render scenes of.")
@@ -30,15 +29,12 @@ def masks(
     scenes: Annotated[int, typer.Option(min=1, help="Scenes to render.")] = 60,
     seed: Annotated[int, typer.Option(help="Seed of the rendered scenes.")] = 7,
     segmenter: Annotated[
-        list[str] | None,
-        typer.Option(help="Another segmenter beside our network, as NAME:ARGUMENT; repeatable."),
+        list[str] | None, typer.Option(help="Another segmenter beside our network, as NAME:ARGUMENT; repeatable.")
     ] = None,
-    before: Annotated[
-        Path | None, typer.Option(help="masks.json of an earlier version, shown beside.")
-    ] = None,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", help="Folder for masks.json and the contact sheets.")
-    ] = Path("runs/masks"),
+    before: Annotated[Path | None, typer.Option(help="masks.json of an earlier version, shown beside.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for masks.json and the contact sheets.")] = Path(
+        "runs/masks"
+    ),
 ) -> None:
     """Print IoU by object, its means and medians, and how many of the bad and good masks come with a warning."""
     sets: dict[str, list[Case]] = {folder.name: list(photo_cases(folder)) for folder in photos or []}
@@ -46,21 +42,15 @@ def masks(
         from anyprobe.dataset.asset_store import load_asset_store
         from research.masks.scenes import rendered_cases
 
-        sets["scenes"] = list(
-            rendered_cases(load_asset_store(data, "test", commercial_only=False), scenes, seed)
-        )
+        sets["scenes"] = list(rendered_cases(load_asset_store(data, "test", commercial_only=False), scenes, seed))
     if not any(sets.values()):
-        raise InputError(
-            "research.masks: expected --photos DIR or --data DIR with something in it, got nothing"
-        )
+        raise InputError("research.masks: expected --photos DIR or --data DIR with something in it, got nothing")
     ways = {"anyprobe": None} | {name: load_segmenter(name) for name in segmenter or []}
     rows: dict[str, list[Row]] = {}
     for group, cases in sets.items():
         rows[group] = []
         for case in track(cases, group, console=Console(stderr=True)):
-            rows[group] += [
-                score(case, prompt, name, way) for name, way in ways.items() for prompt in PROMPTS
-            ]
+            rows[group] += [score(case, prompt, name, way) for name, way in ways.items() for prompt in PROMPTS]
         draw_sheet(out / f"{group}.jpg", cases, [row for row in rows[group] if row.segmenter == "anyprobe"])
     stored = {group: [row.as_dict() for row in found] for group, found in rows.items()}
     write_result(out / "masks.json", {"commit": commit(), "seed": seed, "rows": stored})
@@ -73,15 +63,11 @@ def show(group: str, rows: list[Row], earlier: dict[tuple[str, str], float]) -> 
     """IoU by object and prompt, beside the earlier version's, then the figures of all, and the warnings."""
     console = Console(highlight=False, width=150)
     columns = list(dict.fromkeys((row.segmenter, row.prompt) for row in rows))
-    table = Table(
-        "object", *(f"{name} {prompt}" for name, prompt in columns), title=group, title_justify="left"
-    )
+    table = Table("object", *(f"{name} {prompt}" for name, prompt in columns), title=group, title_justify="left")
     for name in dict.fromkeys(row.group for row in rows):
         cells = []
         for segmenter, prompt in columns:
-            mine = [
-                row for row in rows if (row.group, row.segmenter, row.prompt) == (name, segmenter, prompt)
-            ]
+            mine = [row for row in rows if (row.group, row.segmenter, row.prompt) == (name, segmenter, prompt)]
             mean = sum(row.iou for row in mine) / len(mine)
             was = earlier.get((name, prompt)) if segmenter == "anyprobe" else None
             mark = "!" if any(row.warning for row in mine) else ""

@@ -34,11 +34,7 @@ def calibrate(
 ) -> None:
     """Print offset and weights, and by threshold how many bad and good masks would be warned of, cross-validated."""
     store = load_asset_store(data, "train", commercial_only=True)
-    found = [
-        (number, *one)
-        for number, case in enumerate(rendered_cases(store, scenes, seed))
-        for one in _ask(case)
-    ]
+    found = [(number, *one) for number, case in enumerate(rendered_cases(store, scenes, seed)) for one in _ask(case)]
     scene = np.array([number for number, *_ in found])
     names = list(WEIGHTS)
     values = np.array([[asdict(evidence)[name] for name in names] for _, evidence, _ in found])
@@ -50,15 +46,10 @@ def calibrate(
         expected[mine] = 1 / (1 + np.exp(-(values[mine] @ weights + offset)))
     for threshold in THRESHOLDS:
         shares = [float((expected[chosen] < threshold).mean()) for chosen in (true < BAD, true > GOOD)]
-        bad, good = (
-            f"{shares[0]:.2f} of {(true < BAD).sum()} bad",
-            f"{shares[1]:.2f} of {(true > GOOD).sum()} good",
-        )
+        bad, good = (f"{shares[0]:.2f} of {(true < BAD).sum()} bad", f"{shares[1]:.2f} of {(true > GOOD).sum()} good")
         typer.echo(f"below {threshold:.2f}: {bad}, {good}")
     weights, offset = fit(values, true)
-    typer.echo(
-        f"offset {offset:.2f}, " + ", ".join(f"{n} {w:.2f}" for n, w in zip(names, weights, strict=True))
-    )
+    typer.echo(f"offset {offset:.2f}, " + ", ".join(f"{n} {w:.2f}" for n, w in zip(names, weights, strict=True)))
 
 
 def _ask(case: Case) -> Iterator[tuple[Evidence, float]]:

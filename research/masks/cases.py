@@ -54,9 +54,7 @@ def photo_cases(folder: Path) -> Iterator[Case]:
         corners = columns.min(), rows_in.min(), columns.max() + 1, rows_in.max() + 1
         given = row.get("click"), row.get("box")
         click = _numbers(given[0]) if given[0] else deepest_point(mask)
-        case = make_case(
-            stem, pixels.rgb, mask, click, corners, row.get("group") or row.get("object") or stem
-        )
+        case = make_case(stem, pixels.rgb, mask, click, corners, row.get("group") or row.get("object") or stem)
         if given[1]:
             case = replace(case, box=_numbers(given[1]))
         yield case
@@ -68,9 +66,7 @@ def make_case(name: str, rgb, mask, click, corners, group: str | None = None) ->
     x0, y0, x1, y1 = (float(v) for v in corners)
     more = BOX_MARGIN * max(x1 - x0, y1 - y0)
     box = (max(x0 - more, 0.0), max(y0 - more, 0.0), min(x1 + more, width), min(y1 + more, height))
-    return Case(
-        name=name, group=group or name, rgb=np.ascontiguousarray(rgb), mask=mask, click=click, box=box
-    )
+    return Case(name=name, group=group or name, rgb=np.ascontiguousarray(rgb), mask=mask, click=click, box=box)
 
 
 def iou(found: np.ndarray | None, true: np.ndarray) -> float:

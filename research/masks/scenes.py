@@ -26,9 +26,7 @@ def rendered_cases(store: AssetStore, count: int, seed: int) -> Iterator[Case]:
     surfaces = build_surfaces(list(store.shapes.values()), SurfaceConfig(views=1, procedural=0, size=384))
     maps = [asset.radiance for asset in store.maps.values()]
     textures = TexturePool(seed, TEXTURES, maps)
-    yield from drawn_cases(
-        ViewSource(Illuminator(maps, compiled=False), surfaces, textures, seed), count, seed
-    )
+    yield from drawn_cases(ViewSource(Illuminator(maps, compiled=False), surfaces, textures, seed), count, seed)
 
 
 def drawn_cases(views: ViewSource, count: int, seed: int) -> Iterator[Case]:

@@ -39,20 +39,14 @@ class Row:
 
 def score(case: Case, prompt: str, name: str, segmenter: Segmenter | None) -> Row:
     """Find the object of a case by one of PROMPTS; a box that is the whole photo counts as no prompt."""
-    given = {
-        "auto": {},
-        "click": {"click": case.click},
-        "box": {} if case.box_is_whole else {"box": case.box},
-    }[prompt]
+    given = {"auto": {}, "click": {"click": case.click}, "box": {} if case.box_is_whole else {"box": case.box}}[prompt]
     common = {"name": case.name, "group": case.group, "segmenter": name, "prompt": prompt}
     try:
         found = find_mask(read_image(case.rgb), segmenter=segmenter, **given)
     except InvalidMask as error:
         return Row(**common, iou=0.0, expected=None, warning=str(error), mask=None)
     warning = found.warnings[0] if found.warnings else ""
-    return Row(
-        **common, iou=iou(found.mask, case.mask), expected=found.confidence, warning=warning, mask=found.mask
-    )
+    return Row(**common, iou=iou(found.mask, case.mask), expected=found.confidence, warning=warning, mask=found.mask)
 
 
 def figures(rows: list[Row]) -> str:

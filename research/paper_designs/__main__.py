@@ -29,9 +29,7 @@ def main() -> None:
     def tables(split: str) -> Tables:
         def make() -> Tables:
             maps = load_maps(options.data / "hdri" / split, mirrored=split == "train", limit=limit)
-            return build_tables(
-                scale, maps, load_shapes(options.data / "meshes" / split, limit), options.device
-            )
+            return build_tables(scale, maps, load_shapes(options.data / "meshes" / split, limit), options.device)
 
         return cached_tables(folder / f"tables_{split}.pt", make).to(options.device)
 

@@ -43,10 +43,7 @@ def ceilings(seen: Tables, test: Tables, path: Path, pairs: int = TEST_PAIRS) ->
         columns[f"linear from {name}/rmse"] = rmse(estimate, truth).numpy()
         columns[f"linear from {name}/ssim"] = ssim(estimate, truth, wraps=True).numpy()
     mean = (seen.ldr.float().mean(dim=0) / 255.0).expand_as(truth)
-    columns |= {
-        "mean map/rmse": rmse(mean, truth).numpy(),
-        "mean map/ssim": ssim(mean, truth, wraps=True).numpy(),
-    }
+    columns |= {"mean map/rmse": rmse(mean, truth).numpy(), "mean map/ssim": ssim(mean, truth, wraps=True).numpy()}
     np.savez_compressed(path, **columns)
 
 
@@ -73,9 +70,7 @@ class _Linear:
         maps = torch.arange(len(self._seen.ldr) // VIEWS)
         return (maps[:, None] * VIEWS + near).flatten()
 
-    def _pictures(
-        self, tables: Tables, lights: torch.Tensor, view: int, material: int, shape: int
-    ) -> torch.Tensor:
+    def _pictures(self, tables: Tables, lights: torch.Tensor, view: int, material: int, shape: int) -> torch.Tensor:
         """Of a test shape under lights of either split, [len(lights), pixels * 3]."""
         pixels = self._test.surface[shape * VIEWS + view].long()
         pixels = pixels[pixels != len(self._test.normals) - 1]

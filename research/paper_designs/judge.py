@@ -53,9 +53,7 @@ def scores(nets: Designs, tables: Tables, chosen: Which) -> dict[str, np.ndarray
         part = Which(**{name: getattr(chosen, name)[first : first + BLOCK] for name in Which.__slots__})
         parts.append(_block(nets, make_batch(tables, part)))
     found = {key: torch.cat([part[key] for part in parts]).cpu().numpy() for key in parts[0]}
-    return found | {
-        name: getattr(chosen, name).cpu().numpy().astype(np.int16) for name in ("map", "shape", "material")
-    }
+    return found | {name: getattr(chosen, name).cpu().numpy().astype(np.int16) for name in ("map", "shape", "material")}
 
 
 def _block(nets: Designs, batch: Batch) -> dict[str, torch.Tensor]:
@@ -78,9 +76,7 @@ def _figures(name: str, estimate: torch.Tensor, truth: torch.Tensor, wraps: bool
     return {f"{name}/rmse": rmse(estimate, truth), f"{name}/ssim": ssim(estimate, truth, wraps)}
 
 
-def _hdr_figures(
-    name: str, ln_radiance: torch.Tensor, ldr: torch.Tensor, batch: Batch
-) -> dict[str, torch.Tensor]:
+def _hdr_figures(name: str, ln_radiance: torch.Tensor, ldr: torch.Tensor, batch: Batch) -> dict[str, torch.Tensor]:
     """Of Eq. 7's radiance: RMSE of its common logarithm, SSIM of its tone-mapped values."""
 
     def last(x: torch.Tensor) -> torch.Tensor:

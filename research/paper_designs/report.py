@@ -111,9 +111,7 @@ def results(points: list[Point], ceilings: dict[str, np.ndarray]) -> dict:
         "rows": dict(_rows(shown, ceilings)),
         "steps": {
             str(size): {
-                name: {
-                    figure: step_of(those, *pair, figure) for figure in FIGURES if _has(those, pair, figure)
-                }
+                name: {figure: step_of(those, *pair, figure) for figure in FIGURES if _has(those, pair, figure)}
                 for name, pair in STEPS.items()
             }
             for size, those in _finished(points).items()
@@ -140,15 +138,9 @@ def _mean(points: list[Point], key: str) -> float:
 
 def _rows(shown: list[Point], ceilings: dict[str, np.ndarray]) -> Iterator[tuple[str, dict[str, float]]]:
     for name in TITLES:
-        keys = {
-            f"{split}_{figure}": f"{split}/{name}/{figure}"
-            for split in ("test", "seen")
-            for figure in FIGURES
-        }
+        keys = {f"{split}_{figure}": f"{split}/{name}/{figure}" for split in ("test", "seen") for figure in FIGURES}
         row = {title: _mean(shown, key) for title, key in keys.items() if key in shown[0].columns}
-        row |= {
-            f"test_{f}": float(ceilings[f"{name}/{f}"].mean()) for f in FIGURES if f"{name}/{f}" in ceilings
-        }
+        row |= {f"test_{f}": float(ceilings[f"{name}/{f}"].mean()) for f in FIGURES if f"{name}/{f}" in ceilings}
         if row:
             yield name, row
 
@@ -252,9 +244,7 @@ def draw(content: dict, path: Path) -> None:
             axis.plot(sizes, means, "o-", color=color, label=TITLES[design], markersize=4)
             longest = max(row["pairs"] for row in content["curves"])
             inner = [row for row in content["curves"] if row["pairs"] == longest and row["seed"] == 0]
-            axis.plot(
-                [row["after"] for row in inner], [row[key] for row in inner], color=color, linewidth=0.5
-            )
+            axis.plot([row["after"] for row in inner], [row[key] for row in inner], color=color, linewidth=0.5)
         for ceiling, style in (("linear from irradiance", "--"), ("linear from photo", ":")):
             if ceiling in content["rows"]:
                 height = content["rows"][ceiling][f"test_{name}"]

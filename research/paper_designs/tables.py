@@ -70,12 +70,7 @@ class Tables:
         return Tables(**{name: x.to(device) if torch.is_tensor(x) else x for name, x in values.items()})
 
 
-def build_tables(
-    scale: Scale,
-    maps: dict[str, np.ndarray],
-    shapes: dict[str, Mesh],
-    device: str = "cpu",
-) -> Tables:
+def build_tables(scale: Scale, maps: dict[str, np.ndarray], shapes: dict[str, Mesh], device: str = "cpu") -> Tables:
     """Shade everything, on the device; the tables are on the CPU. maps: [H, 2H, 3] each, any scale of radiance."""
     normals = hemisphere(scale.normals)
     light = np.concatenate([views_of(radiance, scale.light_rows) for radiance in maps.values()])
@@ -154,9 +149,7 @@ def surfaces_of(mesh: Mesh, normals: np.ndarray, side: int) -> np.ndarray:
         camera = frame_object(mesh, world_from_camera(*viewpoint(view, VIEWS)), FAR_DEG, size=side * COVER)
         surface = see(mesh, camera)
         seen = np.zeros((side * COVER, side * COVER, 4), np.float32)
-        seen[surface.mask] = np.concatenate(
-            [surface.normals, np.ones((len(surface.normals), 1), np.float32)], axis=1
-        )
+        seen[surface.mask] = np.concatenate([surface.normals, np.ones((len(surface.normals), 1), np.float32)], axis=1)
         mean = seen.reshape(side, COVER, side, COVER, 4).mean(axis=(1, 3)).reshape(-1, 4)
         nearest = (mean[:, :3] @ normals.T).argmax(axis=1)
         found.append(np.where(mean[:, 3] >= 0.5, nearest, len(normals)).astype(np.int16))

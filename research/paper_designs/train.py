@@ -87,18 +87,14 @@ class Trainer:
         """Go on from a file of save; ValueError if it is of another run."""
         state = torch.load(path, weights_only=True, map_location=next(self.nets.parameters()).device)
         if state["run"] != asdict(self.run):
-            raise ValueError(
-                f"{path}: expected the run {asdict(self.run)}, got {state['run']}; use another folder"
-            )
+            raise ValueError(f"{path}: expected the run {asdict(self.run)}, got {state['run']}; use another folder")
         self.nets.load_state_dict(state["nets"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.step = state["step"]
 
     def save_small(self, path: Path) -> None:
         """The chain and Direct alone, in half precision."""
-        state = {
-            name: {key: value.half() for key, value in self.nets[name].state_dict().items()} for name in SMALL
-        }
+        state = {name: {key: value.half() for key, value in self.nets[name].state_dict().items()} for name in SMALL}
         _save({"run": asdict(self.run), "step": self.step, "nets": state}, path)
 
 
@@ -114,9 +110,7 @@ def judged_at(steps: int, batch: int) -> set[int]:
     return {mark for mark in marks if mark < steps} | {steps}
 
 
-def train(
-    run: Run, tables: Tables, judge: Judge, folder: Path, device: str = "cpu", stop: int | None = None
-) -> None:
+def train(run: Run, tables: Tables, judge: Judge, folder: Path, device: str = "cpu", stop: int | None = None) -> None:
     """Train, judge and save in folder / run.name, going on from what is there; at most to step `stop`."""
     folder = folder / run.name
     folder.mkdir(parents=True, exist_ok=True)

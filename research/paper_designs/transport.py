@@ -53,7 +53,5 @@ def transport(normals: np.ndarray, material: Material, rows: int) -> tuple[np.nd
     s = schlick_weight(wo_dot_h)
     base = above * area * (1.0 - s) / np.float32(np.pi)
     f0, albedo = np.asarray(material.f0), np.asarray(material.albedo)
-    radiance = np.stack(
-        [coat * (f0[c] + (1.0 - f0[c]) * s) + albedo[c] * (1.0 - f0[c]) * base for c in range(3)]
-    )
+    radiance = np.stack([coat * (f0[c] + (1.0 - f0[c]) * s) + albedo[c] * (1.0 - f0[c]) * base for c in range(3)])
     return radiance.astype(np.float32), irradiance.astype(np.float32)

@@ -83,11 +83,7 @@ def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealP
     for row in rows:
         if not row.get("map"):
             continue
-        photo = load_photo(
-            folder / row["photo"],
-            fov_deg=float(row["fov_deg"]),
-            mask=folder / row["mask"],
-        )
+        photo = load_photo(folder / row["photo"], fov_deg=float(row["fov_deg"]), mask=folder / row["mask"])
         crop = crop_object(photo)
         measured = read_radiance(folder / row["map"]) * float(row["gain"])
         yield RealPair(
@@ -99,10 +95,7 @@ def load_real(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[RealP
         )
 
 
-def score_real(
-    pairs: Iterable[RealPair],
-    methods: Mapping[str, Method],
-) -> dict[str, dict]:
+def score_real(pairs: Iterable[RealPair], methods: Mapping[str, Method]) -> dict[str, dict]:
     """Group ("specular", "diffuse") -> {"pairs", "rows"}, as fig13.json has them."""
     scores: dict[str, dict[str, list[dict[str, float]]]] = {}
     for pair in pairs:
@@ -112,17 +105,14 @@ def score_real(
         for name, one in estimates.items():
             row = sphere_scores(one.ldr, true_ldr) | ldr_scores(one.ldr, true_ldr)
             if one.radiance is not None:
-                row["dominant_light_deg"] = direction_error_deg(
-                    find_dominant_light(one.radiance).direction, true_light
-                )
+                row["dominant_light_deg"] = direction_error_deg(find_dominant_light(one.radiance).direction, true_light)
             scores.setdefault(pair.kind, {}).setdefault(name, []).append(row)
     counts = {kind: max(map(len, by_method.values())) for kind, by_method in scores.items()}
     return {
         kind: {
             "pairs": counts[kind],
             "rows": [
-                {"method": name}
-                | {key: round(float(np.mean([row[key] for row in rows])), 5) for key in rows[0]}
+                {"method": name} | {key: round(float(np.mean([row[key] for row in rows])), 5) for key in rows[0]}
                 for name, rows in by_method.items()
                 if len(rows) == counts[kind]
             ],
@@ -149,9 +139,7 @@ def _check(row: Mapping[str, str], folder: Path, place: str) -> None:
         if row.get(name) and not _positive(row[name]):
             raise InputError(f"{place}: expected {name} > 0, got {row[name]!r}")
     if has_lamp and read_direction(row["lamp"]) is None:
-        raise InputError(
-            f"{place}: expected lamp as three numbers such as 0 0 1, not all zero, got {row['lamp']!r}"
-        )
+        raise InputError(f"{place}: expected lamp as three numbers such as 0 0 1, not all zero, got {row['lamp']!r}")
 
 
 def _fit(radiance: np.ndarray) -> np.ndarray:

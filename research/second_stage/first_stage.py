@@ -40,15 +40,7 @@ SURFACES = SurfaceConfig(
     relief=0.55,
     seed=77,
 )
-PLAIN = (
-    "given_normals",
-    "surroundings",
-    "merged_surroundings",
-    "joined",
-    "shape_augment",
-    "textured",
-    "two_materials",
-)
+PLAIN = ("given_normals", "surroundings", "merged_surroundings", "joined", "shape_augment", "textured", "two_materials")
 """Settings of PairConfig that are left out."""
 LIGHTS = 160
 """Lit materials that all photos share; each has another colour in every photo."""
@@ -84,11 +76,7 @@ class SeenSurfaces:
 
 
 def look_at_surfaces(
-    net: LightNet,
-    illuminator: Illuminator,
-    surfaces: SurfaceSet,
-    config: PairConfig,
-    steps: int,
+    net: LightNet, illuminator: Illuminator, surfaces: SurfaceSet, config: PairConfig, steps: int
 ) -> SeenSurfaces:
     """Photos of surfaces under drawn light and materials, and what the net makes of them, `steps` batches."""
     rng = np.random.default_rng((config.seed, 3))

@@ -107,9 +107,7 @@ class Rows:
         """One pair's."""
         true = pair.radiance.transpose(2, 0, 1)
         self.rmse.append(_rmse(radiance, true))
-        self.after_gain.append(
-            min(_rmse((radiance * gain)[:, ::2, ::2], true[:, ::2, ::2]) for gain in GAINS)
-        )
+        self.after_gain.append(min(_rmse((radiance * gain)[:, ::2, ::2], true[:, ::2, ::2]) for gain in GAINS))
         power, true_power = mean_luminance(radiance), mean_luminance(true)
         self.stops.append(float(np.log2(power / true_power)))
         self.within.append(float(abs(np.log(true_power) - ln_power) < spread) if spread == spread else np.nan)
@@ -136,9 +134,7 @@ def harmonics(radiance: np.ndarray) -> np.ndarray:
 
 def line(name: str, rows: Rows, kinds: np.ndarray, true: np.ndarray) -> str:
     """A row of the table; kinds [N, 6], true [N, 3, K] coefficients of the true maps."""
-    wrong, about_mean = (
-        np.square(each) for each in (np.stack(rows.harmonics) - true, true - true.mean(axis=0))
-    )
+    wrong, about_mean = (np.square(each) for each in (np.stack(rows.harmonics) - true, true - true.mean(axis=0)))
     parts = [slice(n * n, (n + 1) ** 2) for n in range(ORDERS + 1)]
     explained = [1 - wrong[..., part].sum() / about_mean[..., part].sum() for part in parts]
     errors, stops = np.array(rows.rmse), np.array(rows.stops)
@@ -161,15 +157,11 @@ def measure(estimator: Estimator, pairs: Iterable[Pair]) -> list[str]:
     lines = [f"{len(kinds)} pairs", ""]
     lines += ["| | " + " | ".join(KINDS) + " | after gain | power, stops | explained by order | within |"]
     lines += ["|" + "---|" * (len(KINDS) + 5)]
-    lines += [
-        line(f"{name}: {given}", row, np.stack(kinds), np.stack(true)) for (given, name), row in rows.items()
-    ]
+    lines += [line(f"{name}: {given}", row, np.stack(kinds), np.stack(true)) for (given, name), row in rows.items()]
     return lines
 
 
-def tables(
-    data: Path, checkpoint: Path, first: Path, frozen: bool, count: int | None, kept: Path | None
-) -> list[str]:
+def tables(data: Path, checkpoint: Path, first: Path, frozen: bool, count: int | None, kept: Path | None) -> list[str]:
     """What `python -m research.second_stage measure` prints."""
     nets = Lift.networks()
     load_init_weights(nets, first)

@@ -34,16 +34,7 @@ DARK = 0.004
 WIDTHS = np.sqrt(np.array([0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0]))
 CODE = 39
 """Numbers that are known of the whole photo."""
-SCALARS = {
-    "level": 3,
-    "bias": 3,
-    "above": 3,
-    "power": 1,
-    "chroma": 2,
-    "spread": 3,
-    "material": 8,
-    "material_spread": 1,
-}
+SCALARS = {"level": 3, "bias": 3, "above": 3, "power": 1, "chroma": 2, "spread": 3, "material": 8, "material_spread": 1}
 """Numbers of the last layer that are of the whole map. spread: ln standard deviations of above, power and chroma."""
 
 
@@ -129,17 +120,12 @@ class SecondStage(nn.Module):
         mirrored = pyramid(lift(values, weight, map_pixel(mirror_direction(normals, wo), FINE), FINE), 5)
         faced = pyramid(lift(values, weight, map_pixel(normals, SOFT), SOFT), 3)
         facing = faced[0]
-        surroundings_ln = self._relative(
-            F.avg_pool2d(surroundings, int(surroundings.shape[2]) // COARSE), anchor
-        )
+        surroundings_ln = self._relative(F.avg_pool2d(surroundings, int(surroundings.shape[2]) // COARSE), anchor)
         spread = ((rest.mean(dim=1, keepdim=True) ** 2 * weight).sum(dim=(2, 3)) / whole).sqrt()
         numbers = [material, given, tan_half, anchor - anchor.mean(dim=1, keepdim=True), root_alpha]
         numbers += [anchor.mean(dim=1, keepdim=True), (anchor + reflected), whole / SIZE**2, spread]
         numbers += [(clipped * weight).sum(dim=(2, 3)) / whole, root_alpha**2]
-        numbers += [
-            torch.exp(-(((root_alpha - self.widths) / 0.12) ** 2)),
-            surroundings_ln[:, 3:].mean(dim=(2, 3)),
-        ]
+        numbers += [torch.exp(-(((root_alpha - self.widths) / 0.12) ** 2)), surroundings_ln[:, 3:].mean(dim=(2, 3))]
         numbers += [(rest * weight).flatten(2).amax(dim=2), (rest * weight).flatten(2).amin(dim=2)]
         numbers += [(rest * normals[:, 1:2] * weight).sum(dim=(2, 3)) / whole]
         code = F.gelu(self.code(torch.cat(numbers, dim=1)))
@@ -162,20 +148,14 @@ class SecondStage(nn.Module):
         return F.gelu(x * (1 + gain) + offset)
 
     def _assembled(
-        self,
-        out: dict[str, torch.Tensor],
-        anchor: torch.Tensor,
-        mirrored: list[torch.Tensor],
-        smooth: torch.Tensor,
+        self, out: dict[str, torch.Tensor], anchor: torch.Tensor, mirrored: list[torch.Tensor], smooth: torch.Tensor
     ) -> SecondGuess:
         """smooth: [N, 2, 3, 80] harmonics of what is seen in mirror directions, and of what faces each direction."""
         fine, coarse = mirrored
         gates = torch.sigmoid(grown(out["gates"].unflatten(1, (5, SOFT, 2 * SOFT)), 2) - 2.0)
         level = (out["level"] * 2)[:, :, None, None]
         bias = (out["bias"] + out["level"] * 2)[:, :, None, None]
-        shares = (out["orders"] * 4).unflatten(1, (2, ORDER))[
-            :, :, self.orders
-        ]  # one an order: turns with the light
+        shares = (out["orders"] * 4).unflatten(1, (2, ORDER))[:, :, self.orders]  # one an order: turns with the light
         pattern = out["pattern"].unflatten(1, (3, -1)) + (smooth * shares[:, :, None]).sum(dim=1)
         pattern = (pattern @ self.basis).unflatten(2, (COARSE, 2 * COARSE))
         shown = level + pattern
@@ -185,9 +165,7 @@ class SecondStage(nn.Module):
         logit = grown(out["emitters"].unflatten(1, (1, COARSE, 2 * COARSE)) * 4, 2)
         bright = fine[:, :3].mean(dim=1, keepdim=True)
         logit = logit + fine[:, 4:] * (4 * upper[:, 2:3] * bright + 8 * upper[:, 3:4] * fine[:, 3:4])
-        confidence = (
-            grown(out["confidence"].unflatten(1, (1, SOFT, 2 * SOFT)), 4) + 2 * upper[:, 4:] * fine[:, 4:]
-        )
+        confidence = grown(out["confidence"].unflatten(1, (1, SOFT, 2 * SOFT)), 4) + 2 * upper[:, 4:] * fine[:, 4:]
         middle = anchor.mean(dim=1, keepdim=True)
         return SecondGuess(
             ln_shown=shown + anchor[:, :, None, None],

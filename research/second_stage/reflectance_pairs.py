@@ -132,9 +132,7 @@ class ReflectanceSource:
         count = self.config.fresh
         radiance = self._turned(rng, count)
         share = torch.from_numpy(
-            np.where(rng.random(count) < self.config.blends, rng.uniform(0.1, 0.5, count), 0.0).astype(
-                np.float32
-            )
+            np.where(rng.random(count) < self.config.blends, rng.uniform(0.1, 0.5, count), 0.0).astype(np.float32)
         )[:, None, None, None]
         if bool((share > 0).any()):
             radiance = torch.lerp(radiance, self._turned(rng, count), share)
@@ -182,9 +180,7 @@ class ReflectanceSource:
         seen = self._reflected(tables, light, true, wo, f0, albedo, alpha)
         gain, curve = self._exposure(seen, inside, light, world, rng)
         light = light * gain
-        behind = F.grid_sample(
-            light, direction_to_uv(-wo) * 2 - 1, padding_mode="border", align_corners=False
-        )
+        behind = F.grid_sample(light, direction_to_uv(-wo) * 2 - 1, padding_mode="border", align_corners=False)
         display = response(torch.lerp(behind, seen * gain, inside).clip(min=0.0), curve)
         noise = rng.standard_normal(display.shape, np.float32) * rng.uniform(0.001, 0.006, (count, 1, 1, 1))
         photo = (display + torch.from_numpy(noise.astype(np.float32))).clip(0.0, 1.0)
@@ -221,21 +217,14 @@ class ReflectanceSource:
         kind = (rng.random((count, 1)) > chances[:, :3]).sum(axis=1)
         albedo, f0 = priors.draw_colors(rng, kind)
         metal, (other_albedo, other_f0) = rng.random(count) < 0.45, _older(rng, count)
-        metal_f0 = np.array(METALS)[rng.integers(len(METALS), size=count)] * rng.uniform(
-            0.75, 1.0, (count, 1)
-        )
+        metal_f0 = np.array(METALS)[rng.integers(len(METALS), size=count)] * rng.uniform(0.75, 1.0, (count, 1))
         metal_f0 = np.clip(metal_f0 + rng.normal(0, 0.02, (count, 3)), 0.2, 1.0)
         other_f0 = np.where(metal[:, None], metal_f0, other_f0)
         other_albedo = np.where(metal[:, None], 0.0, other_albedo)
         f0 = np.where(world[:, None], f0, other_f0).astype(np.float32)
         albedo = np.where(world[:, None], albedo, other_albedo).astype(np.float32)
         is_metal = np.where(world, kind == 0, metal).astype(np.float32)
-        return (
-            torch.from_numpy(f0),
-            torch.from_numpy(albedo),
-            alpha.astype(np.float32),
-            torch.from_numpy(is_metal),
-        )
+        return (torch.from_numpy(f0), torch.from_numpy(albedo), alpha.astype(np.float32), torch.from_numpy(is_metal))
 
     def _reflected(
         self,
@@ -257,9 +246,7 @@ class ReflectanceSource:
         diffuse = torch.stack([t[-1] for t in tables])
         column = torch.from_numpy(alpha)[:, None, None, None]
         n = normals.permute(0, 2, 3, 1)
-        _, lobe, at_normal, gain_one, gain_grazing = lookup_coords(
-            n, wo, column.clip(min=ALPHAS[0]), self._table
-        )
+        _, lobe, at_normal, gain_one, gain_grazing = lookup_coords(n, wo, column.clip(min=ALPHAS[0]), self._table)
         f0, albedo = (each[:, :, None, None] for each in (f0, albedo))
         both = F.grid_sample(torch.cat([one, grazing], dim=1), lobe, align_corners=False)
         below_coat = albedo * F.grid_sample(diffuse, at_normal, align_corners=False)
@@ -278,19 +265,12 @@ class ReflectanceSource:
         return torch.lerp(ss + below_coat, s1, f0)
 
     def _exposure(
-        self,
-        seen: torch.Tensor,
-        inside: torch.Tensor,
-        light: torch.Tensor,
-        world: np.ndarray,
-        rng: np.random.Generator,
+        self, seen: torch.Tensor, inside: torch.Tensor, light: torch.Tensor, world: np.ndarray, rng: np.random.Generator
     ) -> tuple[torch.Tensor, CameraCurve]:
         """Gains with white balance [B, 3, 1, 1] and curves, by the cameras of either kind of prior."""
         count = len(seen)
         weights = torch.tensor(REC709)[:, None, None]
-        on_object = ((seen * weights).sum(1, keepdim=True) * inside).sum((1, 2, 3)) / inside.sum(
-            (1, 2, 3)
-        ).clip(min=1)
+        on_object = ((seen * weights).sum(1, keepdim=True) * inside).sum((1, 2, 3)) / inside.sum((1, 2, 3)).clip(min=1)
         on_object = on_object.double().numpy().clip(1e-6)
         luminance = (light * weights).sum(1)
         scene = torch.exp(torch.log(luminance.clip(min=1e-4)).mean((1, 2))).double().numpy()
@@ -302,18 +282,14 @@ class ReflectanceSource:
         weight, key = priors.draw_metering(rng, count)
         newer = priors.metered_gain(on_object, priors.frame_level(luminance.numpy()), weight, key)
         newer *= np.clip(on_object * newer, *priors.OBJECT_RANGE) / (on_object * newer)
-        angles = torch.from_numpy(
-            np.cos((np.arange(MAP_HEIGHT) + 0.5) / MAP_HEIGHT * np.pi - np.pi / 2)
-        ).float()
+        angles = torch.from_numpy(np.cos((np.arange(MAP_HEIGHT) + 0.5) / MAP_HEIGHT * np.pi - np.pi / 2)).float()
         ambient = (light * angles[:, None]).mean((2, 3)) / angles.mean()
         balance = priors.draw_white_balance(rng, ambient.numpy())
         balance = np.where(world[:, None], balance, np.exp(rng.normal(0.0, 0.08, (count, 3))))
         gain = np.where(world, newer, older)[:, None] * balance
         exponent = np.clip(rng.normal(0.9, 0.1, count), 0.4, 1.6)
         sigma = np.clip(rng.normal(0.6, 0.1, count), 0.2, 1.2)
-        column = (
-            torch.from_numpy(each.astype(np.float32))[:, None, None, None] for each in (exponent, sigma)
-        )
+        column = (torch.from_numpy(each.astype(np.float32))[:, None, None, None] for each in (exponent, sigma))
         curve = CameraCurve(exponent=next(column), sigma=next(column))
         return torch.from_numpy(gain.astype(np.float32))[:, :, None, None], curve
 
@@ -350,9 +326,7 @@ class ReflectanceSource:
         d = torch.from_numpy(pixel_directions(light.shape[2]))
         plane = d[..., :2] / -d[..., 2:].clip(max=-0.05)
         off = (plane - torch.from_numpy(center.astype(np.float32))[:, None, None]).abs()
-        cover = (off < torch.from_numpy(half.astype(np.float32))[:, None, None]).all(dim=-1) & (
-            d[..., 2] < -0.05
-        )
+        cover = (off < torch.from_numpy(half.astype(np.float32))[:, None, None]).all(dim=-1) & (d[..., 2] < -0.05)
         grown = F.max_pool2d((weight > 0).float(), 3, 1, 1)
         on_crop = plane * torch.tensor([1.0, -1.0]) / tan_half[:, :, None, None]
         cover = cover[:, None] * (1 - F.grid_sample(grown, on_crop, align_corners=False))

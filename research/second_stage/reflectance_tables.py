@@ -42,9 +42,7 @@ def reflectance_matrices(size: int = SIZE) -> np.ndarray:
         lobe = lobe * n_dot_wi * angles
         whole = directional_albedo(n_dot_wo[:, 0], np.float32(alpha), table)
         for kernel, albedo in zip((lobe, lobe * s), whole, strict=True):
-            result.append(
-                _coarse(kernel * (albedo[:, None] / np.maximum(kernel.sum(1, keepdims=True), 1e-9)))
-            )
+            result.append(_coarse(kernel * (albedo[:, None] / np.maximum(kernel.sum(1, keepdims=True), 1e-9))))
     result.append(_coarse((1.0 - s) / np.float32(np.pi) * n_dot_wi * angles))
     return np.stack(result)
 

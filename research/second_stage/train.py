@@ -32,12 +32,7 @@ from anyprobe.train.dataloader import stream
 from anyprobe.train.lift import display
 from research.second_stage.first_stage import SeenSurfaces
 from research.second_stage.net import SecondGuess, SecondStage
-from research.second_stage.reflectance_pairs import (
-    BASE_ROWS,
-    ReflectanceBatch,
-    ReflectanceConfig,
-    ReflectanceSource,
-)
+from research.second_stage.reflectance_pairs import BASE_ROWS, ReflectanceBatch, ReflectanceConfig, ReflectanceSource
 from research.second_stage.reflectance_tables import reflectance_matrices
 
 CHECKPOINT_SECONDS = 180.0
@@ -113,8 +108,7 @@ class SecondLosses:
         return {
             "emitters": -(mean / (mean + 1.0) * (share * guessed).sum(dim=1)).mean(),
             "above": _nll(
-                (guess.ln_above - torch.log(total + POWER_FLOOR)).square().mean(1, keepdim=True),
-                spread[:, :1],
+                (guess.ln_above - torch.log(total + POWER_FLOOR)).square().mean(1, keepdim=True), spread[:, :1]
             ),
             "power": _nll((guess.ln_power - power).square(), spread[:, 1:2]),
             "chroma": _nll((guess.chroma - chroma).square().mean(dim=1, keepdim=True), spread[:, 2:]),
@@ -140,16 +134,11 @@ def open_source(config: SecondConfig, data: Path, folder: Path) -> ReflectanceSo
         with atomic_path(matrices) as temporary, open(temporary, "wb") as stream:
             np.save(stream, reflectance_matrices())
     return ReflectanceSource(
-        torch.from_numpy(np.load(maps)),
-        np.load(matrices),
-        SeenSurfaces.load(folder / "first_stage.npz"),
-        config.pairs,
+        torch.from_numpy(np.load(maps)), np.load(matrices), SeenSurfaces.load(folder / "first_stage.npz"), config.pairs
     )
 
 
-def train(
-    config: SecondConfig, data: Path, folder: Path, stop_after: int | None = None, workers: int = 0
-) -> Path:
+def train(config: SecondConfig, data: Path, folder: Path, stop_after: int | None = None, workers: int = 0) -> Path:
     """Train to config.steps, going on from the folder's checkpoint; returns the checkpoint's path.
 
     workers: processes that make the batches ahead, 0 for none; batches do not depend on it.
@@ -159,11 +148,7 @@ def train(
     net = SecondStage(config.width, config.blocks)
     averaged = copy.deepcopy(net).requires_grad_(False)
     optimizer = torch.optim.AdamW(
-        net.parameters(),
-        lr=config.learning_rate,
-        betas=(0.9, 0.98),
-        weight_decay=config.weight_decay,
-        fused=True,
+        net.parameters(), lr=config.learning_rate, betas=(0.9, 0.98), weight_decay=config.weight_decay, fused=True
     )
     first, said = 0, json.dumps(dataclasses.asdict(config))
     if path.is_file():

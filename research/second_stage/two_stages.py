@@ -45,22 +45,13 @@ class TwoStages(nn.Module):
         slope, wo = self.camera_rays(tan_half)
         normals, known = given_or_estimated(given_normals, self.normals(photo, slope, wo))
         seen = self.object(photo, slope, normals, known, surroundings)
-        guess = self.second(
-            *points(photo, normals, known, tan_half, seen.root_alpha, given_material), surroundings
-        )
+        guess = self.second(*points(photo, normals, known, tan_half, seen.root_alpha, given_material), surroundings)
         shown, drawn, expected = light_of(guess, self.emitters)
         colour = torch.cat([guess.ln_power, guess.chroma, guess.ln_spread[:, 1:]], dim=1)
         material = torch.cat([torch.sigmoid(guess.material[:, :1]), guess.material[:, 1:]], dim=1)
         numbers = torch.cat([colour, material, guess.material_ln_spread, given_material[:, :1]], dim=1)
         confidence = torch.sigmoid(grown(guess.confidence_logit, 2))
-        return (
-            seen.irradiance,
-            torch.log(shown + drawn),
-            confidence,
-            normals,
-            torch.log(shown + expected),
-            numbers,
-        )
+        return (seen.irradiance, torch.log(shown + drawn), confidence, normals, torch.log(shown + expected), numbers)
 
 
 def points(

@@ -28,9 +28,7 @@ def recipes_of(part: str) -> list[Recipe]:
 
 def store_of(data: Path, part: str) -> AssetStore:
     """The maps and shapes of a part, from a data folder with hdri and meshes."""
-    return (
-        load_left_out(data) if part == "left-out" else load_asset_store(data, "test", commercial_only=False)
-    )
+    return load_left_out(data) if part == "left-out" else load_asset_store(data, "test", commercial_only=False)
 
 
 def world_pairs(data: Path, part: str, kept: Path | None, trace: Trace | None = None) -> Iterator[Pair]:

@@ -111,9 +111,7 @@ def main() -> None:
     for kind in (*KINDS[:3], None):
         for name in ("lookups", "with shadows"):
             some = np.array([row[2:] for row in rows if row[1] == name and kind in (None, row[0])])
-            print(
-                f"{kind or 'all':8} {name:13} RMSE {some[:, 0].mean():.4f}  mean {some[:, 1].mean():+.3f} stops"
-            )
+            print(f"{kind or 'all':8} {name:13} RMSE {some[:, 0].mean():.4f}  mean {some[:, 1].mean():+.3f} stops")
 
     for name, seconds in TIMES.items():
         print(f"{name}: {1000 * np.median(seconds):.1f} ms")

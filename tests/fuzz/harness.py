@@ -167,10 +167,6 @@ def main() -> int:
             if kind not in seen or not given.keep_going:
                 seen.add(kind)
                 keep(name, found, smaller(name, data, found))
-    result = {
-        "inputs": sum(fed.values()),
-        "seconds": round(time.monotonic() - start),
-        "kinds of finds": len(seen),
-    }
+    result = {"inputs": sum(fed.values()), "seconds": round(time.monotonic() - start), "kinds of finds": len(seen)}
     print(json.dumps(result | {"by parser": fed}), flush=True)
     return 1 if seen else 0

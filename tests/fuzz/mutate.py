@@ -5,53 +5,11 @@ from __future__ import annotations
 import random
 import struct
 
-NUMBERS = (
-    0,
-    1,
-    2,
-    7,
-    8,
-    16,
-    32,
-    127,
-    128,
-    255,
-    256,
-    1000,
-    4096,
-    32767,
-    32768,
-    65535,
-    65536,
-    2**24,
-    2**31 - 1,
-    2**31,
-)
+NUMBERS = (0, 1, 2, 7, 8, 16, 32, 127, 128, 255, 256, 1000, 4096, 32767, 32768, 65535, 65536, 2**24, 2**31 - 1, 2**31)
 NUMBERS += (2**32 - 1, 2**63 - 1, 2**64 - 1)
 WORDS = (
-    *(
-        b"\xff\xda",
-        b"\xff\xd9",
-        b"\xff\xe1",
-        b"IHDR",
-        b"IDAT",
-        b"II*\0",
-        b"MM\0*",
-        b"\0\0",
-        b"\n\n",
-        b"-Y 8 +X 16\n",
-    ),
-    *(
-        b"EXPOSURE=1e99\n",
-        b"string\0",
-        b"chromaticities\0",
-        b"box2i\0",
-        b"chlist\0",
-        b"null",
-        b"true",
-        b"[",
-        b"{",
-    ),
+    *(b"\xff\xda", b"\xff\xd9", b"\xff\xe1", b"IHDR", b"IDAT", b"II*\0", b"MM\0*", b"\0\0", b"\n\n", b"-Y 8 +X 16\n"),
+    *(b"EXPOSURE=1e99\n", b"string\0", b"chromaticities\0", b"box2i\0", b"chlist\0", b"null", b"true", b"[", b"{"),
     *(b"1e999", b"NaN", b"-1", b"9" * 400, b'"', b"\\", b"\xe9\xff", b"element face 9999999\n", b"f 0 0 0\n"),
     *(b"v 1 2\n", b"end_header\n", b"moov", b"mdat", b"trak", b"stsd", b"\x76\x2f\x31\x01"),
 )

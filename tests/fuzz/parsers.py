@@ -150,10 +150,7 @@ def pack(data: bytes) -> None:
 def pose_files() -> list[bytes]:
     turn = np.eye(4).tolist()
     frames = [{"file_path": f"{k}.png", "transform_matrix": turn, "fl_x": 900} for k in range(2)]
-    return [
-        json.dumps([turn, turn]).encode(),
-        json.dumps({"frames": frames, "w": 90, "camera_angle_x": 1.2}).encode(),
-    ]
+    return [json.dumps([turn, turn]).encode(), json.dumps({"frames": frames, "w": 90, "camera_angle_x": 1.2}).encode()]
 
 
 def read_all_poses(data: bytes) -> None:
@@ -199,9 +196,7 @@ def clips() -> list[bytes]:
                 track.width, track.height = 48, 32
                 track.pix_fmt = {"gif": "rgb8", "mjpeg": "yuvj420p"}.get(codec, "yuv420p")
                 for shade in range(4):
-                    picture = av.VideoFrame.from_ndarray(
-                        np.full((32, 48, 3), 60 * shade, np.uint8), format="rgb24"
-                    )
+                    picture = av.VideoFrame.from_ndarray(np.full((32, 48, 3), 60 * shade, np.uint8), format="rgb24")
                     container.mux(track.encode(picture.reformat(format=track.pix_fmt)))
                 container.mux(track.encode())
         except (av.error.FFmpegError, ValueError):  # this build lacks the codec
@@ -226,12 +221,8 @@ PARSERS: dict[str, Parser] = {
     "header": Parser(seeds=lambda: photos() + exrs() + hdrs(), call=look, weight=6),
     "exr": Parser(seeds=exrs, call=by_path(".exr", radiance.read_radiance), weight=4),
     "hdr": Parser(seeds=hdrs, call=by_path(".hdr", radiance.read_radiance), weight=5),
-    "linear": Parser(
-        seeds=lambda: exrs() + hdrs(), call=lambda data: radiance.read_linear(data, 1_000_000), weight=3
-    ),
-    "attributes": Parser(
-        seeds=lambda: exrs() + hdrs(), call=by_path(".exr", radiance.map_attributes), weight=3
-    ),
+    "linear": Parser(seeds=lambda: exrs() + hdrs(), call=lambda data: radiance.read_linear(data, 1_000_000), weight=3),
+    "attributes": Parser(seeds=lambda: exrs() + hdrs(), call=by_path(".exr", radiance.map_attributes), weight=3),
     **{
         f"mesh{suffix}": Parser(seeds=lambda s=suffix: mesh(s), call=by_path(suffix, meshes.read_mesh))
         for suffix in meshes.SUFFIXES

@@ -29,14 +29,7 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fuzz.seeds import (
-    endless_gif,
-    endless_jpeg,
-    endless_tiff,
-    hidden_hdr,
-    instanced_glb,
-    multipart_exr,
-)
+from fuzz.seeds import endless_gif, endless_jpeg, endless_tiff, hidden_hdr, instanced_glb, multipart_exr
 
 COMMAND = [sys.executable, "-c", "from anyprobe.cli.app import main; main()"]
 MEMORY_CAP_MB = 6000
@@ -67,11 +60,7 @@ class Watch:
             held = 0.0
             for pid in _tree(self.pid):
                 with contextlib.suppress(OSError, IndexError, ValueError):
-                    held += (
-                        int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-                        * resource.getpagesize()
-                        / 2**20
-                    )
+                    held += int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
                     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
                     before[pid] = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
             self.most_mb, self.cpu_s = max(self.most_mb, held), sum(before.values())
@@ -102,12 +91,7 @@ def python(code: str, patience: float | None = None) -> str:
 
 def run(command: list[str], patience: float | None = None, show: Callable | None = None) -> str:
     process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        preexec_fn=_capped,
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace", preexec_fn=_capped
     )
     watch = Watch(process.pid)
     try:
@@ -186,9 +170,7 @@ def png(side: int) -> bytes:
     return stream.getvalue()
 
 
-def post(
-    port: int, path: str, body: bytes, kind: str = "application/octet-stream", method: str = "POST"
-) -> str:
+def post(port: int, path: str, body: bytes, kind: str = "application/octet-stream", method: str = "POST") -> str:
     """Status and seconds of one request."""
     start = time.monotonic()
     line = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
@@ -421,9 +403,7 @@ def _(folder: Path) -> str:
 @case("7 --poses /dev/zero")
 def _(folder: Path) -> str:
     (folder / "a.png").write_bytes(png(64))
-    return run(
-        [*COMMAND, "estimate", str(folder / "a.png"), "--poses", "/dev/zero", "-o", str(folder / "o")], 20
-    )
+    return run([*COMMAND, "estimate", str(folder / "a.png"), "--poses", "/dev/zero", "-o", str(folder / "o")], 20)
 
 
 GUEST = """
@@ -510,8 +490,7 @@ def _(folder: Path) -> str:
     (folder / "a.exr").write_bytes(bytes(data))
     command = [*COMMAND, "estimate", str(folder / "a.exr"), "--json", "-o", str(folder / "o")]
     return run(
-        command,
-        show=lambda out, err: f"{len(out.splitlines())} lines on stdout, {len(err.splitlines())} on stderr",
+        command, show=lambda out, err: f"{len(out.splitlines())} lines on stdout, {len(err.splitlines())} on stderr"
     )
 
 
@@ -561,9 +540,7 @@ print(len(list(folder.glob(".anyprobe-*"))), "left after the next run")
 
 def main() -> None:
     global PATIENCE
-    asked = argparse.ArgumentParser(
-        prog="python -m tests.fuzz.reproductions", description=__doc__.splitlines()[0]
-    )
+    asked = argparse.ArgumentParser(prog="python -m tests.fuzz.reproductions", description=__doc__.splitlines()[0])
     asked.add_argument("--only", default="", help="cases whose name has this")
     asked.add_argument("--patience", type=float, default=PATIENCE)
     given = asked.parse_args()

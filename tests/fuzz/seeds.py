@@ -14,11 +14,7 @@ from PIL import Image
 def multipart_exr(first: int, second: int, comment: bytes = b"") -> bytes:
     """Two parts of one display window: a square of `first` pixels, and a data window of `second`."""
     window = (np.array([0, 0], np.int32), np.full(2, first - 1, np.int32))
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "displayWindow": window,
-    }
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "displayWindow": window}
     parts = []
     for name, side in (("a", first), ("b", second)):
         channels = {channel: np.ones((side, side), np.float16) for channel in "RGB"}
@@ -45,9 +41,7 @@ def endless_tiff(directories: int) -> bytes:
     size = 2 + len(body) + 4
     first = 8 + len(pixels)
     chain = b"".join(
-        struct.pack("<H", len(entries))
-        + body
-        + struct.pack("<I", first + (k + 1) * size if k + 1 < directories else 0)
+        struct.pack("<H", len(entries)) + body + struct.pack("<I", first + (k + 1) * size if k + 1 < directories else 0)
         for k in range(directories)
     )
     return b"II*\0" + struct.pack("<I", first) + pixels + chain
@@ -88,7 +82,5 @@ def instanced_glb(nodes: int, count: int = 3, uri: str | None = None) -> bytes:
     }
     text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)
-    chunks = (
-        struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(numbers), b"BIN\0") + numbers
-    )
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(numbers), b"BIN\0") + numbers
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -22,9 +22,7 @@ from anyprobe.dataset.camera import (
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SIZE = 64
-CLEAN = Shot(
-    metering=0.5, object_key=0.3, scene_key=0.25, white_balance=np.ones(3, np.float32), curve=CameraCurve()
-)
+CLEAN = Shot(metering=0.5, object_key=0.3, scene_key=0.25, white_balance=np.ones(3, np.float32), curve=CameraCurve())
 
 
 def disc() -> np.ndarray:
@@ -170,9 +168,7 @@ def test_a_blurred_object_keeps_its_mean_and_takes_no_black_from_outside(rng):
     expected = to_bytes(response(flat))
     np.testing.assert_array_equal(one_photo(shot, flat, mask, None, rng)[mask], expected[mask])
     rough = 0.3 + 0.2 * rng.random((SIZE, SIZE, 3), np.float32)
-    sharp, soft = (
-        inverse_response(one_photo(s, rough, mask, None, rng)[mask] / 255.0) for s in (CLEAN, shot)
-    )
+    sharp, soft = (inverse_response(one_photo(s, rough, mask, None, rng)[mask] / 255.0) for s in (CLEAN, shot))
     np.testing.assert_allclose(soft.mean(axis=0), sharp.mean(axis=0), rtol=0.01)
     assert (soft.var(axis=0) < 0.15 * sharp.var(axis=0)).all()
 

@@ -249,11 +249,7 @@ def test_files_left_out_for_their_licence_are_counted(tmp_path):
 
 @pytest.mark.parametrize(
     ("data", "word"),
-    [
-        (b"name,licence\na.hdr,CC0\n", "column file"),
-        (b"file\na\xff\xfe.hdr\n", "UTF-8"),
-        (b"", "column file"),
-    ],
+    [(b"name,licence\na.hdr,CC0\n", "column file"), (b"file\na\xff\xfe.hdr\n", "UTF-8"), (b"", "column file")],
 )
 def test_damaged_manifest(tmp_path, data, word):
     write_hdr(tmp_path / "a.hdr", WHITE)

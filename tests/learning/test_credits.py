@@ -126,9 +126,7 @@ def test_no_folder_is_one_clear_line(work, command):
 
 def test_the_shipped_page_is_what_the_command_writes():
     if not (DATA / "hdri" / "train").is_dir():
-        pytest.skip(
-            f"the maps and shapes that shipped weights learned from are needed: ANYPROBE_DATA, or {DATA}"
-        )
+        pytest.skip(f"the maps and shapes that shipped weights learned from are needed: ANYPROBE_DATA, or {DATA}")
     assert SHIPPED.read_text(encoding="utf-8") == asset_page(DATA, report=lambda line: None)
 
 

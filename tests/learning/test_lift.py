@@ -125,11 +125,7 @@ def test_known_normals_take_the_place_of_estimated_ones():
     known = torch.zeros(1, 3, 64, 64)
     known[:, 0, :, :32], known[:, 2, :, :32] = 0.48, 0.64
     with torch.no_grad():
-        alone, none, given = (
-            net(photo, angle),
-            net(photo, angle, torch.zeros_like(known)),
-            net(photo, angle, known),
-        )
+        alone, none, given = (net(photo, angle), net(photo, angle, torch.zeros_like(known)), net(photo, angle, known))
     assert torch.equal(alone.ln_radiance, none.ln_radiance)
     torch.testing.assert_close(given.normals[..., :32], known[..., :32] / 0.8)
     torch.testing.assert_close(given.normals.norm(dim=1), torch.ones(1, 64, 64))
@@ -197,9 +193,7 @@ def test_what_is_told_need_not_be_guessed():
     batch = some_batch(2)
     batch.photo[:, 3] = 1.0
     none = learner.losses(batch, 0.0)["normals"]
-    exact = learner.losses(replace(batch, given_normals_rotation=torch.eye(3).expand(2, 3, 3)), 0.0)[
-        "normals"
-    ]
+    exact = learner.losses(replace(batch, given_normals_rotation=torch.eye(3).expand(2, 3, 3)), 0.0)["normals"]
     assert none > 0.01
     assert exact == 0.0
 

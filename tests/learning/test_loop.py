@@ -81,9 +81,7 @@ def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
 @pytest.mark.filterwarnings("ignore")  # TensorBoard warns about itself, the loader on one core
 def test_pairs_that_others_made_ahead_teach_the_same(tmp_path, capsys):
     """Two processes go on where one stopped; each has the lit materials of its own lane."""
-    config = replace(
-        smoke(normals(), 3), pairs=smoke(lift()).pairs
-    )  # the pairs of one, the network of the other
+    config = replace(smoke(normals(), 3), pairs=smoke(lift()).pairs)  # the pairs of one, the network of the other
     config = replace(config, surfaces=SurfaceConfig(views=1, procedural=1), light=LightConfig(procedural=1))
     assert config.pairs.lanes == 2
     threads = torch.get_num_threads()
@@ -117,9 +115,7 @@ def test_losses_do_not_mix():
     for stage in NETS:
         chain.nets.zero_grad(set_to_none=True)
         chain.losses(batch, 0.5)[stage].backward()
-        touched = {
-            name for name, net in chain.nets.items() if any(p.grad is not None for p in net.parameters())
-        }
+        touched = {name for name, net in chain.nets.items() if any(p.grad is not None for p in net.parameters())}
         assert touched == {stage}
 
 
@@ -208,10 +204,7 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
     stored = torch.load(path, weights_only=True)
     mean = {"mean_with": {"start": "0123456789abcdef", "pairs": 823040}}
     for name, more in (
-        (
-            "mean",
-            mean | {"origin": {"start": "fedcba9876543210", "assets": "2 maps and 3 shapes (00112233)"}},
-        ),
+        ("mean", mean | {"origin": {"start": "fedcba9876543210", "assets": "2 maps and 3 shapes (00112233)"}}),
         ("unknown", {"origin": {}, "mean_with": {"start": "0123456789abcdef", "pairs": None}}),
     ):
         torch.save(stored | more, tmp_path / f"{name}.pt")
@@ -237,8 +230,7 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
         torch.testing.assert_close(value, trained[name], rtol=1e-3, atol=1e-6)
     begun = run(tmp_path / "b", steps=2, named=lift, start=kept)
     weights = [
-        torch.load(path, weights_only=True)["nets"]["light.sphere.head.weight"]
-        for path in (begun, two_steps(lift))
+        torch.load(path, weights_only=True)["nets"]["light.sphere.head.weight"] for path in (begun, two_steps(lift))
     ]
     assert (weights[0] - trained["light.sphere.head.weight"]).abs().max() < 0.02
     assert (weights[1] - trained["light.sphere.head.weight"]).abs().max() > (
@@ -260,9 +252,7 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
 def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     refused = CliRunner().invoke(app, list(asked))
-    assert str(refused.exception).startswith(
-        f"{asked[2] if asked[0] == 'train' else asked[3]}: expected a run"
-    )
+    assert str(refused.exception).startswith(f"{asked[2] if asked[0] == 'train' else asked[3]}: expected a run")
     assert not list(tmp_path.iterdir())
 
 
@@ -287,9 +277,7 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     save_init_weights(two_steps(lift), kept)
     checkpoint = run(tmp_path / "b", steps=2, named=lift, start=kept)
     mean = mean_checkpoint(checkpoint, kept, tmp_path / "mean.pt")
-    before, after, both = (
-        torch.load(path, map_location="cpu", weights_only=True) for path in (kept, checkpoint, mean)
-    )
+    before, after, both = (torch.load(path, map_location="cpu", weights_only=True) for path in (kept, checkpoint, mean))
     moved = 0
     for name, value in both["nets"].items():
         one, two = before[name].float(), after["nets"][name].float()

@@ -77,6 +77,4 @@ def test_only_normals_learn():
     loss = learner.losses(some_batch(2), 0.0)["normals"]
     loss.backward()
     learning = {name for name, p in learner.nets.named_parameters() if p.grad is not None}
-    assert learning == {
-        name for name, _ in learner.nets.named_parameters() if name.startswith("light.normals.")
-    }
+    assert learning == {name for name, _ in learner.nets.named_parameters() if name.startswith("light.normals.")}

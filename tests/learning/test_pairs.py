@@ -142,10 +142,7 @@ def test_a_emitter_behind_the_left_side_bleeds_red_on_the_left(illuminator, surf
     )
     normals, mask = unit_sphere()
     batch = make_source(illuminator, surfaces).compose(
-        [lit, lit],
-        torch.from_numpy(normals).repeat(2, 1, 1, 1),
-        np.array([0.3, 0.3]),
-        np.random.default_rng(0),
+        [lit, lit], torch.from_numpy(normals).repeat(2, 1, 1, 1), np.array([0.3, 0.3]), np.random.default_rng(0)
     )
     rim = widen(mask, 3) & ~mask
     row, column = np.mgrid[:128, :128] - 63.5
@@ -245,10 +242,7 @@ def test_a_square_emitter_of_many_pixels_is_well_sampled(alpha):
     truth = shade(pyramid, n, wo, alpha, hammersley(1024), wide=wide)
     terms = Illuminator([radiance], compiled=False).light(0, np.eye(3), alpha, 0).terms
     found = terms.reshape(4, 3, lighting.SIZE, lighting.SIZE)[:, :, *some].flatten(2).mT.numpy()
-    for name, one, expected, most in (
-        ("S1", found[1], truth.specular, 0.06),
-        ("Dd", found[3], truth.diffuse, 0.03),
-    ):
+    for name, one, expected, most in (("S1", found[1], truth.specular, 0.06), ("Dd", found[3], truth.diffuse, 0.03)):
         error = np.sqrt(np.mean((one - expected) ** 2)) / np.mean(expected)
         assert error < most, f"{name} alpha {alpha}: {error:.3f}"
 
@@ -258,9 +252,7 @@ def test_reflectance_map_finds_its_own_normals():
     x = (np.arange(32) + 0.5) / 16 - 1
     right, down = np.meshgrid(x, x)
     inside = np.hypot(right, down) < 0.98
-    np.testing.assert_allclose(
-        normal_to_reflectance_xy(n)[inside], np.stack([right, down], -1)[inside], atol=1e-4
-    )
+    np.testing.assert_allclose(normal_to_reflectance_xy(n)[inside], np.stack([right, down], -1)[inside], atol=1e-4)
 
 
 def test_materials_are_what_the_conventions_say(rng):

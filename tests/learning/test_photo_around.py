@@ -106,9 +106,7 @@ def test_other_photos_show_more_of_the_same_map():
     assert own[:, 3, :, :32].max() == 0.0
     sure = (all_seen[chosen][:, 3] > 0.999) & (own[chosen][:, 3] < 0.001)
     shown, truth = all_seen[chosen][:, :3], tone(light[chosen])
-    off = torch.stack([(shown - torch.roll(truth, k, dims=3)).abs().amax(dim=1) for k in range(-2, 3)]).amin(
-        dim=0
-    )
+    off = torch.stack([(shown - torch.roll(truth, k, dims=3)).abs().amax(dim=1) for k in range(-2, 3)]).amin(dim=0)
     assert off[sure].mean() < 0.05  # the gain alone
     assert off[sure].quantile(0.99) < 0.2
 

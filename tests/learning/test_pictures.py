@@ -86,9 +86,7 @@ def test_weights_are_the_same_to_the_bit_with_pictures_and_without(run, tmp_path
     one, other = (torch.load(folder / "checkpoint.pt", weights_only=True) for folder in (shown, plain))
     for name, value in one["nets"].items():  # weights, and statistics of batch normalisation
         assert torch.equal(value, other["nets"][name]), name
-    moments = [
-        [s for state in kept["optimizer"]["state"].values() for s in state.values()] for kept in (one, other)
-    ]
+    moments = [[s for state in kept["optimizer"]["state"].values() for s in state.values()] for kept in (one, other)]
     assert all(torch.equal(a, b) for a, b in zip(*moments, strict=True))
 
 

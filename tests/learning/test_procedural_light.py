@@ -361,9 +361,7 @@ def test_lamps_of_a_studio_have_their_size():
     # of a rectangle a unit away: 4 asin(ab / sqrt((1 + a^2)(1 + b^2)))
     truth = 4 * np.arcsin(0.6 * 0.2 / np.sqrt((1 + 0.36) * (1 + 0.04)))
     np.testing.assert_allclose((box * weights).sum(), truth, rtol=0.02)
-    np.testing.assert_allclose(
-        direction_to_uv(direction_at(0.6, 0.3)), [0.5 + 0.3 / np.pi, 0.5 - 0.3 / np.pi]
-    )
+    np.testing.assert_allclose(direction_to_uv(direction_at(0.6, 0.3)), [0.5 + 0.3 / np.pi, 0.5 - 0.3 / np.pi])
 
 
 # Variants
@@ -395,9 +393,7 @@ def test_blend_is_linear(maps):
     np.testing.assert_array_equal(blend(one, other, 0.0), one)
     np.testing.assert_array_equal(blend(one, other, 1.0), other)
     np.testing.assert_allclose(blend(3 * one, other, 0.25), 2.25 * one + 0.25 * other, rtol=1e-5)
-    np.testing.assert_allclose(
-        integral(blend(one, other, 0.4)), 0.6 * integral(one) + 0.4 * integral(other), rtol=1e-4
-    )
+    np.testing.assert_allclose(integral(blend(one, other, 0.4)), 0.6 * integral(one) + 0.4 * integral(other), rtol=1e-4)
 
 
 @pytest.mark.parametrize("radius_deg", [2.0, 12.0, 30.0])

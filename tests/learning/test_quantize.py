@@ -62,9 +62,7 @@ def test_all_but_the_exact_convolutions_are_whole_numbers_of_seven_bits(graphs, 
     whole = [values for values in weights.values() if values is not None]
     assert all(values.dtype == np.int8 for values in whole)
     assert max(np.abs(values.astype(int)).max() for values in whole) == 64
-    assert (
-        min(np.abs(values.astype(int)).max(axis=(1, 2, 3)).min() for values in whole) >= 63
-    )  # each channel's own
+    assert min(np.abs(values.astype(int)).max(axis=(1, 2, 3)).min() for values in whole) >= 63  # each channel's own
 
 
 def test_the_same_answers_but_for_their_steps(graphs, pairs):

@@ -16,14 +16,7 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import pair as pair_module
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
-from anyprobe.dataset.pair import (
-    _draw,
-    fibonacci_viewpoint,
-    is_too_thin,
-    render_map_pair,
-    render_pair,
-    shot_of,
-)
+from anyprobe.dataset.pair import _draw, fibonacci_viewpoint, is_too_thin, render_map_pair, render_pair, shot_of
 from anyprobe.dataset.recipe import VIEWPOINTS, Recipe, balanced_recipes, digest, full_plan
 from anyprobe.errors import InputError, InvalidMesh
 from anyprobe.light.environment import rotate
@@ -45,12 +38,9 @@ def _map(map_id: str, indoor: bool, radiance: np.ndarray) -> MapAsset:
 def store() -> AssetStore:
     """Three maps (one indoor) and two spheres."""
     rng = np.random.default_rng(3)
-    maps = [
-        _map(f"{i:08x}", i == 0, np.exp(rng.normal(0, 1, (64, 128, 3))).astype(np.float32)) for i in range(3)
-    ]
+    maps = [_map(f"{i:08x}", i == 0, np.exp(rng.normal(0, 1, (64, 128, 3))).astype(np.float32)) for i in range(3)]
     return AssetStore(
-        maps,
-        [ShapeAsset(id=f"{i:08x}", name=f"sphere{i}", licence="own", mesh=sphere(16)) for i in range(2)],
+        maps, [ShapeAsset(id=f"{i:08x}", name=f"sphere{i}", licence="own", mesh=sphere(16)) for i in range(2)]
     )
 
 
@@ -102,9 +92,7 @@ def test_every_field_changes_the_name_and_the_random_numbers() -> None:
 @pytest.mark.parametrize(("kind", "count"), [("object", 2 * 3 * 8 * 23), ("map", 3 * 23 * 5)])
 def test_a_plan_has_every_combination_once(store, kind, count) -> None:
     plan = full_plan(store, kind)
-    combinations = Counter(
-        (r.map_id, r.shape_id, r.material, r.view) for r in map(plan.recipe, range(plan.count))
-    )
+    combinations = Counter((r.map_id, r.shape_id, r.material, r.view) for r in map(plan.recipe, range(plan.count)))
     assert plan.count == len(combinations) == count
     with pytest.raises(IndexError):
         plan.recipe(count)
@@ -295,9 +283,7 @@ def test_viewpoints_are_spread_evenly_over_the_upper_hemisphere() -> None:
     angles = np.array([fibonacci_viewpoint(index) for index in range(VIEWPOINTS)])
     yaw, elevation = angles.T
     assert ((elevation > 0) & (elevation < np.pi / 2)).all()
-    d = np.stack(
-        [np.cos(elevation) * np.sin(yaw), np.sin(elevation), np.cos(elevation) * np.cos(yaw)], axis=1
-    )
+    d = np.stack([np.cos(elevation) * np.sin(yaw), np.sin(elevation), np.cos(elevation) * np.cos(yaw)], axis=1)
     np.testing.assert_allclose(d.mean(axis=0), [0, 0.5, 0], atol=0.05)
     apart = np.arccos(np.clip(d @ d.T, -1, 1)) + 9 * np.eye(VIEWPOINTS)
     assert apart.min() > 0.6 * 2 * np.arccos(1 - 1 / VIEWPOINTS)

@@ -54,16 +54,12 @@ def test_what_comes_out_are_the_normals_of_the_surface_whose_depth_was_changed()
         change, old_from_new=change.old_from_new * 0.4, offset=torch.tensor([[0.1, -0.15]])
     )
     linear, offset = change.old_from_new[0].double().numpy(), change.offset[0].double().numpy() * TAN_HALF
-    steeper = float(change.deeper[0]) / np.sqrt(
-        np.linalg.det(linear)
-    )  # the picture is larger, slopes are not
+    steeper = float(change.deeper[0]) / np.sqrt(np.linalg.det(linear))  # the picture is larger, slopes are not
 
     def rho(x, y):
         old = np.stack([x, y], axis=-1) @ linear.T + offset
         result = steeper * sphere_rho(old[..., 0], old[..., 1])
-        for (slope, speed), phase in zip(
-            change.waves[0].double().numpy(), change.phases[0].numpy(), strict=True
-        ):
+        for (slope, speed), phase in zip(change.waves[0].double().numpy(), change.phases[0].numpy(), strict=True):
             angle = np.stack([x, y], axis=-1) @ speed / TAN_HALF + phase
             # slope lies along speed, so that it is the gradient of this sine
             result = result + np.sin(angle) * (slope @ speed) / (speed @ speed) * TAN_HALF

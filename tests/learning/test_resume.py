@@ -59,18 +59,12 @@ def begun(tmp_path_factory):
 
 
 REFUSED = {
-    "a loss": (
-        {"config": replace(CONFIG, learning_rate=0.5)},
-        "learning_rate 0.0015, as the run began, got 0.5",
-    ),
+    "a loss": ({"config": replace(CONFIG, learning_rate=0.5)}, "learning_rate 0.0015, as the run began, got 0.5"),
     "other pairs": (
         {"config": replace(CONFIG, pairs=replace(CONFIG.pairs, seed=5))},
         "pairs.seed 71, as the run began, got 5",
     ),
-    "another network": (
-        {"config": replace(CONFIG, model="paper")},
-        "model normals, as the run began, got paper",
-    ),
+    "another network": ({"config": replace(CONFIG, model="paper")}, "model normals, as the run began, got paper"),
     "workers": ({"workers": 3, "pairs": None}, r"2 without workers\) of 2, as the run began, got 3"),
     "fewer steps": ({"config": replace(CONFIG, steps=1)}, "at least the 2 that are done, got 1"),
 }
@@ -125,9 +119,7 @@ def test_other_assets_do_not_go_on(tmp_path, monkeypatch):
     go(tmp_path, stop_after=2)
     go(tmp_path, pairs=None, stop_after=3)
     monkeypatch.setattr(loop, "load_assets", lambda light, data: some_store("0a", "0c"))
-    with pytest.raises(
-        InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run began, got 2"
-    ):
+    with pytest.raises(InputError, match=r"expected --data with 2 maps and 0 shapes \(.*\), as the run began, got 2"):
         go(tmp_path, pairs=None)
     changed(path, origin=None)
     assert torch.load(go(tmp_path, pairs=None), weights_only=True)["step"] == 4
@@ -173,10 +165,7 @@ def test_a_setting_that_is_not_stored_had_its_default():
 
 def test_what_is_known_of_a_run_stays_known(tmp_path):
     assert agreed(tmp_path, {}, {"processes": 2}) == {"processes": 2}
-    assert agreed(tmp_path, {"processes": 2, "start": None}, {"processes": 2}) == {
-        "processes": 2,
-        "start": None,
-    }
+    assert agreed(tmp_path, {"processes": 2, "start": None}, {"processes": 2}) == {"processes": 2, "start": None}
 
 
 def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):

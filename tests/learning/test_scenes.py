@@ -59,11 +59,7 @@ def two_discs() -> Scene:
     photo = photo * (1 - large) + 0.1 * large
     photo = photo * (1 - small) + 0.95 * small
     photo[:, :27] = photo[:, 133:] = GREY
-    return Scene(
-        photo=photo,
-        covers=torch.stack([small, large]),
-        bounds=(27, 133, 0, 160),
-    )
+    return Scene(photo=photo, covers=torch.stack([small, large]), bounds=(27, 133, 0, 160))
 
 
 def test_a_scene_is_a_photo_of_things_that_hide_one_another(scenes):

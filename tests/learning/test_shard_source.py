@@ -50,10 +50,7 @@ def test_a_batch_holds_what_its_recipes_render(rendered):
     found = source(rendered)
     batch, seen = found.batch(0), {}
     for shard in (0, 1):
-        seen |= {
-            key: json.loads(parts["json"])
-            for key, parts in shards.read_samples(shards.tar_path(rendered, shard))
-        }
+        seen |= {key: json.loads(parts["json"]) for key, parts in shards.read_samples(shards.tar_path(rendered, shard))}
     renderer = StoreRenderer({**render_job.SETTINGS, **SETTINGS}, None)
     pairs = [render_pair(renderer.recipe(k), renderer.store) for k in range(6)]
     order = np.random.default_rng((5, 3, 0)).permutation(6)[:3]

@@ -25,9 +25,7 @@ def surfaces() -> SurfaceSet:
 def open_source(seed: int, surfaces: SurfaceSet) -> PairSource:
     torch.set_num_threads(1)
     light = np.random.default_rng(seed).random((16, 32, 3)).astype(np.float32)
-    return PairSource(
-        Illuminator([light], compiled=False), surfaces, PairConfig(batch=2, seed=seed, group=2, pool=2)
-    )
+    return PairSource(Illuminator([light], compiled=False), surfaces, PairConfig(batch=2, seed=seed, group=2, pool=2))
 
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create")  # on one core

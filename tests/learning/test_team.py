@@ -27,10 +27,7 @@ def work(rank: int, port: int, folder: str) -> None:
     net(torch.rand(5, 3)).square().sum().backward()
     own = [p.grad.clone() for p in net.parameters()]
     own_mean = net[1].running_mean.clone()
-    asked = [
-        processes.average_gradients(net.parameters(), ask)
-        for ask in (processes.is_first, not processes.is_first)
-    ]
+    asked = [processes.average_gradients(net.parameters(), ask) for ask in (processes.is_first, not processes.is_first)]
     processes.average_statistics(net)
     mean = net[1].running_mean.clone()
     gradients = [p.grad.clone() for p in net.parameters()]

@@ -10,10 +10,7 @@ from anyprobe.dataset.recipe import Recipe
 from anyprobe.errors import InputError
 from anyprobe.evaluate.test_sets import FROZEN, read_recipes, write_recipes
 
-RECIPES = [
-    Recipe(kind="object", map_id="00000001", shape_id="00000002", material=3, view=k, seed=k)
-    for k in range(5)
-]
+RECIPES = [Recipe(kind="object", map_id="00000001", shape_id="00000002", material=3, view=k, seed=k) for k in range(5)]
 
 
 def test_a_list_comes_back(tmp_path):

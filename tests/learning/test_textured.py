@@ -70,9 +70,7 @@ def source(store):
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=2))
 
     def make(**settings) -> PairSource:
-        return PairSource(
-            illuminator, surfaces, PairConfig(batch=6, seed=1, group=3, pool=1, reuse=4, **settings)
-        )
+        return PairSource(illuminator, surfaces, PairConfig(batch=6, seed=1, group=3, pool=1, reuse=4, **settings))
 
     return make
 
@@ -216,9 +214,7 @@ def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
         assert torch.equal(getattr(again, one.name), getattr(changed, one.name)), one.name
     assert torch.equal(plain.photo[:, 3], changed.photo[:, 3])
     inside = plain.photo[:, 3:]
-    differs = ((plain.photo != changed.photo).any(dim=1, keepdim=True) * inside).sum((1, 2, 3)) / inside.sum(
-        (1, 2, 3)
-    )
+    differs = ((plain.photo != changed.photo).any(dim=1, keepdim=True) * inside).sum((1, 2, 3)) / inside.sum((1, 2, 3))
     brighter = changed.photo[:, :3].sum((1, 2, 3)) / plain.photo[:, :3].sum((1, 2, 3))
     if name == "textured":
         assert (differs > 0.3).all()

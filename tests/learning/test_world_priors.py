@@ -82,9 +82,7 @@ def test_pairs_of_the_world_have_its_materials_and_others_stay_as_they_were(monk
 
     kinds = []
     one = priors.draw_one
-    monkeypatch.setattr(
-        priors, "draw_one", lambda rng, kind, alpha: kinds.append(kind) or one(rng, kind, alpha)
-    )
+    monkeypatch.setattr(priors, "draw_one", lambda rng, kind, alpha: kinds.append(kind) or one(rng, kind, alpha))
     batch(0.0)
     assert kinds == []
     made = batch(1.0)

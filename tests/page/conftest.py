@@ -40,9 +40,7 @@ def page_url(chromium):
 @pytest.fixture(scope="session")
 def static_url(chromium, tmp_path_factory):
     """Address of a plain file server over what `anyprobe serve --static` writes."""
-    guards = pytest.importorskip(
-        "anyprobe.serve.guards", reason="needs the serve extra", exc_type=ImportError
-    )
+    guards = pytest.importorskip("anyprobe.serve.guards", reason="needs the serve extra", exc_type=ImportError)
     pytest.importorskip("fastapi", reason="needs the serve extra")
     folder = tmp_path_factory.mktemp("static")
     subprocess.run([PROGRAM, "serve", "--static", folder], check=True, capture_output=True)

@@ -31,13 +31,9 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.dot(a, b) / np.linalg.norm(a) / np.linalg.norm(b))))
 
 
-def test_own_photo_is_estimated_clicked_relit_and_downloaded(
-    page_url, aside_photo, vase_photo, estimator, tmp_path
-):
+def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_photo, vase_photo, estimator, tmp_path):
     tetrahedron = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
-    (tmp_path / "own.glb").write_bytes(
-        glb(tetrahedron, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
-    )
+    (tmp_path / "own.glb").write_bytes(glb(tetrahedron, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])))
     seen = run_steps(
         "page_photo.mjs",
         page_url,
@@ -117,9 +113,7 @@ def test_border_cuts_off_only_what_was_moved_there(page_url, aside_photo, tmp_pa
         part = vase[int(top * 420) : int(bottom * 420), int(left * 392) : int(right * 392)]
         assert part.mean() < 0.02, shape  # not over the vase, whose belly overhangs its foot
         assert found["note"] == "", shape
-    assert {found["note"].split(":")[0] for found in seen["tight"].values()} == {
-        "There is no room beside the object"
-    }
+    assert {found["note"].split(":")[0] for found in seen["tight"].values()} == {"There is no room beside the object"}
     left, top, right, bottom = seen["aside"]["sphere"]["box"]
     assert (bottom - top) * 420 == pytest.approx((right - left) * 392, rel=0.06)  # round, of 392 x 420 pixels
     assert (bottom - top) == pytest.approx(0.5 * 302 / 420, rel=0.25)  # half of the vase's height
@@ -169,9 +163,7 @@ def test_phone_shows_all_of_it(page_url):
 
 def test_camera_is_followed_and_closed(page_url, vase_frame, estimator, tmp_path):
     rng = np.random.default_rng(7)
-    frames = [
-        np.clip(vase_frame + rng.normal(0, 2, vase_frame.shape), 0, 255).astype(np.uint8) for _ in range(8)
-    ]
+    frames = [np.clip(vase_frame + rng.normal(0, 2, vase_frame.shape), 0, 255).astype(np.uint8) for _ in range(8)]
     video = write_y4m(tmp_path / "camera.y4m", frames)
     seen = run_steps(
         "page_camera.mjs",

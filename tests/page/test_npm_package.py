@@ -33,12 +33,8 @@ def packed(chromium, tmp_path_factory) -> Path:
     if not (MODULES / "onnxruntime-web").is_dir():
         pytest.skip("needs the packages of web/ (cd web && npm ci)")
     folder = tmp_path_factory.mktemp("packed")
-    subprocess.run(
-        ["node", "build/weights.js"], cwd=WEB, check=True, capture_output=True
-    )  # npm may skip prepack
-    subprocess.run(
-        ["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True
-    )
+    subprocess.run(["node", "build/weights.js"], cwd=WEB, check=True, capture_output=True)  # npm may skip prepack
+    subprocess.run(["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True)
     return next(folder.glob("*.tgz"))
 
 
@@ -233,9 +229,7 @@ def test_probe_light_stands_in_for_the_estimate_of_a_session(built_site, estimat
         return
     assert seen["lit"]["intensity"] > 0
     assert max(seen["lit"]["color"]) == pytest.approx(1)
-    direction = (
-        estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).dominant_light().direction
-    )
+    direction = estimator(frame, click=(0.5 * frame.shape[1], 0.55 * frame.shape[0])).dominant_light().direction
     assert np.dot(position / np.linalg.norm(position), direction) > np.cos(np.radians(15))
 
 

@@ -47,9 +47,7 @@ def test_late_mask_is_not_put_on_another_picture(page_url, vase_photo, half_phot
     assert seen["late"] == {"click": kept, "reset": kept}
     assert seen["waiting"] == {"direction": "not yet known", "usable": 0, "estimates": 0}
     with Image.open(half_photo) as picture:
-        assert seen["then"]["estimates"] == [
-            {"task": "estimate", "width": picture.width, "emitters": "expected"}
-        ]
+        assert seen["then"]["estimates"] == [{"task": "estimate", "width": picture.width, "emitters": "expected"}]
     assert seen["then"]["usable"] > 0
     assert seen["nothing"]["status"].startswith("Click on the object")
     assert [seen["nothing"][part] for part in ("usable", "estimates")] == [0, 0]
@@ -101,9 +99,7 @@ def test_networks_that_were_missing_are_fetched_again(page_url, vase_photo):
 
 
 def test_lights_are_estimated_without_webgl(page_url, vase_photo):
-    seen = run_steps(
-        "page_without_webgl.mjs", page_url, {"photo": str(vase_photo)}, flags=("--disable-3d-apis",)
-    )
+    seen = run_steps("page_without_webgl.mjs", page_url, {"photo": str(vase_photo)}, flags=("--disable-3d-apis",))
     assert seen["first"].startswith("This browser has no WebGL")
     assert not seen["usable"]
     assert not seen["shown"]

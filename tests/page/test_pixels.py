@@ -22,9 +22,7 @@ def seen(page_url, tmp_path_factory) -> dict[str, dict]:
     """The page's pictures of the example, of a photo and of the camera's."""
     folder = tmp_path_factory.mktemp("pixels")
     example = open_example()
-    video = write_y4m(
-        folder / "camera.y4m", [np.pad(example[..., :3], ((0, 0), (80, 80), (0, 0)), mode="edge")]
-    )
+    video = write_y4m(folder / "camera.y4m", [np.pad(example[..., :3], ((0, 0), (80, 80), (0, 0)), mode="edge")])
     photo = folder / "photo.png"
     Image.fromarray(np.ascontiguousarray(example[:420, 120:])).save(photo)
     given = {"photo": str(photo), "click": MIDDLE, "materials": SPHERES}

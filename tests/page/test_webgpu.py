@@ -14,11 +14,7 @@ from anyprobe.core.response import response
 pytestmark = pytest.mark.slow
 
 VASE = Path(__file__).parents[2] / "examples" / "vase.png"
-SOFTWARE_WEBGPU = (
-    "--enable-unsafe-webgpu",
-    "--use-webgpu-adapter=swiftshader",
-    "--enable-features=Vulkan",
-)
+SOFTWARE_WEBGPU = ("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader", "--enable-features=Vulkan")
 
 
 def test_webgpu_gives_what_wasm_gives(page_url):

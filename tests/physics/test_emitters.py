@@ -168,8 +168,7 @@ def test_the_diffuse_term_has_a_pyramid_of_its_own(rng):
 def test_torch_takes_the_same_emitters(patches):
     torch = pytest.importorskip("torch")
     here, there = (
-        build_pyramid(radiance, emitters=16, patches=patches)
-        for radiance in (lit_room(), torch.from_numpy(lit_room()))
+        build_pyramid(radiance, emitters=16, patches=patches) for radiance in (lit_room(), torch.from_numpy(lit_room()))
     )
     for name in ("texels", "emitters", "emitter_power", "emitter_spread"):
         if not (patches is None and name == "emitters"):  # of equal pixels any may be taken

@@ -59,9 +59,7 @@ def test_lit_upper_half_lights_the_lower():
     upper = np.zeros((64, 128, 3), np.float32)
     upper[:32] = 1
     expected = np.pi * (1 + pixel_directions(64)[..., 1:2]) / 2
-    np.testing.assert_allclose(
-        irradiance_map(upper), np.broadcast_to(expected, upper.shape), atol=0.0005 * np.pi
-    )
+    np.testing.assert_allclose(irradiance_map(upper), np.broadcast_to(expected, upper.shape), atol=0.0005 * np.pi)
 
 
 def test_blur_turns_towards_the_wrong_side():

@@ -79,9 +79,7 @@ def test_raised_camera_looks_up():
 
 
 def test_roll_moves_the_optical_axis():
-    np.testing.assert_allclose(
-        world_from_camera(0.4, 0.7, 1.1) @ Z, world_from_camera(0.4, 0.7) @ Z, atol=1e-12
-    )
+    np.testing.assert_allclose(world_from_camera(0.4, 0.7, 1.1) @ Z, world_from_camera(0.4, 0.7) @ Z, atol=1e-12)
 
 
 def test_turn_towards_misses_or_rolls():

@@ -26,9 +26,7 @@ def views(degrees=VIEWS_DEG, n=(0.48, 0.6, 0.64)):
 def smooth_radiance(d):
     """A few cosines of direction, all positive, no symmetry: [..., 3] -> [..., 3]."""
     x, y, z = d[..., 0], d[..., 1], d[..., 2]
-    return np.stack(
-        [1.5 + x + 0.4 * y * z, 1.2 - 0.7 * z + 0.3 * x * y, 1.0 + 0.6 * y - 0.3 * x * z], axis=-1
-    )
+    return np.stack([1.5 + x + 0.4 * y * z, 1.2 - 0.7 * z + 0.3 * x * y, 1.0 + 0.6 * y - 0.3 * x * z], axis=-1)
 
 
 def smooth_pyramid(height=64, side=128, turn=None):
@@ -92,9 +90,7 @@ def test_mirror_limit_looks_elsewhere():
     n = normalize(rng.normal(size=(60, 3)))
     wo = normalize(n + 0.8 * normalize(rng.normal(size=(60, 3))))
     pyramid = smooth_pyramid()
-    irradiance, s1, _ = shade_specular(
-        pyramid, n.astype(np.float32), wo.astype(np.float32), 0.01, hammersley(64)
-    )
+    irradiance, s1, _ = shade_specular(pyramid, n.astype(np.float32), wo.astype(np.float32), 0.01, hammersley(64))
     mirrored = smooth_radiance(reflect(wo, n))
     np.testing.assert_allclose(irradiance, mirrored, rtol=0.01)
     np.testing.assert_allclose(s1, mirrored, rtol=0.015)
@@ -117,9 +113,7 @@ def test_samples_disagree_with_the_brdf(alpha, material):
     n64, wo64 = n.astype(np.float64)[:, None, None], wo.astype(np.float64)[:, None, None]
     cosine = np.maximum((wi * n64).sum(axis=-1, keepdims=True), 0)
     f = evaluate(m, wo64 + 0 * wi, wi + 0 * wo64, n64 + 0 * wi)
-    expected = np.einsum(
-        "phwc,hw->pc", f * cosine * smooth_radiance(wi), np.repeat(pixel_solid_angles(96), 192, 1)
-    )
+    expected = np.einsum("phwc,hw->pc", f * cosine * smooth_radiance(wi), np.repeat(pixel_solid_angles(96), 192, 1))
     got = shade(smooth_pyramid(), n, wo, alpha, hammersley(1024)).radiance(m)
     np.testing.assert_allclose(got, expected, rtol=0.02)
 
@@ -147,9 +141,7 @@ def test_turned_world_looks_different():
     still = shade(smooth_pyramid(), n, wo, 0.4, u)
     turned = shade(smooth_pyramid(turn=turn), n @ turn.T, wo @ turn.T, 0.4, u)
     for name in ("irradiance", "specular", "grazing", "diffuse"):
-        np.testing.assert_allclose(
-            getattr(turned, name), getattr(still, name), rtol=0.02, atol=1e-3, err_msg=name
-        )
+        np.testing.assert_allclose(getattr(turned, name), getattr(still, name), rtol=0.02, atol=1e-3, err_msg=name)
 
 
 @pytest.mark.parametrize("alpha", [0.3, 1.0])
@@ -267,6 +259,4 @@ def test_gradient_is_nan_or_another_function():
         (gradient,) = torch.autograd.grad(value, texels)
         assert torch.isfinite(gradient).all()
         assert (gradient >= 0).all()
-        np.testing.assert_allclose(
-            float((gradient * texels).sum().detach()), float(value.detach()), rtol=1e-4
-        )
+        np.testing.assert_allclose(float((gradient * texels).sum().detach()), float(value.detach()), rtol=1e-4)

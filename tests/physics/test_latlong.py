@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from anyprobe.core.latlong import (
-    bilinear,
-    direction_to_uv,
-    pixel_directions,
-    pixel_solid_angles,
-    uv_to_direction,
-)
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles, uv_to_direction
 
 
 def random_directions(count, seed=0):
@@ -110,6 +104,4 @@ def test_torch_reads_another_pixel():
     uv = direction_to_uv(d)
     uv_torch = direction_to_uv(torch.asarray(d))
     np.testing.assert_allclose(uv_torch.numpy(), uv, atol=1e-12)
-    np.testing.assert_allclose(
-        bilinear(torch.asarray(image), uv_torch).numpy(), bilinear(image, uv), atol=1e-12
-    )
+    np.testing.assert_allclose(bilinear(torch.asarray(image), uv_torch).numpy(), bilinear(image, uv), atol=1e-12)

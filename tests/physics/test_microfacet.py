@@ -5,12 +5,7 @@ import pytest
 
 from anyprobe.core.frames import normalize
 from anyprobe.scatter.materials import Material, evaluate
-from anyprobe.scatter.microfacet import (
-    f0_from_ior,
-    ggx_distribution,
-    schlick_weight,
-    smith_visibility,
-)
+from anyprobe.scatter.microfacet import f0_from_ior, ggx_distribution, schlick_weight, smith_visibility
 
 ALPHAS = (0.05, 0.3, 1.0)
 N = np.array([0.0, 0.0, 1.0])
@@ -50,9 +45,7 @@ def test_ndf_loses_precision_when_narrow():
     """float32 at alpha 0.01 within 1 % of float64: (alpha - 1)(alpha + 1), not alpha^2 - 1."""
     cosine = np.cos(np.linspace(0, 0.05, 50))
     single = ggx_distribution(cosine.astype(np.float32), 0.01)
-    np.testing.assert_allclose(
-        single, ggx_distribution(cosine.astype(np.float32).astype(np.float64), 0.01), rtol=1e-2
-    )
+    np.testing.assert_allclose(single, ggx_distribution(cosine.astype(np.float32).astype(np.float64), 0.01), rtol=1e-2)
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)

@@ -5,13 +5,7 @@ import pytest
 
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.light.octahedral import (
-    Pyramid,
-    build_pyramid,
-    direction_to_octahedral,
-    lookup,
-    octahedral_to_direction,
-)
+from anyprobe.light.octahedral import Pyramid, build_pyramid, direction_to_octahedral, lookup, octahedral_to_direction
 
 
 def directions(count, seed=0):
@@ -86,9 +80,7 @@ def test_equator_has_a_jump():
     """The inner fold |s| + |t| = 1, where upper and lower half meet."""
     pyramid = build_pyramid(linear_map(), side=32)
     surroundings = np.linspace(0, 2 * np.pi, 65)
-    d = [
-        np.stack([np.cos(surroundings), np.full(65, y), np.sin(surroundings)], axis=-1) for y in (1e-4, -1e-4)
-    ]
+    d = [np.stack([np.cos(surroundings), np.full(65, y), np.sin(surroundings)], axis=-1) for y in (1e-4, -1e-4)]
     a, b = (lookup(pyramid, normalize(v), np.zeros(65)) for v in d)
     np.testing.assert_allclose(a, b, atol=3e-4)
 
@@ -116,9 +108,7 @@ def test_level_offset_slips_by_a_texel(side, dtype):
 
 def test_level_is_not_the_nearest_or_runs_off():
     pyramid = Pyramid(
-        texels=np.repeat(np.repeat([0.0, 1.0, 2.0], [18**2, 10**2, 6**2])[:, None], 3, axis=1),
-        side=16,
-        num_levels=3,
+        texels=np.repeat(np.repeat([0.0, 1.0, 2.0], [18**2, 10**2, 6**2])[:, None], 3, axis=1), side=16, num_levels=3
     )
     lod = np.array([-7.0, 0.4, 0.6, 1.4, 2.0, 9.0])
     np.testing.assert_allclose(lookup(pyramid, directions(6), lod)[:, 0], [0, 0, 1, 1, 2, 2])
@@ -151,12 +141,7 @@ def test_constant_map_is_darkened():
 def test_torch_lookup_differs():
     torch = pytest.importorskip("torch", reason="torch is an extra")
     radiance = np.random.default_rng(6).random((16, 32, 3)).astype(np.float32)
-    d, lod = (
-        directions(500).astype(np.float32),
-        np.random.default_rng(7).uniform(-1, 6, 500).astype(np.float32),
-    )
+    d, lod = (directions(500).astype(np.float32), np.random.default_rng(7).uniform(-1, 6, 500).astype(np.float32))
     a, b = build_pyramid(radiance, side=32), build_pyramid(torch.asarray(radiance), side=32)
     np.testing.assert_allclose(b.texels.numpy(), a.texels, atol=1e-5)
-    np.testing.assert_allclose(
-        lookup(b, torch.asarray(d), torch.asarray(lod)).numpy(), lookup(a, d, lod), atol=1e-5
-    )
+    np.testing.assert_allclose(lookup(b, torch.asarray(d), torch.asarray(lod)).numpy(), lookup(a, d, lod), atol=1e-5)

@@ -57,9 +57,7 @@ def test_material_is_found_under_a_large_map(suns):
     unit_sphere = sphere(64)
     paper = Material(albedo=np.array([0.6, 0.3, 0.1]), f0=np.full(3, 0.045), alpha=0.8)
     for sun in suns[:2]:
-        picture = draw_mesh(
-            unit_sphere, frame_object(unit_sphere, np.eye(3), 8.0, margin=1.0, size=48), sun, paper
-        )
+        picture = draw_mesh(unit_sphere, frame_object(unit_sphere, np.eye(3), 8.0, margin=1.0, size=48), sun, paper)
         photo = Photo(
             rgb=response(picture[..., :3]).astype(np.float32),
             mask=(mask & (picture[..., 3] == 1)).astype(np.float32),

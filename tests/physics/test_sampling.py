@@ -58,9 +58,7 @@ def test_cosine_sampler_against_its_density(rng):
 
 @pytest.mark.parametrize("alpha", ALPHAS)
 def test_ggx_sampler_against_its_density(alpha, rng):
-    assert_follows_pdf(
-        lambda u: square_to_ggx_normal(u, alpha), lambda h: ggx_normal_pdf(h, alpha), rng, NUM_TESTS
-    )
+    assert_follows_pdf(lambda u: square_to_ggx_normal(u, alpha), lambda h: ggx_normal_pdf(h, alpha), rng, NUM_TESTS)
 
 
 def view(angle_deg, azimuth_deg=130.0):

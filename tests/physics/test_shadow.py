@@ -19,9 +19,7 @@ FOOT = np.array([0.3, -2.0, -4.0])
 def unit_sphere(up: np.ndarray = UP) -> Mesh:
     """A sphere of RADIUS that touches the ground at FOOT."""
     mesh = sphere(24)
-    return Mesh(
-        positions=mesh.positions * RADIUS + FOOT + RADIUS * up, faces=mesh.faces, normals=mesh.normals
-    )
+    return Mesh(positions=mesh.positions * RADIUS + FOOT + RADIUS * up, faces=mesh.faces, normals=mesh.normals)
 
 
 def emitter_map(direction, color=(60.0, 60.0, 60.0), radius_deg: float = 4.0) -> np.ndarray:

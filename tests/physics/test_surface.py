@@ -60,9 +60,7 @@ def test_few_pixels_of_backs_stay_as_they_are():
     toward = unit_sphere.positions[unit_sphere.faces].mean(axis=1) @ [0.6, 0.0, 0.8]
 
     def without(cut):
-        left = replace(
-            unit_sphere, faces=unit_sphere.faces[toward < cut], normals=unit_sphere.normals[toward < cut]
-        )
+        left = replace(unit_sphere, faces=unit_sphere.faces[toward < cut], normals=unit_sphere.normals[toward < cut])
         surface = see(left, camera)
         np.testing.assert_array_equal(surface.mask, whole.mask)
         inner = (surface.normals != whole.normals).any(axis=1)

@@ -145,12 +145,7 @@ def test_unknown_format_names_the_known_ones(tmp_path, name):
 @pytest.mark.parametrize("suffix", meshes.SUFFIXES)
 def test_file_that_holds_no_mesh(tmp_path, suffix):
     assert "0 bytes" in refusal(tmp_path / f"a{suffix}", b"")
-    for data in (
-        b"Dear reader,\nthis is a letter.\n" * 20,
-        b"\n",
-        bytes(200),
-        b"\x89PNG\r\n\x1a\n" + bytes(99),
-    ):
+    for data in (b"Dear reader,\nthis is a letter.\n" * 20, b"\n", bytes(200), b"\x89PNG\r\n\x1a\n" + bytes(99)):
         assert "expected" in refusal(tmp_path / f"a{suffix}", data)
 
 
@@ -224,9 +219,7 @@ def test_too_many_faces_are_refused_by_their_count(tmp_path, monkeypatch, name, 
     assert "5,000,001" in message
 
 
-@pytest.mark.parametrize(
-    ("name", "data"), [("a.obj", obj(CUBE, CUBE_FACES)), ("a.glb", glb(CUBE, CUBE_FACES))]
-)
+@pytest.mark.parametrize(("name", "data"), [("a.obj", obj(CUBE, CUBE_FACES)), ("a.glb", glb(CUBE, CUBE_FACES))])
 def test_too_many_faces_without_a_count(tmp_path, monkeypatch, name, data):
     (tmp_path / name).write_bytes(data)
     for module in (meshes, mesh_module):
@@ -322,9 +315,7 @@ def test_cut_map(tmp_path, suffix, share):
     assert share or "0 bytes" in message
 
 
-@pytest.mark.parametrize(
-    ("value", "word"), [(-0.5, ">= 0"), (np.nan, "NaN or infinity"), (np.inf, "NaN or infinity")]
-)
+@pytest.mark.parametrize(("value", "word"), [(-0.5, ">= 0"), (np.nan, "NaN or infinity"), (np.inf, "NaN or infinity")])
 def test_one_bad_pixel(tmp_path, value, word):
     pixels = np.ones((8, 16, 3))
     pixels[5, 3, 1] = value

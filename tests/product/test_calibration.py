@@ -12,14 +12,7 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset import asset_store
 from anyprobe.errors import InputError, ModelError
-from anyprobe.evaluate.calibration import (
-    CLOSE,
-    Calibration,
-    calibrate,
-    calibrate_errors,
-    fit_logit,
-    to_logit,
-)
+from anyprobe.evaluate.calibration import CLOSE, Calibration, calibrate, calibrate_errors, fit_logit, to_logit
 from anyprobe.scatter.materials import total_reflectance
 
 

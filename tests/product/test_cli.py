@@ -66,9 +66,7 @@ def test_four_files_that_agree(work, command):
     assert (np.abs(hdr - light.radiance) <= light.radiance.max(axis=-1, keepdims=True) / 255).all()
     sidecar = json.loads((work / "out" / "vase.json").read_text())
     np.testing.assert_allclose(sidecar["sh9"], light.sh9(), atol=1e-6)
-    np.testing.assert_allclose(
-        sidecar["dominant_light"]["direction"], light.dominant_light().direction, atol=1e-6
-    )
+    np.testing.assert_allclose(sidecar["dominant_light"]["direction"], light.dominant_light().direction, atol=1e-6)
     assert sidecar["photo"] == "vase.png"
     with OpenEXR.File("out/vase.exr", header_only=True) as file:
         header = file.header()

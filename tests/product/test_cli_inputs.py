@@ -297,7 +297,4 @@ def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
 
 def test_names_are_ordered_whatever_digits_they_have():
     names = ["²1.jpg", "a10.jpg", "a2.jpg", "٣.jpg"]
-    assert [name for name in sorted(names, key=natural_order) if name.startswith("a")] == [
-        "a2.jpg",
-        "a10.jpg",
-    ]
+    assert [name for name in sorted(names, key=natural_order) if name.startswith("a")] == ["a2.jpg", "a10.jpg"]

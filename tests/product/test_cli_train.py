@@ -26,10 +26,7 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("weights", "o", "mask", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "checkpoint, found none; train first"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
-        (
-            ("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"),
-            "--pairs 2000: expected at most the 1000",
-        ),
+        (("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"), "--pairs 2000: expected at most the 1000"),
     ],
 )
 def test_what_is_refused_is_one_line(work, command, arguments, words):
@@ -75,10 +72,6 @@ def test_a_damaged_checkpoint_is_one_line(work, command):
     path = write_run(work, "normals")
     path.write_bytes(path.read_bytes()[:5000])
     before = snapshot(work)
-    for asked in (
-        ("train", "normals"),
-        ("weights", "o", "normals"),
-        ("weights", "o", "normals", "--keep", "s.pt"),
-    ):
+    for asked in (("train", "normals"), ("weights", "o", "normals"), ("weights", "o", "normals", "--keep", "s.pt")):
         assert "expected a run's checkpoint, got a damaged file" in command(*asked).complaint
     assert snapshot(work) == before

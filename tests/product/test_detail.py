@@ -101,9 +101,7 @@ def test_no_seam_behind_the_camera_and_no_pinch_at_the_poles(library, estimate):
 
 def test_smooth_fields_grow_without_a_seam_or_a_pinch():
     """Of order 1 and 2 they are the same at four times the size, across the seam and over the poles too."""
-    small, large = (
-        (d @ [0.3, 0.8, -0.5] + d[..., 0] * d[..., 2])[None] for d in map(pixel_directions, (64, 256))
-    )
+    small, large = ((d @ [0.3, 0.8, -0.5] + d[..., 0] * d[..., 2])[None] for d in map(pixel_directions, (64, 256)))
     np.testing.assert_allclose(_enlarge(small, 256), large, atol=0.004)
 
 

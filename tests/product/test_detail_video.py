@@ -60,17 +60,13 @@ def begin(made, estimator, library, monkeypatch):
         follower = MaskFollower({"mask": made / "masks"}, {}, {})
         more = {"virtual": virtual} | more
         clip = open_clip(made / "clip.mp4")
-        return ClipRun(
-            clip, folder, estimator, follower, {}, exr=True, library=library if detail else None, **more
-        )
+        return ClipRun(clip, folder, estimator, follower, {}, exr=True, library=library if detail else None, **more)
 
     return begin
 
 
 def results(folder) -> dict[str, bytes]:
-    return {
-        path.name: path.read_bytes() for path in folder.rglob("*") if path.suffix in (".json", ".mp4", ".exr")
-    }
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.suffix in (".json", ".mp4", ".exr")}
 
 
 @pytest.fixture

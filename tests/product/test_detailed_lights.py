@@ -34,9 +34,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_a_light_with_detail_says_so_and_keeps_what_was_measured(estimate, folder, tmp_path):
-    light = anyprobe.Light(
-        radiance=estimate, confidence=np.full((64, 128), 0.4, np.float32), info={"model": "m"}
-    )
+    light = anyprobe.Light(radiance=estimate, confidence=np.full((64, 128), 0.4, np.float32), info={"model": "m"})
     detailed = light.with_detail(library=folder, size=128, seed=1)
     assert detailed.radiance.shape == (128, 256, 3)
     np.testing.assert_array_equal(detailed.confidence, light.confidence)
@@ -96,9 +94,7 @@ def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):
     Image.fromarray(sphere_photo()).save(tmp_path / "sphere.png")
     out = tmp_path / "out"
     options = ["--detail", "plausible", "--size", "128", "--detail-library", str(folder), "-q"]
-    monkeypatch.setattr(
-        "sys.argv", ["anyprobe", "estimate", str(tmp_path / "sphere.png"), "-o", str(out), *options]
-    )
+    monkeypatch.setattr("sys.argv", ["anyprobe", "estimate", str(tmp_path / "sphere.png"), "-o", str(out), *options])
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code

@@ -49,14 +49,11 @@ def test_doctor_says_which_extras_are_absent(command, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("version", "fits"),
-    [("3.3.9", False), ("3.5", True), ("3.10.0rc1", True), ("3.5.0+a", True), ("3.4.99", False)],
+    ("version", "fits"), [("3.3.9", False), ("3.5", True), ("3.10.0rc1", True), ("3.5.0+a", True), ("3.4.99", False)]
 )
 def test_a_package_that_is_too_old_is_named(command, monkeypatch, version, fits):
     real = importlib.metadata.version
-    monkeypatch.setattr(
-        importlib.metadata, "requires", lambda _: ["OpenEXR>=3.5", 'fastapi>=0.1; extra == "serve"']
-    )
+    monkeypatch.setattr(importlib.metadata, "requires", lambda _: ["OpenEXR>=3.5", 'fastapi>=0.1; extra == "serve"'])
     monkeypatch.setattr(importlib.metadata, "version", lambda one: version if one == "OpenEXR" else real(one))
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.1, 4.0))
     outcome = command("doctor")

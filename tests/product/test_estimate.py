@@ -193,15 +193,12 @@ def test_object_in_the_corner_gives_the_same_map_turned(named, central, kind):
     expected = rotate(central.radiance, turned(kind))
     # as displayed: an emitter's edge, many times white, is another number wherever it is read between pixels
     found, expected, wrong = (
-        response(radiance)
-        for radiance in (light.radiance, expected, rotate(central.radiance, turned(kind).T))
+        response(radiance) for radiance in (light.radiance, expected, rotate(central.radiance, turned(kind).T))
     )
     assert np.quantile(np.abs(found - expected), 0.999) < share  # but for the rims of sources of a few pixels
     assert np.abs(found - expected).mean() < share / 6
     assert np.abs(found - wrong).mean() > 5 * np.abs(found - expected).mean()
-    emitter, seen = (
-        find_dominant_light(radiance).direction for radiance in (light.radiance, central.radiance)
-    )
+    emitter, seen = (find_dominant_light(radiance).direction for radiance in (light.radiance, central.radiance))
     assert np.degrees(np.arccos(np.clip(emitter @ turned(kind) @ seen, -1, 1))) < 3.0
 
 
@@ -370,11 +367,7 @@ def test_emitter_beyond_half_float_is_kept(tmp_path):
 
 def test_light_in_front_is_saved_in_the_centre(tmp_path):
     """Readers take the middle of the picture for the front, its top for up and its right for +X."""
-    for direction, row, column in (
-        ((0, 0, -1), 31.5, 63.5),
-        ((1, 0, 0), 31.5, 95.5),
-        ((0, 1, -1), 15.5, 63.5),
-    ):
+    for direction, row, column in (((0, 0, -1), 31.5, 63.5), ((1, 0, 0), 31.5, 95.5), ((0, 1, -1), 15.5, 63.5)):
         for suffix in ("exr", "hdr"):
             path = anyprobe.Light(radiance=emitter_map(direction)).save(tmp_path / f"light.{suffix}")
             rows, columns = np.nonzero(read_radiance(path)[..., 0] > 1)

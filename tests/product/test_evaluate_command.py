@@ -71,9 +71,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
 
 def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
     """Two of the five things that are: the others take as long again."""
-    monkeypatch.setattr(
-        methods, "PRIORS", {name: methods.PRIORS[name] for name in ("normals", "surroundings")}
-    )
+    monkeypatch.setattr(methods, "PRIORS", {name: methods.PRIORS[name] for name in ("normals", "surroundings")})
     ended = command("evaluate", *ASSETS, "--priors", "--textured")
     assert [call["textured"] for call in rendered] == [True] * 4
     given, alone = written(work)["confidence_with_priors"], written(work)["confidence"]
@@ -97,9 +95,7 @@ def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [
-        ((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos that anyprobe shades"),
-    ],
+    [((*ASSETS, "--textured", "--path-traced"), "--textured: expected photos that anyprobe shades")],
 )
 def test_textured_objects_are_refused_where_they_cannot_be(work, command, arguments, words):
     before = snapshot(work)

@@ -83,12 +83,7 @@ def test_sidecar_with_a_number_that_is_none(command, light_path, work, number):
     done = command("export", light_path, "--to", "webxr")
     assert done.status == 0, done.err
     said = json.loads((work / "export" / "vase_webxr.json").read_text())
-    assert said["origin"] == {
-        "model": "m",
-        "confidence": None,
-        "warnings": ["a", None],
-        "response": {"sigma": None},
-    }
+    assert said["origin"] == {"model": "m", "confidence": None, "warnings": ["a", None], "response": {"sigma": None}}
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "not JSON", "[1]"])

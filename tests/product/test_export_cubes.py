@@ -39,10 +39,7 @@ def look_up(faces: np.ndarray, c: np.ndarray) -> np.ndarray:
         axis = max("xyz", key=lambda a: abs(part[a]))
         face = 2 * "xyz".index(axis) + (part[axis] < 0)
         s, t, over = TABLE[face]
-        place = [
-            (1 + (part[name[1]] if name[0] == "+" else -part[name[1]]) / abs(part[over])) / 2
-            for name in (s, t)
-        ]
+        place = [(1 + (part[name[1]] if name[0] == "+" else -part[name[1]]) / abs(part[over])) / 2 for name in (s, t)]
         column, row = (min(size - 1, int(p * size)) for p in place)
         out.append(faces[face, row, column])
     return np.array(out)
@@ -192,9 +189,7 @@ def test_dds_read_back(tmp_path):
     first = [np.frombuffer(face, "<f2", 32 * 32 * 4).reshape(32, 32, 4) for face in faces]
     np.testing.assert_allclose(np.array(first)[..., :3], cube_faces(radiance, 32), atol=1e-3)
     last = [np.frombuffer(face, "<f2")[-4:] for face in faces]
-    np.testing.assert_allclose(
-        np.array(last)[:, :3], box_mips(cube_faces(radiance, 32))[-1][:, 0, 0], atol=1e-3
-    )
+    np.testing.assert_allclose(np.array(last)[:, :3], box_mips(cube_faces(radiance, 32))[-1][:, 0, 0], atol=1e-3)
 
 
 def test_bc6h_read_back(tmp_path):

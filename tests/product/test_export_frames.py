@@ -37,9 +37,7 @@ def read_as(target: str, picture: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("target", LAYOUTS)
 def test_map_is_rolled_wrongly(target, tmp_path):
-    files = {
-        path.suffix: path for path in export(two_phase(), target, tmp_path) if "_ambient" not in path.name
-    }
+    files = {path.suffix: path for path in export(two_phase(), target, tmp_path) if "_ambient" not in path.name}
     picture = read_radiance(files[".hdr"] if ".hdr" in files else files[".exr"])
     d = probe_directions(200)
     assert_same_way_round(read_as(target, picture, d), d, degrees=0.5)
@@ -54,8 +52,7 @@ def test_mirrored_map_would_be_seen(target, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("target", "u"),
-    [(None, "0.5 + atan2(x, -z)"), ("blender", "0.5 - atan2(y, x)"), ("usd", "0.5 - atan2(x, z)")],
+    ("target", "u"), [(None, "0.5 + atan2(x, -z)"), ("blender", "0.5 - atan2(y, x)"), ("usd", "0.5 - atan2(x, z)")]
 )
 def test_header_says_how_the_map_lies(target, u, tmp_path):
     """envmap is the same in all of them, so that it cannot."""
@@ -90,9 +87,7 @@ def test_dominant_light_lies_elsewhere_than_its_emitter(target, tmp_path):
     """The sidecar's direction in the target's axes reads the emitter's pixel in the target's map."""
     radiance = np.full((32, 64, 3), 0.1, np.float32)
     radiance[9:11, 40:42] = (50, 40, 30)
-    name = next(
-        p for p in export(radiance, target, tmp_path) if p.suffix == ".json" and "estimate" not in p.name
-    )
+    name = next(p for p in export(radiance, target, tmp_path) if p.suffix == ".json" and "estimate" not in p.name)
     said = json.loads(name.read_text())
     d = np.array([said["primaryLightDirection"][axis] for axis in "xyz"])
     np.testing.assert_allclose(np.linalg.norm(d), 1, atol=1e-5)
@@ -123,10 +118,7 @@ def test_world_from_camera_turns_the_map_and_the_dominant_light(tmp_path):
 def test_exposure_doubles_everything(tmp_path):
     radiance = two_phase(16)
     once, twice = (
-        json.loads(
-            export(radiance, "webxr", tmp_path, f"at{ev}", exposure_ev=ev)[1].read_text(),
-        )
-        for ev in (0, 1)
+        json.loads(export(radiance, "webxr", tmp_path, f"at{ev}", exposure_ev=ev)[1].read_text()) for ev in (0, 1)
     )
     np.testing.assert_allclose(twice["sh"]["full"], 2 * np.array(once["sh"]["full"]), atol=1e-5)
     for axis in "xyz":

@@ -20,9 +20,7 @@ def room(emitter_share: float, direction=(0.3, 0.8, 0.5)) -> np.ndarray:
 
 def pair(alpha: float, emitter_share: float, indoor: bool = True):
     material = SimpleNamespace(alpha=alpha)
-    return SimpleNamespace(
-        material=material, specular=alpha < 0.5, indoor=indoor, radiance=room(emitter_share)
-    )
+    return SimpleNamespace(material=material, specular=alpha < 0.5, indoor=indoor, radiance=room(emitter_share))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
@@ -31,14 +29,7 @@ def test_the_share_of_a_emitter_is_what_it_sends(share):
 
 
 def test_every_pair_is_in_its_groups():
-    assert groups_of(pair(0.05, 0.6)) == {
-        "all",
-        "specular",
-        "indoor",
-        "alpha 0-0.1",
-        "one light",
-        "one light, shiny",
-    }
+    assert groups_of(pair(0.05, 0.6)) == {"all", "specular", "indoor", "alpha 0-0.1", "one light", "one light, shiny"}
     assert groups_of(pair(0.8, 0.6, indoor=False)) == {
         "all",
         "diffuse",

@@ -13,14 +13,7 @@ import warnings
 import numpy as np
 import OpenEXR
 import pytest
-from fuzz.seeds import (
-    endless_gif,
-    endless_jpeg,
-    endless_tiff,
-    hidden_hdr,
-    instanced_glb,
-    multipart_exr,
-)
+from fuzz.seeds import endless_gif, endless_jpeg, endless_tiff, hidden_hdr, instanced_glb, multipart_exr
 from PIL import Image
 
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
@@ -68,9 +61,7 @@ def test_a_comment_does_not_hide_the_size_of_a_map(tmp_path):
 
 
 def test_a_map_far_shorter_than_its_size_takes_no_memory(tmp_path, monkeypatch):
-    (tmp_path / "map.hdr").write_bytes(
-        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n" + bytes(99)
-    )
+    (tmp_path / "map.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n" + bytes(99))
     monkeypatch.setattr(np, "empty", lambda *_, **__: pytest.fail("allocated"))
     assert "whole rows" in refused(InvalidEnvironment, read_radiance, tmp_path / "map.hdr")
 
@@ -185,9 +176,7 @@ def test_reading_in_threads_leaves_the_filters_of_warnings_alone(photo_rgba):
     stream = io.BytesIO()
     Image.fromarray(photo_rgba).save(stream, format="PNG")
     before = list(warnings.filters)
-    threads = [
-        threading.Thread(target=lambda: [read_image(stream.getvalue()) for _ in range(40)]) for _ in range(8)
-    ]
+    threads = [threading.Thread(target=lambda: [read_image(stream.getvalue()) for _ in range(40)]) for _ in range(8)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -274,9 +263,7 @@ found.add(digest(Estimator()(photo, mask=photo[..., 3])))
 print(*found)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": blas}
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
-    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment)
     assert len(ended.stdout.split()) == 1, ended.stdout + ended.stderr
     seen = digests.setdefault("photo", ended.stdout)
     assert seen == ended.stdout

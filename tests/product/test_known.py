@@ -77,9 +77,7 @@ def test_normals_that_cannot_be_read_are_one_line(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(type(path), "open", denied)
-    with pytest.raises(
-        InputError, match="n.png: expected a normal map that can be read, got Permission denied"
-    ):
+    with pytest.raises(InputError, match="n.png: expected a normal map that can be read, got Permission denied"):
         read_normals(path, (HEIGHT, WIDTH))
 
 
@@ -105,13 +103,7 @@ def test_what_are_no_normals_is_refused_in_one_line(source, says):
 def test_a_normal_map_may_be_compressed_and_have_anything_beside_the_object(tmp_path, kind, beside):
     normals = sphere_map()
     on = np.abs(normals).sum(axis=-1) > 0
-    colors = {
-        "black": 0.0,
-        "grey": 0.5,
-        "white": 1.0,
-        "facing": (0.5, 0.5, 1.0),
-        "transparent": (1.0, 0.3, 0.9),
-    }
+    colors = {"black": 0.0, "grey": 0.5, "white": 1.0, "facing": (0.5, 0.5, 1.0), "transparent": (1.0, 0.3, 0.9)}
     picture = Image.fromarray(to_bytes(np.where(on[..., None], normals / 2 + 0.5, colors[beside])))
     if beside == "transparent":
         if kind == ".jpg":
@@ -189,8 +181,7 @@ def seen_sphere(position, fov_deg: float = 60.0, size: int = 200) -> tuple[np.nd
     """Mask and normals [S, S, 3] of the unit sphere at the origin as the rasteriser sees it from a position."""
     tan_half = float(np.tan(np.radians(fov_deg / 2)))
     surface = see(
-        sphere(128),
-        Camera(world_from_camera=np.eye(3), position=np.array(position), tan_half=tan_half, size=size),
+        sphere(128), Camera(world_from_camera=np.eye(3), position=np.array(position), tan_half=tan_half, size=size)
     )
     normals = np.zeros((size, size, 3), np.float32)
     normals[surface.mask] = surface.normals
@@ -235,9 +226,7 @@ def test_a_sphere_may_be_called_one():
 # Material
 
 
-def photo_of(
-    radiance: np.ndarray, material: Material, tan_half: float = 0.1
-) -> tuple[np.ndarray, np.ndarray]:
+def photo_of(radiance: np.ndarray, material: Material, tan_half: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
     """A sphere under a map: crop [128, 128, 4] and normals [64, 64, 3]."""
     normals, on = sphere_normals(64)
     picture = np.zeros((64, 64, 3), np.float32)

@@ -42,9 +42,7 @@ def proposal(monkeypatch, square) -> np.ndarray:
             return Proposal(cover=square, confidence=0.9)
 
     monkeypatch.setattr(find, "shared_network", Network)
-    monkeypatch.setattr(
-        find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0)
-    )
+    monkeypatch.setattr(find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0))
     sure = SimpleNamespace(expected_iou=lambda: 0.9, doubts=list)
     monkeypatch.setattr(find, "examine", lambda *asked: sure)
     return square
@@ -189,15 +187,9 @@ def make(folder: str, *names: str) -> Path:
 
 
 def test_a_longer_name_is_another_photos_mask(work):
-    masks = make(
-        "masks", "shot.0002.png", "shot.png", "pot.0001.png", "jar.JPG.png", "[a].0001.png", "[a].png"
-    )
+    masks = make("masks", "shot.0002.png", "shot.png", "pot.0001.png", "jar.JPG.png", "[a].0001.png", "[a].png")
     given = {"mask": masks, "depth": None}
-    for name, mask in {
-        "shot.jpg": "shot.png",
-        "shot.0002.jpg": "shot.0002.png",
-        "[a].jpg": "[a].png",
-    }.items():
+    for name, mask in {"shot.jpg": "shot.png", "shot.0002.jpg": "shot.0002.png", "[a].jpg": "[a].png"}.items():
         assert hints_for(Path(name), given)["mask"] == masks / mask
     assert hints_for(Path("jar.JPG"), given)["mask"] == masks / "jar.JPG.png"
     with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, found neither"):
@@ -220,7 +212,4 @@ def test_hidden_files_are_in_no_folder(tmp_path):
     for name in ("a10.PNG", "a2.png", "._a2.png", "._a10.PNG", "notes.txt"):
         (tmp_path / name).touch()
     assert [path.name for path in visible_files(tmp_path, [".png"])] == ["a2.png", "a10.PNG"]
-    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [
-        tmp_path / "a2.png",
-        tmp_path / "a10.PNG",
-    ]
+    assert MaskFollower({"mask": tmp_path}, {}, {})._files["mask"] == [tmp_path / "a2.png", tmp_path / "a10.PNG"]

@@ -275,9 +275,7 @@ def test_parts_are_those_that_touch(rng):
     for axis in (0, 1):
         near = [pattern.take(range(start, pattern.shape[axis] - 1 + start), axis) for start in (0, 1)]
         both = near[0] & near[1]
-        one, other = (
-            labels.take(range(start, pattern.shape[axis] - 1 + start), axis)[both] for start in (0, 1)
-        )
+        one, other = (labels.take(range(start, pattern.shape[axis] - 1 + start), axis)[both] for start in (0, 1))
         np.testing.assert_array_equal(one, other)
     assert label_parts(np.eye(5, dtype=bool))[1].tolist() == [20, 1, 1, 1, 1, 1]  # corners do not touch
     spiral = np.ones((9, 9), bool)
@@ -310,9 +308,7 @@ def test_a_part_of_an_object_has_its_colours_beside_it(part, apart):
     rows, columns = np.mgrid[0:120, 0:160]
     inside = np.hypot(columns - 80, rows - 60) < 35
     rng = np.random.default_rng(1)
-    rgb = np.where(inside[..., None], (0.8, 0.3, 0.2), (0.3, 0.4, 0.5)) + 0.03 * rng.normal(
-        size=(120, 160, 3)
-    )
+    rgb = np.where(inside[..., None], (0.8, 0.3, 0.2), (0.3, 0.4, 0.5)) + 0.03 * rng.normal(size=(120, 160, 3))
     mask = {"whole": inside, "half": inside & (columns < 80), "more": inside | (columns > 100)}[part]
     found = _apart(np.clip(rgb, 0, 1).astype(np.float32), mask.astype(np.float32))
     assert (found > 0.97) if apart == 1 else (found < apart)
@@ -339,9 +335,7 @@ def test_the_same_object_found_in_another_way_speaks_for_it(project_root):
     there = Cut(mask=true, loose=0.0, told_apart=1.0)
     corner = disc(*true.shape, 0.15 * true.shape[1], 0.15 * true.shape[0], 0.1 * true.shape[0])
     elsewhere = Cut(mask=corner, loose=0.0, told_apart=1.0)
-    right, wrong = (
-        examine(network, rgb, Proposal(cover=cut.mask, confidence=0.9), cut) for cut in (there, elsewhere)
-    )
+    right, wrong = (examine(network, rgb, Proposal(cover=cut.mask, confidence=0.9), cut) for cut in (there, elsewhere))
     assert right.mirrored > 0.6
     assert wrong.mirrored < 0.2
     assert right.edge > wrong.edge
@@ -461,8 +455,7 @@ def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, opti
 
 
 @pytest.mark.parametrize(
-    ("whole_iou", "off", "expected"),
-    [(0.9, (), "whole"), (0.3, (), "part"), (0.9, [(50, 30)], "part")],
+    ("whole_iou", "off", "expected"), [(0.9, (), "whole"), (0.3, (), "part"), (0.9, [(50, 30)], "part")]
 )
 def test_a_click_on_a_part_gets_the_whole_where_that_is_likelier(monkeypatch, whole_iou, off, expected):
     """The network alone finds the whole object, by the click a part of it; the better evidence counts, but never
@@ -480,9 +473,7 @@ def test_a_click_on_a_part_gets_the_whole_where_that_is_likelier(monkeypatch, wh
         return SimpleNamespace(expected_iou=lambda: likely, doubts=list)
 
     monkeypatch.setattr(find, "shared_network", Network)
-    monkeypatch.setattr(
-        find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0)
-    )
+    monkeypatch.setattr(find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0))
     monkeypatch.setattr(find, "examine", examined)
     photo = read_image(np.full((48, 64, 3), 128, np.uint8))
     found = find_mask(photo, click=(12, 12), click_off=off or None)

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.evaluate.metrics import (
-    color_angle_deg,
-    direction_error_deg,
-    power_ratio_stops,
-    psnr,
-    rmse,
-    si_rmse,
-    ssim,
-)
+from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops, psnr, rmse, si_rmse, ssim
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
 
@@ -131,9 +123,7 @@ def test_direction_error_loses_small_angles():
     assert direction_error_deg(a, -a) == pytest.approx(180)
     assert direction_error_deg([1, 0, 0], [0, 0, 2]) == pytest.approx(90)
     tiny = 1e-5
-    assert direction_error_deg([1, 0, 0], [math.cos(tiny), math.sin(tiny), 0]) == pytest.approx(
-        math.degrees(tiny)
-    )
+    assert direction_error_deg([1, 0, 0], [math.cos(tiny), math.sin(tiny), 0]) == pytest.approx(math.degrees(tiny))
 
 
 def test_power_ratio_counts_rows_alike(rng):

@@ -51,14 +51,10 @@ def test_a_sphere_beside_the_axis_has_the_normals_of_its_outline():
     assert not found[mask == 0].any()
 
 
-@pytest.mark.parametrize(
-    "frame", [np.diag([1.0, -1.0, -1.0]), np.diag([-1.0, 1.0, 1.0]), np.diag([-1.0, -1.0, 1.0])]
-)
+@pytest.mark.parametrize("frame", [np.diag([1.0, -1.0, -1.0]), np.diag([-1.0, 1.0, 1.0]), np.diag([-1.0, -1.0, 1.0])])
 def test_another_frame_s_axes_are_refused(frame):
     mask = sphere_mask()
-    with pytest.raises(
-        InputError, match=r"^normals: expected an estimator's in the camera's frame.*mend the axes$"
-    ):
+    with pytest.raises(InputError, match=r"^normals: expected an estimator's in the camera's frame.*mend the axes$"):
         estimated_normals(answering(frame), np.repeat(mask[..., None], 3, axis=-1), mask, 60.0)
 
 
@@ -97,9 +93,7 @@ def test_a_graph_and_its_spec(tmp_path):
     answer = open_normals_model(path)(np.full((50, 40, 3), [0.75, 0.25, 0.0], np.float32))
     assert answer.shape == (32, 32, 3)
     np.testing.assert_allclose(answer[10, 10], [0.5, 0.5, 1.0], atol=1e-6)
-    path = spec_of(
-        graph(tmp_path / "t.onnx", num_tokens=True), **OPENCV, inputs={"num_tokens": 3}, encoding="picture"
-    )
+    path = spec_of(graph(tmp_path / "t.onnx", num_tokens=True), **OPENCV, inputs={"num_tokens": 3}, encoding="picture")
     answer = open_normals_model(path)(np.full((50, 40, 3), 0.25, np.float32))
     np.testing.assert_allclose(answer[0, 0], [0.5, -0.5, -0.5], atol=1e-6)
 

@@ -80,9 +80,7 @@ def test_what_is_measured_above_white_comes_through_a_panorama(gain):
     shown, clipped, known = radiance_of(seen_from(merged_surroundings, turn, photo, gain))
     truth = rotate(radiance, turn.T) / gain
     np.testing.assert_allclose(shown[:, 20:], truth[:, 20:], rtol=2e-3, atol=2e-3)
-    np.testing.assert_allclose(
-        response(shown[:, :20]), np.broadcast_to([0.5, 0.4, 0.3], (64, 20, 3)), atol=1e-3
-    )
+    np.testing.assert_allclose(response(shown[:, :20]), np.broadcast_to([0.5, 0.4, 0.3], (64, 20, 3)), atol=1e-3)
     np.testing.assert_allclose(known, 1.0, atol=1e-5)
     assert not clipped.any()
     back = window(surroundings_of(truth.clip(0), cover, cover), np.eye(3), gain=0.5)
@@ -118,9 +116,7 @@ def test_a_photo_sees_the_panorama_in_its_own_frame():
     known = seen_from(whole, turn, own=None)
     truth = rotate(smooth_map(), turn.T)
     np.testing.assert_allclose(inverse_response(known[..., :3]), truth, atol=0.01)
-    np.testing.assert_allclose(
-        seen_from(whole, turn, None, gain=2.0)[..., :3], response(truth / 2), atol=0.01
-    )
+    np.testing.assert_allclose(seen_from(whole, turn, None, gain=2.0)[..., :3], response(truth / 2), atol=0.01)
     own = np.zeros_like(whole)
     own[:, :50] = [0.9, 0.8, 0.7, 1.0]
     mixed = seen_from(whole, turn, own)
@@ -181,9 +177,7 @@ def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
 
 def test_exposures_that_photos_tell_are_made_one_there_too(estimator):
     exposures = (1.0, 0.5)
-    photos = [
-        replace(take(pose, light), exposure=light) for pose, light in zip(POSES, exposures, strict=False)
-    ]
+    photos = [replace(take(pose, light), exposure=light) for pose, light in zip(POSES, exposures, strict=False)]
     light = estimator.multiview(photos, POSES[:2])
     truth, seen = rotate(smooth_map(), POSES[0].T), shown_by(POSES[1:2], POSES[0])
     np.testing.assert_allclose(np.median(light.radiance[seen] / truth[seen]), 1.0, atol=0.02)
@@ -204,16 +198,7 @@ def test_the_command_gathers_what_photos_show(command, tmp_path):
         Image.fromarray(np.dstack([photo, mask])).save(tmp_path / f"{k}.png")
         names.append(tmp_path / f"{k}.png")
     (tmp_path / "poses.json").write_text(json.dumps([pose.tolist() for pose in POSES]))
-    order = (
-        "estimate",
-        *names,
-        "--poses",
-        tmp_path / "poses.json",
-        "--surroundings",
-        "photo",
-        "--fov",
-        FOV_DEG,
-    )
+    order = ("estimate", *names, "--poses", tmp_path / "poses.json", "--surroundings", "photo", "--fov", FOV_DEG)
     done = command(*order, "-o", tmp_path / "light", "--json", "-q")
     assert done.status == 0, done.err
     assert json.loads(done.out)["priors"]["surroundings"] > 0.1
@@ -242,9 +227,7 @@ def test_a_clip_gathers_what_its_frames_have_shown(given, tmp_path, estimator):
 
     def run(folder, stop_at=None):
         follower = MaskFollower({"mask": tmp_path / "masks"}, {}, {"fov_deg": FOV_DEG}, surroundings_map)
-        clip = ClipRun(
-            open_clip(tmp_path / "clip.mp4"), folder, estimator, follower, {}, exr=True, poses=poses
-        )
+        clip = ClipRun(open_clip(tmp_path / "clip.mp4"), folder, estimator, follower, {}, exr=True, poses=poses)
 
         def watch(done):
             if done == stop_at:

@@ -95,14 +95,7 @@ def test_mask_kinds_agree(tmp_path):
     Image.fromarray(soft > 0.5).save(tmp_path / "bit.png")
     hard = soft > 0.5
     clear = np.abs(soft - 0.5) > 0.1  # compression may tip the edge itself
-    sources = [
-        *sorted(tmp_path.iterdir()),
-        str(tmp_path / "grey.png"),
-        Image.fromarray(grey),
-        grey,
-        soft,
-        hard,
-    ]
+    sources = [*sorted(tmp_path.iterdir()), str(tmp_path / "grey.png"), Image.fromarray(grey), grey, soft, hard]
     sources += [hard.astype(np.uint8), hard.astype(np.int64), hard.astype(np.float64)]
     for source in sources:
         mask = mask_from_file(source, (120, 200))

@@ -121,9 +121,7 @@ def test_manifest_says_whose_each_file_is(fetch, site):
         assert row["split"] == "train"
     assert rows["meadow"]["authors"] == "Ada Light, Bo Dark"
     assert rows["meadow"]["url"] == site.url + SMALL["hdr"].format("meadow")
-    categories = {
-        slug: rows[slug]["category"] for slug in ("old_hall", "new_room", "white_studio_01", "roof")
-    }
+    categories = {slug: rows[slug]["category"] for slug in ("old_hall", "new_room", "white_studio_01", "roof")}
     assert list(categories.values()) == ["indoor", "indoor", "studio", "outdoor"]
     assert rows["ArmChair_01"]["category"] == "Seating/Chairs"
     assert allows_commercial_use(LICENCE)
@@ -138,10 +136,7 @@ def test_model_keeps_its_triangles_and_needs_no_other_file(fetch, site):
     np.testing.assert_allclose(mesh.positions[np.lexsort(mesh.positions.T)], expected[np.lexsort(expected.T)])
     volume = np.linalg.det(mesh.positions[mesh.faces].astype(float)).sum()
     assert volume > 0  # still counter-clockwise from outside
-    assert site.paths("/file/") == [
-        "/file/gltf/1k/ArmChair_01_1k.gltf",
-        "/file/gltf/8k/ArmChair_01/my shape.bin",
-    ]
+    assert site.paths("/file/") == ["/file/gltf/1k/ArmChair_01_1k.gltf", "/file/gltf/8k/ArmChair_01/my shape.bin"]
     packed = (fetch.to / "meshes/train/ArmChair_01.glb").read_bytes()
     assert b"NORMAL" not in packed
     assert b"textures" not in packed
@@ -282,16 +277,7 @@ def test_split_is_a_function_of_the_slug_that_only_grows():
     assert held[0.1] < held[0.3]
     assert 0.08 < len(held[0.1]) / len(slugs) < 0.12
     # for ever: another hash would put what old runs held out into training
-    slugs = [
-        "beach",
-        "cave_wall",
-        "meadow",
-        "old_hall",
-        "roof",
-        "rural_road",
-        "studio_small_01",
-        "venice_sunset",
-    ]
+    slugs = ["beach", "cave_wall", "meadow", "old_hall", "roof", "rural_road", "studio_small_01", "venice_sunset"]
     assert [slug for slug in slugs if split_of(slug, 0.1) == "test"] == ["beach", "meadow", "rural_road"]
 
 
@@ -345,9 +331,7 @@ def test_other_changes_of_an_asset_do_not_fetch_it_again(fetch, site):
     site.add_map("meadow", {"1k/hdr": site.bodies[SMALL["hdr"].format("beach")]}, categories=["outdoor"])
     assert fetch("--split", 0).status == 0
     assert site.paths("/file/") == [SMALL["hdr"].format("meadow")]
-    assert (fetch.to / "hdri/train/meadow.hdr").read_bytes() == (
-        fetch.to / "hdri/train/beach.hdr"
-    ).read_bytes()
+    assert (fetch.to / "hdri/train/meadow.hdr").read_bytes() == (fetch.to / "hdri/train/beach.hdr").read_bytes()
     fetch("--split", 0)
     assert len(site.paths()) == 2
 
@@ -466,9 +450,7 @@ def test_others_go_on_when_some_fail(fetch, site):
     site.faults["/files/meadow"] = [Fault(body=b"<html>log in</html>")]
     site.faults["/files/old_hall"] = [Fault(status=502)] * download.ATTEMPTS
     site.files["roof"]["hdri"]["1k"]["hdr"]["md5"] = "0" * 32
-    site.files["new_room"] = {
-        "hdri": {"1k": {"hdr": {"url": "file:///etc/hosts", "md5": "0" * 32, "size": 9}}}
-    }
+    site.files["new_room"] = {"hdri": {"1k": {"hdr": {"url": "file:///etc/hosts", "md5": "0" * 32, "size": 9}}}}
     outcome = fetch("--type", "hdris", "--split", 0)
     assert outcome.status == 2
     complaints = [line for line in outcome.err.splitlines() if line.startswith("anyprobe: ")]
@@ -497,10 +479,7 @@ def test_map_that_training_would_refuse_is_not_kept(fetch, site):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (
-            lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]),
-            "needs KHR_draco_mesh_compression",
-        ),
+        (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "needs KHR_draco_mesh_compression"),
         (lambda d: d["accessors"][2].update(count=10**8), "expected at most 5,000,000 faces"),
         (lambda d: d["bufferViews"][1].update(byteLength=10**6), "do not fit together"),
         (lambda d: d["buffers"][0].update(uri="other.bin"), "needs other.bin, which the API does not list"),

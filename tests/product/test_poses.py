@@ -24,17 +24,9 @@ def test_tiff_on_its_side_whether_pillow_turned_its_size_or_not(size):
 
 def test_names_of_other_systems_are_found(tmp_path):
     """file_path with Windows' separators, and what one takes for a drive or a share."""
-    paths = [
-        "images\\frame_1.jpg",
-        "C:\\clip\\images\\frame_2.jpg",
-        ".\\frame_3",
-        "//images/frame_4.jpg",
-        "a:b.jpg",
-    ]
+    paths = ["images\\frame_1.jpg", "C:\\clip\\images\\frame_2.jpg", ".\\frame_3", "//images/frame_4.jpg", "a:b.jpg"]
     turns = [rotation_y(0.1 * k) for k in range(5)]
-    frames = [
-        {"file_path": p, "transform_matrix": turn.tolist()} for p, turn in zip(paths, turns, strict=True)
-    ]
+    frames = [{"file_path": p, "transform_matrix": turn.tolist()} for p, turn in zip(paths, turns, strict=True)]
     (tmp_path / "poses.json").write_text(json.dumps({"frames": frames}))
     poses = read_poses(tmp_path / "poses.json")
     photos = [Path(f"photos/{name}.jpg") for name in ("a:b", "frame_4", "frame_3", "frame_2", "frame_1")]

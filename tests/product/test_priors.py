@@ -35,9 +35,7 @@ def test_what_is_told_is_all_that_differs(models):
     np.testing.assert_array_equal(run_with_priors(models, pair, set()).radiance, plain.radiance)
     normals = models(pair.crop, pair.tan_half, true_normals(pair))
     np.testing.assert_array_equal(answers["normals"].radiance, normals.radiance)
-    np.testing.assert_allclose(
-        answers["normals"].normals[20:40, 20:40], true_normals(pair)[20:40, 20:40], atol=1e-4
-    )
+    np.testing.assert_allclose(answers["normals"].normals[20:40, 20:40], true_normals(pair)[20:40, 20:40], atol=1e-4)
     for name, told in (("material", None), ("normals and material", true_normals(pair))):
         before = models(pair.crop, pair.tan_half, told, None, pair.material)
         assert np.abs(before.radiance - (plain if told is None else normals).radiance).max() > 0.01
@@ -50,15 +48,10 @@ def test_what_is_told_is_all_that_differs(models):
 
 
 def test_only_a_model_that_lifts_is_given_normals():
-    rows = {
-        name: list(model_methods(Models(name), name, hints))
-        for name, hints in (("lift", True), ("paper", False))
-    }
+    rows = {name: list(model_methods(Models(name), name, hints)) for name, hints in (("lift", True), ("paper", False))}
     assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in PRIORS)]
     assert rows["paper"] == ["paper"]
     pair, methods = sphere_pair(3), model_methods(Models(), "lift", priors=True)
-    alone, given, spread = (
-        methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected")
-    )
+    alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected"))
     assert (alone.radiance != given.radiance).any()
     assert spread.radiance.max() < alone.radiance.max()

@@ -13,12 +13,7 @@ import pytest
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.exr import read_exr
-from anyprobe.files.radiance import (
-    map_attributes,
-    read_radiance,
-    write_exr,
-    write_hdr,
-)
+from anyprobe.files.radiance import map_attributes, read_radiance, write_exr, write_hdr
 
 
 def draw_map(height: int, seed: int = 0) -> np.ndarray:
@@ -229,11 +224,7 @@ def test_exr_damaged(tmp_path):
 
 @pytest.mark.parametrize(
     ("pixels", "word"),
-    [
-        (np.full((8, 16, 3), np.nan), "NaN"),
-        (np.full((8, 16, 3), -1.0), ">= 0"),
-        (np.ones((8, 8, 3)), "2 x height"),
-    ],
+    [(np.full((8, 16, 3), np.nan), "NaN"), (np.full((8, 16, 3), -1.0), ">= 0"), (np.ones((8, 8, 3)), "2 x height")],
 )
 def test_exr_with_unusable_values(tmp_path, pixels, word):
     OpenEXR.File({}, {"RGB": pixels.astype(np.float32)}).write(str(tmp_path / "map.exr"))

@@ -97,15 +97,12 @@ def test_object_stands_beside_on_the_same_row(center_x, side):
 @pytest.mark.parametrize("size", [0.8, 4.0])
 def test_border_cuts_off_only_what_was_put_there(diameter, where, stretch, size):
     middle = [
-        diameter / 2 + 1 + share * (side - diameter - 2)
-        for share, side in zip(where, (WIDTH, HEIGHT), strict=True)
+        diameter / 2 + 1 + share * (side - diameter - 2) for share, side in zip(where, (WIDTH, HEIGHT), strict=True)
     ]
     photo = load_photo(sphere_photo(tuple(map(int, middle)), diameter, HEIGHT, WIDTH))
     unit_sphere = sphere(24)
     mesh = Mesh(
-        positions=unit_sphere.positions * np.array(stretch),
-        faces=unit_sphere.faces,
-        normals=unit_sphere.normals,
+        positions=unit_sphere.positions * np.array(stretch), faces=unit_sphere.faces, normals=unit_sphere.normals
     )
     stage = Stage(photo, mesh, Arrangement(size=size))
     pixels = stage.view.pixels(stage.placement.mesh.positions)
@@ -321,10 +318,7 @@ def test_shadow_lies_away_from_the_emitter(photo):
     stage = Stage(photo, sphere(24), Arrangement(at=(140, 130), size=0.6, pitch_deg=25))
     darker = stage.shadow(made_map())
     offset = 1.4 * stage.placement.radius * np.array([1.0, 0, 0])
-    right, left = (
-        darker.at(stage.placement.foot[None] + offset),
-        darker.at(stage.placement.foot[None] - offset),
-    )
+    right, left = (darker.at(stage.placement.foot[None] + offset), darker.at(stage.placement.foot[None] - offset))
     assert right.mean() < left.mean() - 0.2
 
 

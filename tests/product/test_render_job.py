@@ -106,10 +106,9 @@ def wait_for(true, running: subprocess.Popen | None = None) -> None:
 
 def in_work(folder: Path) -> bool:
     """Two shards done, two half-way: where DRAWN_STOP=12 ends."""
-    return {path.name for path in folder.glob("shard-*.json")} == {
-        "shard-000000.json",
-        "shard-000001.json",
-    } and (len(list(folder.glob(".shard-*.tar"))) == 2)
+    return {path.name for path in folder.glob("shard-*.json")} == {"shard-000000.json", "shard-000001.json"} and (
+        len(list(folder.glob(".shard-*.tar"))) == 2
+    )
 
 
 def alive(group: int) -> list[int]:
@@ -137,9 +136,7 @@ def test_dataset_holds_every_recipe_of_its_plan_once_in_order(rendered):
     assert [key for key, _ in found] == [renderer.recipe(index).key for index in range(23)]
     for index, (_, parts) in enumerate(found):
         assert parts == renderer.sample(renderer.recipe(index)).parts
-    assert names(rendered) == {"dataset.json"} | {
-        f"shard-00000{n}.{s}" for n in range(5) for s in ("tar", "json")
-    }
+    assert names(rendered) == {"dataset.json"} | {f"shard-00000{n}.{s}" for n in range(5) for s in ("tar", "json")}
 
 
 def test_plan_says_what_it_is_made_of(rendered):
@@ -323,9 +320,7 @@ def test_ctrl_c_says_how_to_go_on(start, rendered, tmp_path):
 
 
 @pytest.mark.parametrize("deaths", [2, 3])
-def test_dead_worker_is_reported_and_its_shard_done_again(
-    tmp_path, rendered, drawn_command, monkeypatch, deaths
-):
+def test_dead_worker_is_reported_and_its_shard_done_again(tmp_path, rendered, drawn_command, monkeypatch, deaths):
     """Pair 12 kills whoever renders it; the third time the command gives up, all else stays."""
     counter = tmp_path / "deaths"
     counter.write_text(str(deaths))
@@ -502,9 +497,7 @@ def test_bad_wishes_are_refused_and_leave_nothing(drawn_command, tmp_path):
     assert not folder.exists()
 
 
-@pytest.mark.parametrize(
-    "damage", ["{", "[]", "{}", '{"format": 9}', '{"format": 2, "pairs": 0, "shard_size": 5}']
-)
+@pytest.mark.parametrize("damage", ["{", "[]", "{}", '{"format": 9}', '{"format": 2, "pairs": 0, "shard_size": 5}'])
 def test_damaged_plan_is_refused(whole, drawn_command, damage):
     (whole / "dataset.json").write_text(damage)
     for verb in (("status", whole), ("verify", whole), ("render", whole, "--resume")):
@@ -602,14 +595,7 @@ def test_status_counts_what_the_pairs_say(whole, drawn_command):
     assert sum(counts.values()) == 2 * 10
     size = sum(shards.tar_path(whole, n).stat().st_size for n in (0, 3))
     del found["groups"]
-    assert found == {
-        "shards": 5,
-        "shards_done": 2,
-        "pairs": 23,
-        "pairs_done": 10,
-        "bytes": size,
-        "missing": [1, 2, 4],
-    }
+    assert found == {"shards": 5, "shards_done": 2, "pairs": 23, "pairs_done": 10, "bytes": size, "missing": [1, 2, 4]}
     printed = drawn_command("status", whole).out
     assert "shards 2 of 5" in printed
     assert f"specular {counts['specular']}, diffuse {counts['diffuse']}" in printed
@@ -710,6 +696,4 @@ def test_pairs_to_render_again_are_drawn_from_all(whole):
         tried.update(numbers)
     assert set(tried) <= {*range(5), *range(10, 15), *range(20, 23)}
     assert len(tried) > 10
-    assert (
-        np.sum([len(group) for _, group in render_job.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5
-    )
+    assert np.sum([len(group) for _, group in render_job.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5

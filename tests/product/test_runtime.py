@@ -13,15 +13,7 @@ from support.some_pair import sphere_pair
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, ModelError
 from anyprobe.estimate import runtime
-from anyprobe.estimate.runtime import (
-    CONTRACT,
-    EXPECTED,
-    STAGES,
-    Models,
-    file_hashes,
-    model_id,
-    weights_folder,
-)
+from anyprobe.estimate.runtime import CONTRACT, EXPECTED, STAGES, Models, file_hashes, model_id, weights_folder
 from anyprobe.light.environment import integral
 
 MAX_WEIGHTS_BYTES = 40 * 2**20
@@ -160,9 +152,7 @@ def test_other_emitters_are_asked_of_the_same_sessions():
 def test_emitters_that_are_not_known_are_refused():
     with pytest.raises(InputError, match="emitters 'bright': expected one of mode, expected"):
         Models(emitters="bright")
-    with pytest.raises(
-        InputError, match="emitters expected: expected a model that estimates .* got paper; use lift"
-    ):
+    with pytest.raises(InputError, match="emitters expected: expected a model that estimates .* got paper; use lift"):
         Models("paper", emitters=EXPECTED)
 
 

@@ -54,9 +54,7 @@ def test_a_saved_light_is_opened_again(light, tmp_path, kind, turn):
     assert again.confidence is None
     alike = {"sh9", "dominant_light", "confidence", "map_from_camera"}
     given, before = again.sidecar(), light.sidecar()
-    assert {key: given[key] for key in given.keys() - alike} == {
-        key: before[key] for key in before.keys() - alike
-    }
+    assert {key: given[key] for key in given.keys() - alike} == {key: before[key] for key in before.keys() - alike}
 
 
 def test_a_map_without_its_sidecar_is_a_light(light, tmp_path):
@@ -82,9 +80,7 @@ def test_a_light_of_the_page_is_opened(light, tmp_path):
 
 
 def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
-    answers = pytest.importorskip(
-        "anyprobe.serve.answers", reason="needs the serve extra", exc_type=ImportError
-    )
+    answers = pytest.importorskip("anyprobe.serve.answers", reason="needs the serve extra", exc_type=ImportError)
     path = light.save(tmp_path / "vase.exr")
     answer = answers.light_json(light, frozenset({"radiance", "stages"}), None)
     (tmp_path / "vase.json").write_text(json.dumps(answer))
@@ -95,9 +91,7 @@ def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):
 def test_a_photo_may_be_called_ambient(light, tmp_path, own):
     """vase_ambient.exr is an export's second map only where no photo of this name has a .json."""
     light.save(tmp_path / "vase.json")
-    other = anyprobe.Light(
-        radiance=light.radiance, well_exposed_fraction=0.25, info={"photo": "vase_ambient.png"}
-    )
+    other = anyprobe.Light(radiance=light.radiance, well_exposed_fraction=0.25, info={"photo": "vase_ambient.png"})
     path = other.save(tmp_path / "vase_ambient.exr")
     if own:
         other.save(tmp_path / "vase_ambient.json")
@@ -155,16 +149,7 @@ def test_a_turned_light_relights_as_it_did(command, work, kind, turn):
     pictures = {}
     for name, one in (("straight", light), ("turned", light.rotate(TURNS[turn]))):
         one.save(work / f"{name}.{kind}")
-        call = (
-            "relight",
-            "sphere.png",
-            "--light",
-            f"{name}.{kind}",
-            "--renderer",
-            "own",
-            "--insert-material",
-            "matte",
-        )
+        call = ("relight", "sphere.png", "--light", f"{name}.{kind}", "--renderer", "own", "--insert-material", "matte")
         done = command(*call, "-o", f"{name}.png", "-q")
         assert done.status == 0, done.err
         with Image.open(work / f"{name}.png") as picture:
@@ -194,9 +179,7 @@ def test_a_hdr_says_itself_that_it_lies_otherwise(tmp_path):
     """Without the .json beside it."""
     frame = "right-handed, +X right, +Y up, -Z in front; u = 0.5 + atan2(z, x) / 2 pi, v = acos(y) / pi"
     write_hdr(tmp_path / "a.hdr", two_phase(16), attributes={"frame": frame})
-    with pytest.raises(
-        anyprobe.InputError, match=r"front in its centre, got one with u = 0\.5 \+ atan2\(z, x\)"
-    ):
+    with pytest.raises(anyprobe.InputError, match=r"front in its centre, got one with u = 0\.5 \+ atan2\(z, x\)"):
         check_front(tmp_path / "a.hdr")
     check_front(anyprobe.Light(radiance=two_phase(16)).save(tmp_path / "b.hdr"))
     anyprobe.Light(radiance=two_phase(16)).export("three", tmp_path, "c")
@@ -217,9 +200,7 @@ def test_an_export_says_how_the_light_was_turned_before(command, light, work):
     call = ("export", saved, "--to", "webxr", "-o", "further", "-q", "--world-from-camera", "0,20")
     assert command(*call).status == 0
     said = json.loads((work / "further" / "l_webxr.json").read_text())
-    np.testing.assert_allclose(
-        said["world_from_camera"], world_from_camera(0, np.radians(20)) @ TURN, atol=1e-5
-    )
+    np.testing.assert_allclose(said["world_from_camera"], world_from_camera(0, np.radians(20)) @ TURN, atol=1e-5)
     light.export("webxr", "out", "straight")
     assert "map_from_camera" not in json.loads((work / "out" / "straight_webxr.json").read_text())["origin"]
 

@@ -75,11 +75,7 @@ def write_sam(folder, second: bool, preprocessed: bool = False) -> None:
         *(("Identity", ["features"], [name], {}) for name in outputs),
     ]
     write_graph(
-        folder / "small.encoder.onnx",
-        nodes,
-        {"image": shape},
-        {name: [1, 1, 256, 256] for name in outputs},
-        rows,
+        folder / "small.encoder.onnx", nodes, {"image": shape}, {name: [1, 1, 256, 256] for name in outputs}, rows
     )
     inputs = dict.fromkeys(outputs, [1, 1, 256, 256]) | {
         "point_coords": [1, None, 2],
@@ -131,9 +127,7 @@ def write_sam(folder, second: bool, preprocessed: bool = False) -> None:
     ("second", "preprocessed"), [(False, False), (False, True), (True, False)], ids=["sam", "sam-hwc", "sam2"]
 )
 @pytest.mark.parametrize("size", [(HEIGHT, WIDTH), (WIDTH, HEIGHT)])
-def test_sam_answers_where_the_prompt_is_whatever_the_photos_shape(
-    tmp_path, photo, second, preprocessed, size
-):
+def test_sam_answers_where_the_prompt_is_whatever_the_photos_shape(tmp_path, photo, second, preprocessed, size):
     write_sam(tmp_path / "sam", second, preprocessed)
     turned = photo if size == (HEIGHT, WIDTH) else photo.transpose(1, 0, 2)
     area = OBJECT if turned is photo else OBJECT[::-1]
@@ -149,9 +143,7 @@ def test_sam_answers_where_the_prompt_is_whatever_the_photos_shape(
 def test_sam_keeps_the_photos_shape_and_sam2_does_not(tmp_path, photo, monkeypatch, second, seen):
     write_sam(tmp_path / "sam", second)
     shapes, encode = [], Sam._encode
-    monkeypatch.setattr(
-        Sam, "_encode", lambda sam, picture: shapes.append(picture.shape) or encode(sam, picture)
-    )
+    monkeypatch.setattr(Sam, "_encode", lambda sam, picture: shapes.append(picture.shape) or encode(sam, picture))
     Sam(str(tmp_path / "sam")).segment(photo, [(90, 45)], [], None)
     assert shapes == [seen]
 
@@ -170,9 +162,7 @@ def test_sam_without_a_prompt_is_asked_with_our_networks_box(tmp_path, photo, mo
 
     class Network:
         propose = staticmethod(lambda *prompts: find.as_proposal(cover))
-        look = staticmethod(
-            lambda rgb, window, *prompts: find.as_proposal(window.cut_photo(cover).astype(float))
-        )
+        look = staticmethod(lambda rgb, window, *prompts: find.as_proposal(window.cut_photo(cover).astype(float)))
 
     monkeypatch.setattr(find, "shared_network", Network)
     found = find.find_mask(read_image(photo), segmenter=Asked(str(tmp_path / "sam")))
@@ -250,9 +240,7 @@ class Plugged:
 
 def plug(monkeypatch, load) -> None:
     entry = SimpleNamespace(name="mine", load=load)
-    monkeypatch.setattr(
-        segmenters, "entry_points", lambda group: [entry] if group == segmenters.GROUP else []
-    )
+    monkeypatch.setattr(segmenters, "entry_points", lambda group: [entry] if group == segmenters.GROUP else [])
 
 
 def test_a_plug_in_is_found_by_name_and_gets_its_argument(monkeypatch, photo):

@@ -63,22 +63,14 @@ def test_body_or_form_give_the_same_light_as_the_package(client, estimator, phot
         given = answer.json()
         found = np.frombuffer(base64.b64decode(given["radiance"]["base64"]), "<f4")
         assert given["radiance"]["shape"] == list(expected.radiance.shape)
-        np.testing.assert_allclose(
-            found.reshape(expected.radiance.shape), expected.radiance, rtol=1e-3, atol=1e-3
-        )
-        np.testing.assert_allclose(
-            given["dominant_light"]["direction"], expected.dominant_light().direction, atol=1e-2
-        )
+        np.testing.assert_allclose(found.reshape(expected.radiance.shape), expected.radiance, rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(given["dominant_light"]["direction"], expected.dominant_light().direction, atol=1e-2)
     assert form.json()["photo"] == "sphere.jpg"
     assert form.json()["fov_source"] == "given"
 
 
-@pytest.mark.parametrize(
-    ("accept", "suffix"), [("image/x-exr", "exr"), ("image/vnd.radiance;q=0.9, text/html", "hdr")]
-)
-def test_map_comes_in_the_format_that_is_accepted(
-    client, estimator, photo, photo_rgba, tmp_path, accept, suffix
-):
+@pytest.mark.parametrize(("accept", "suffix"), [("image/x-exr", "exr"), ("image/vnd.radiance;q=0.9, text/html", "hdr")])
+def test_map_comes_in_the_format_that_is_accepted(client, estimator, photo, photo_rgba, tmp_path, accept, suffix):
     path = tmp_path / f"map.{suffix}"
     path.write_bytes(client.post("/v1/estimate", content=photo, headers={"Accept": accept}).content)
     np.testing.assert_allclose(read_radiance(path), estimator(photo_rgba).radiance, rtol=0.01, atol=0.01)
@@ -132,9 +124,7 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         assert sphere.json()["priors"] == {"normals": True}
     opaque, mask = as_png(photo_rgba[..., :3]), as_png(photo_rgba[..., 3])
     seen = client.post(
-        "/v1/estimate",
-        files={"photo": ("b.png", opaque), "mask": ("m.png", mask)},
-        data={"surroundings": "photo"},
+        "/v1/estimate", files={"photo": ("b.png", opaque), "mask": ("m.png", mask)}, data={"surroundings": "photo"}
     )
     assert 0 < seen.json()["priors"]["surroundings"] < 0.2
     panorama = np.random.default_rng(0).integers(0, 255, (64, 128, 3), np.uint8)
@@ -150,9 +140,7 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
     assert answer["emitters"] == "expected"
     packed = answer["radiance"]
     radiance = np.frombuffer(base64.b64decode(packed["base64"]), "<f4").reshape(packed["shape"])
-    np.testing.assert_allclose(
-        radiance, estimator.with_emitters("expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5
-    )
+    np.testing.assert_allclose(radiance, estimator.with_emitters("expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5)
     assert client.post("/v1/estimate", content=photo).json()["emitters"] == "mode"
 
 
@@ -176,9 +164,7 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
     ],
 )
 def test_what_cannot_be_used_is_named_in_one_line(client, photo, query, body, word):
-    assert word in complaint(
-        client.post(f"/v1/estimate{query}", content=photo if body is None else body), 422
-    )
+    assert word in complaint(client.post(f"/v1/estimate{query}", content=photo if body is None else body), 422)
 
 
 def test_too_many_bytes_are_refused_by_their_announcement_and_by_their_count(client):
@@ -397,9 +383,7 @@ def test_pages_of_other_origins_are_kept_out(client, estimator, photo):
     # over plain http to another machine a browser sends Origin alone
     for origin in ("http://elsewhere.example", "null"):
         complaint(client.post("/v1/estimate", content=photo, headers={"Origin": origin}), 403)
-    assert (
-        client.post("/v1/estimate", content=photo, headers={"Origin": "http://testserver"}).status_code == 200
-    )
+    assert client.post("/v1/estimate", content=photo, headers={"Origin": "http://testserver"}).status_code == 200
     answer = client.get("/healthz", headers={"Origin": "https://elsewhere.example"})
     assert "access-control-allow-origin" not in answer.headers
     with TestClient(create_app(estimator, LIMITS, origins=["https://elsewhere.example"])) as opened:

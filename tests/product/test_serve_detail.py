@@ -82,10 +82,7 @@ def test_a_map_gets_detail_by_its_confidence_and_keeps_its_harmonics(client, tmp
     estimate = np.maximum(blur_cosine_power(reduced(place(3), 64), 30.0), 0.0)
     confidence = np.zeros((64, 128, 3), np.float32)
     confidence[:20] = 1.0
-    for given, said in (
-        ({}, None),
-        ({"confidence": ("c.exr", exr(confidence, tmp_path))}, confidence[..., 0]),
-    ):
+    for given, said in (({}, None), ({"confidence": ("c.exr", exr(confidence, tmp_path))}, confidence[..., 0])):
         files = {"photo": ("map.exr", exr(estimate, tmp_path)), **given}
         answer = client.post("/v1/detail?size=128&format=hdr", files=files)
         assert answer.status_code == 200, answer.text
@@ -93,9 +90,7 @@ def test_a_map_gets_detail_by_its_confidence_and_keeps_its_harmonics(client, tmp
         fine = read_radiance(tmp_path / "fine.hdr")
         expected = Light(radiance=estimate, confidence=said).with_detail(size=128)
         np.testing.assert_allclose(fine, expected.radiance, rtol=0.02, atol=0.01)
-        np.testing.assert_allclose(
-            project(fine), project(estimate), atol=5e-3 * np.abs(project(estimate)).max()
-        )
+        np.testing.assert_allclose(project(fine), project(estimate), atol=5e-3 * np.abs(project(estimate)).max())
         assert expected.info["detail"]["from"] in map_attributes(tmp_path / "fine.hdr")["detail"]
 
 

@@ -240,11 +240,7 @@ def test_errors_come_back_as_they_are(lane):
 
 @pytest.mark.parametrize(
     ("address", "body"),
-    [
-        ("photo", multipart_exr(64, 9000)),
-        ("export/cube", hidden_hdr(8192, 16384)),
-        ("photo", hidden_hdr(8192, 16384)),
-    ],
+    [("photo", multipart_exr(64, 9000)), ("export/cube", hidden_hdr(8192, 16384)), ("photo", hidden_hdr(8192, 16384))],
     ids=["exr", "map", "hdr"],
 )
 def test_bombs_are_refused_by_what_they_would_be_decoded_to(estimator, address, body):
@@ -264,10 +260,7 @@ def test_a_plain_photo_does_not_wait_behind_slow_files(estimator, photo, monkeyp
 
     monkeypatch.setattr(Lane, "call", call)
     with TestClient(create_app(estimator, Limits(workers=2))) as client:
-        slow = [
-            threading.Thread(target=client.post, args=("/v1/photo",), kwargs={"content": b"#?x"})
-            for _ in "abcd"
-        ]
+        slow = [threading.Thread(target=client.post, args=("/v1/photo",), kwargs={"content": b"#?x"}) for _ in "abcd"]
         for thread in slow:
             thread.start()
         assert started.wait(30)
@@ -310,13 +303,7 @@ def test_a_token_is_made_where_other_machines_come_in():
 
 @pytest.mark.parametrize(
     ("host", "status"),
-    [
-        ("192.168.1.7:8000", 200),
-        ("[fe80::1]:8000", 200),
-        ("probe.lan", 200),
-        ("PROBE.lan:1", 200),
-        ("other.lan", 400),
-    ],
+    [("192.168.1.7:8000", 200), ("[fe80::1]:8000", 200), ("probe.lan", 200), ("PROBE.lan:1", 200), ("other.lan", 400)],
 )
 def test_beyond_the_loopback_addresses_and_own_names_are_let_in(estimator, host, status):
     with TestClient(create_app(estimator, hosts=["probe.lan"], addresses=True)) as client:
@@ -332,9 +319,7 @@ def test_head_is_answered_without_a_body(estimator):
         assert client.head("/v1/estimate").status_code == 405
 
 
-@pytest.mark.parametrize(
-    ("address", "twice"), [("estimate", "photo"), ("estimate", "mask"), ("fuse", "poses")]
-)
+@pytest.mark.parametrize(("address", "twice"), [("estimate", "photo"), ("estimate", "mask"), ("fuse", "poses")])
 def test_a_part_that_counts_once_is_not_taken_twice(estimator, photo, address, twice):
     parts = [("photo", ("a.png", photo)), ("mask", ("m.png", photo))]
     parts += [("poses", ("p.json", b"[[[1,0,0],[0,1,0],[0,0,1]]]"))] if address == "fuse" else []
@@ -348,8 +333,6 @@ def test_a_part_that_counts_once_is_not_taken_twice(estimator, photo, address, t
 def test_words_of_older_clients_are_still_read(estimator, photo):
     with TestClient(create_app(estimator)) as client:
         queries = "lamps=spread&normals=ball", "emitters=expected&normals=sphere"
-        old, new = (
-            client.post(f"/v1/estimate?include=radiance&{one}", content=photo).json() for one in queries
-        )
+        old, new = (client.post(f"/v1/estimate?include=radiance&{one}", content=photo).json() for one in queries)
         assert old["radiance"] == new["radiance"]
         assert "emitters" in client.post("/v1/estimate?emitters=soft", content=photo).json()["error"]

@@ -62,9 +62,7 @@ def test_the_light_is_the_package_s_own(client, estimator, pictures):
 
 
 def test_poses_are_found_by_the_photos_names(client, pictures):
-    named = {
-        "frames": [{"file_path": f"images/{k}.png", "transform_matrix": TURNS[k].tolist()} for k in (1, 0)]
-    }
+    named = {"frames": [{"file_path": f"images/{k}.png", "transform_matrix": TURNS[k].tolist()} for k in (1, 0)]}
     files = [part for part in parts(pictures) if part[0] != "poses"]
     asked = {"poses": json.dumps(named), "include": "radiance"}
     by_name = client.post("/v1/fuse", files=files, data=asked)
@@ -78,9 +76,7 @@ def test_the_lens_of_the_poses_counts_unless_another_is_told(client, pictures):
     data = {"poses": json.dumps({"frames": frames, "camera_angle_x": np.radians(50)})}
     height, width = pictures[0].shape[:2]
     long = 2 * np.degrees(np.arctan(np.tan(np.radians(25)) * max(1.0, height / width)))
-    assert client.post("/v1/fuse", files=files, data=data).json()["long_fov_deg"] == pytest.approx(
-        long, abs=1e-3
-    )
+    assert client.post("/v1/fuse", files=files, data=data).json()["long_fov_deg"] == pytest.approx(long, abs=1e-3)
     given = client.post("/v1/fuse", files=files, data=data | {"fov": "40"})
     assert given.json()["long_fov_deg"] == 40
 
@@ -96,9 +92,7 @@ def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pict
     answer = client.post("/v1/fuse", files=files, data=asked)
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)
     boxes = ["20,10,100,90", "20,10,70,90"]
-    lights = [
-        estimator(one, box=tuple(map(float, box.split(",")))) for one, box in zip(rgb, boxes, strict=True)
-    ]
+    lights = [estimator(one, box=tuple(map(float, box.split(",")))) for one, box in zip(rgb, boxes, strict=True)]
     answer = client.post("/v1/fuse", files=parts(rgb), data={"box": boxes, "include": "radiance"})
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)
 
@@ -129,16 +123,8 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
         (lambda files: files[:2], {}, "poses: expected a list of matrices"),
         (lambda files: files[:1] + files[2:], {}, "poses: expected 1 poses, one a photo in order, got 2"),
         (lambda files: files[:2], {"poses": "[[[1]]]"}, "poses: pose 1: expected 3 x 3"),
-        (
-            lambda files: files[:2],
-            {"poses": "[1, 1, 1]"},
-            "poses: expected 2 poses, one a photo in order, got 3",
-        ),
-        (
-            lambda files: [*files, ("mask", files[0][1])],
-            {},
-            "mask: expected none or one a photo, got 1 for 2",
-        ),
+        (lambda files: files[:2], {"poses": "[1, 1, 1]"}, "poses: expected 2 poses, one a photo in order, got 3"),
+        (lambda files: [*files, ("mask", files[0][1])], {}, "mask: expected none or one a photo, got 1 for 2"),
         (lambda files: files, {"box": "1,2,3,4"}, "box: expected none or one a photo, got 1 for 2"),
         (lambda files: files, {"click": "1,2"}, "click: expected a mask or a box a photo"),
         (lambda files: [*files, ("normals", files[0][1])], {}, "normals: expected a mask or a box a photo"),

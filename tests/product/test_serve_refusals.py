@@ -182,9 +182,7 @@ def test_each_address_answers_with_statuses_that_are_described_for_it():
     for at, status, headers, body in ways:
         with TestClient(at, base_url="http://localhost", raise_server_exceptions=False) as client:
             for address, method, described in operations(at):
-                answer = client.request(
-                    method, address, headers=headers, content=body if method == "post" else None
-                )
+                answer = client.request(method, address, headers=headers, content=body if method == "post" else None)
                 assert answer.status_code in described, (address, status, answer.text)
                 if method == "post" and status in described:
                     assert answer.status_code == status, (address, answer.text)
@@ -212,18 +210,12 @@ def test_an_export_is_turned_as_the_camera_stood(client, tmp_path, given, in_for
     turn = np.reshape(numbers, (3, 3)) if len(numbers) == 9 else world_from_camera(*np.radians(numbers))
     light = as_hdr(RADIANCE, tmp_path)
     asked = {"world_from_camera": given, "exposure": "1"}
-    sent = (
-        {"files": {"photo": ("m.hdr", light)}, "data": asked}
-        if in_form
-        else {"content": light, "params": asked}
-    )
+    sent = {"files": {"photo": ("m.hdr", light)}, "data": asked} if in_form else {"content": light, "params": asked}
     answer = client.post("/v1/export/webxr", **sent)
     assert answer.status_code == 200, answer.text
     archive = zipfile.ZipFile(io.BytesIO(answer.content))
     (tmp_path / "again").mkdir()
-    expected = json.loads(
-        exported("webxr", tmp_path / "again", ".json", world_from_camera=turn, exposure_ev=1.0)
-    )
+    expected = json.loads(exported("webxr", tmp_path / "again", ".json", world_from_camera=turn, exposure_ev=1.0))
     found = json.loads(archive.read("light_webxr.json"))
     assert found["world_from_camera"] == expected["world_from_camera"]
     assert found["exposure_ev"] == 1.0
@@ -233,10 +225,7 @@ def test_an_export_is_turned_as_the_camera_stood(client, tmp_path, given, in_for
 @pytest.mark.parametrize(
     ("given", "word"),
     [
-        (
-            {"world_from_camera": "1,2,3,4"},
-            "world_from_camera: expected YAW,ELEVATION[,ROLL] in degrees or nine",
-        ),
+        ({"world_from_camera": "1,2,3,4"}, "world_from_camera: expected YAW,ELEVATION[,ROLL] in degrees or nine"),
         ({"world_from_camera": "left"}, "got 'left'"),
         ({"world_from_camera": "1,0,0,0,1,0,0,0,2"}, "world_from_camera: expected a [3, 3] rotation"),
         ({"exposure": "bright"}, "exposure: expected a number, got 'bright'"),

@@ -92,9 +92,7 @@ def test_each_photo_tells_of_the_side_that_its_object_faces():
     assert fused.confidence[off_seam].min() > 0.95
     assert fused.info["fused"] == ["a", "b"]
     swapped = fuse_lights(lights[::-1], poses[::-1])  # in the other's frame
-    np.testing.assert_allclose(
-        rotate(swapped.radiance, poses[0].T @ poses[1])[off_seam], truth[off_seam], rtol=0.05
-    )
+    np.testing.assert_allclose(rotate(swapped.radiance, poses[0].T @ poses[1])[off_seam], truth[off_seam], rtol=0.05)
 
 
 def test_exposures_that_photos_tell_are_made_one():
@@ -212,12 +210,7 @@ def test_poses_tell_the_lens_where_the_photo_does_not(tmp_path):
     assert high.clip_fov_deg(60, 100) == pytest.approx(90.0)
     assert poses_file(tmp_path / "e.json", [{}]).clip_fov_deg(60, 40) is None
     own = poses_file(
-        tmp_path / "b.json",
-        [{}, {"fl_x": 100.0, "fl_y": 110.0}],
-        fl_x=50.0,
-        w=100,
-        h=150,
-        camera_angle_x=1.0,
+        tmp_path / "b.json", [{}, {"fl_x": 100.0, "fl_y": 110.0}], fl_x=50.0, w=100, h=150, camera_angle_x=1.0
     )
     assert own.fovs_deg(photos[:1] * 2) == pytest.approx([90.0, 2 * np.degrees(np.arctan(0.5))])
     assert own.fovs_deg([photos[1]] * 2)[1] == pytest.approx(2 * np.degrees(np.arctan(75 / 110)))
@@ -283,9 +276,7 @@ def test_photos_with_poses_give_one_light(command, work, photo_path):
 
 def test_the_lens_of_the_poses_counts_unless_another_is_told(command, work, photo_path):
     frames = [{"file_path": photo_path.name, "transform_matrix": np.eye(4).tolist()}]
-    (work / "poses.json").write_text(
-        json.dumps({"frames": frames, "fl_x": 100, "w": 120, "camera_angle_x": 9e-1})
-    )
+    (work / "poses.json").write_text(json.dumps({"frames": frames, "fl_x": 100, "w": 120, "camera_angle_x": 9e-1}))
     call = ("estimate", photo_path, "--poses", work / "poses.json", "-o", "one", "--json", "-q")
     given = json.loads(command(*call).out)
     assert given["long_fov_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6)), abs=1e-3)

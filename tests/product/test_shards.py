@@ -20,15 +20,7 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.pair import render_map_pair, render_pair
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.render_job import SETTINGS
-from anyprobe.dataset.samples import (
-    ARRAYS,
-    NORMALS,
-    Sample,
-    StoreRenderer,
-    decode,
-    decode_normals,
-    encode_normals,
-)
+from anyprobe.dataset.samples import ARRAYS, NORMALS, Sample, StoreRenderer, decode, decode_normals, encode_normals
 from anyprobe.errors import InputError, OutputError
 
 KINDS = ("object", "map")
@@ -223,9 +215,7 @@ def test_flipped_bit_is_found(folder, where):
     assert "SHA-256" in shards.fault(folder, 0, "object", 5)
 
 
-@pytest.mark.parametrize(
-    "change", [lambda data: data[:-512], lambda data: data + bytes(512), lambda data: b""]
-)
+@pytest.mark.parametrize("change", [lambda data: data[:-512], lambda data: data + bytes(512), lambda data: b""])
 def test_other_size_is_found_and_not_done(folder, change):
     path = folder / "shard-000000.tar"
     path.write_bytes(change(path.read_bytes()))

@@ -11,9 +11,7 @@ from anyprobe.estimate import normals_prior
 from anyprobe.estimate.normals_prior import normals_from_outline
 
 
-def outline_of(
-    centre: tuple[float, float, float], radius: float, shape: tuple[int, int], long_fov_deg: float
-):
+def outline_of(centre: tuple[float, float, float], radius: float, shape: tuple[int, int], long_fov_deg: float):
     """Mask [H, W] of a sphere, and the normals [H, W, 3] where each ray meets it."""
     height, width = shape
     focal = max(shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
@@ -27,9 +25,7 @@ def outline_of(
     return hit.astype(np.float32), np.where(hit[..., None], (s[..., None] * d - centre) / radius, 0.0)
 
 
-@pytest.mark.parametrize(
-    "centre", [(0.0, 0.0, -4.0), (2.5, -1.0, -4.0), (-2.8, 1.6, -4.0), (0.05, 0.0, -1.7)]
-)
+@pytest.mark.parametrize("centre", [(0.0, 0.0, -4.0), (2.5, -1.0, -4.0), (-2.8, 1.6, -4.0), (0.05, 0.0, -1.7)])
 def test_a_sphere_anywhere_in_a_wide_photo(centre, monkeypatch):
     mask, expected = outline_of(centre, 1.0, (240, 320), 100.0)
     found = normals_from_outline(mask, 100.0)

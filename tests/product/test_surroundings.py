@@ -140,10 +140,7 @@ def test_a_panorama_of_radiance_may_be_unfinished(tmp_path):
 @pytest.mark.parametrize(
     ("source", "says"),
     [
-        (
-            b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\nabc",
-            "surroundings: bytes: expected 4 whole rows",
-        ),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\nabc", "surroundings: bytes: expected 4 whole rows"),
         (b"\x76\x2f\x31\x01 and no more", "surroundings: bytes: expected an OpenEXR picture"),
         (np.zeros((64, 64, 3), np.uint8), "twice as wide as high"),
         (np.zeros((64, 128, 4), np.uint8), "not transparent"),
@@ -161,9 +158,7 @@ def test_a_panorama_of_the_camera_is_turned_to_the_crop():
     turn = turn_towards(normalize(np.array([0.5, 0.2, -1.0])))
     np.testing.assert_allclose(rotate(turned(surroundings_map, turn), turn), surroundings_map, atol=0.03)
     np.testing.assert_allclose(
-        turned(surroundings_map, turn)[32, 64],
-        surroundings_at(surroundings_map, turn @ [0, 0, -1]),
-        atol=0.02,
+        turned(surroundings_map, turn)[32, 64], surroundings_at(surroundings_map, turn @ [0, 0, -1]), atol=0.02
     )
 
 
@@ -253,9 +248,7 @@ def test_surroundings_change_the_light_and_are_noted():
     hints = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
     assert alone.sidecar()["priors"] == {"normals": False}
     assert 0.02 < hints.sidecar()["priors"]["surroundings"] < 0.06
-    assert (
-        alone.confidence.max() == 0
-    )  # a black object tells nothing; what is seen beside it does not hang on that
+    assert alone.confidence.max() == 0  # a black object tells nothing; what is seen beside it does not hang on that
     assert hints.confidence.max() == pytest.approx(SEEN)
     behind = pixel_directions(64)[..., 2] > 0.3
     assert np.abs(hints.radiance - alone.radiance)[behind].mean() > 1e-4  # not only where it was seen
@@ -302,9 +295,6 @@ def test_the_emitters_of_a_panorama_come_through_the_command(tmp_path, command, 
         found = anyprobe.Light.load(tmp_path / "out" / "disc.exr")
         truth = lit_room()
         assert found.radiance.max() == pytest.approx(40, rel=0.25)  # turned to the crop and back
-        assert (
-            found.dominant_light().direction @ anyprobe.Light(radiance=truth).dominant_light().direction
-            > 0.998
-        )
+        assert found.dominant_light().direction @ anyprobe.Light(radiance=truth).dominant_light().direction > 0.998
         power = found.dominant_light().irradiance / anyprobe.Light(radiance=truth).dominant_light().irradiance
         np.testing.assert_allclose(power, 1.0, atol=0.15)

@@ -95,9 +95,7 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     lights = {}
     for name, given in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
         options = ("--surroundings", *given) if given else ()
-        done = command(
-            "video", made / "clip.mp4", "-o", name, "--mask", made / "masks", "--exr", "-q", *options
-        )
+        done = command("video", made / "clip.mp4", "-o", name, "--mask", made / "masks", "--exr", "-q", *options)
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
     np.testing.assert_allclose(response(lights["panorama"]), panorama / 255, atol=0.02)
@@ -128,17 +126,7 @@ def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
 
 @pytest.mark.usefixtures("networks_opened_once")
 def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made):
-    order = (
-        "video",
-        made / "clip.mp4",
-        "-o",
-        "out",
-        "--mask",
-        made / "masks",
-        "-q",
-        "--poses",
-        "poses.json",
-    )
+    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "-q", "--poses", "poses.json")
     matrices = [rotation_y(-0.05 * i).tolist() for i in range(COUNT)]
     (work / "poses.json").write_text(json.dumps(matrices[:-1]))
     assert f"expected {COUNT} poses, one a frame, got {COUNT - 1}" in command(*order).complaint
@@ -173,9 +161,7 @@ def test_masks_are_taken_in_the_order_one_counts_in(tmp_path, made):
     folder = tmp_path / "masks"
     folder.mkdir()
     for number in range(COUNT + 1):  # 0 ... 10
-        Image.fromarray(sphere_mask() if number < COUNT else 0 * sphere_mask()).save(
-            folder / f"m{number}.png"
-        )
+        Image.fromarray(sphere_mask() if number < COUNT else 0 * sphere_mask()).save(folder / f"m{number}.png")
     follower = MaskFollower({"mask": folder}, {}, {})
     for frame in read_frames(open_clip(made / "clip.mp4"), []):
         assert follower.photo(frame).mask.any()  # m10, which is empty, comes last
@@ -245,20 +231,7 @@ def test_killed_command_goes_on_to_the_same_files(tmp_path):
     frames = [sphere_frame(turned(made_map(), 0.02 * i)) for i in range(count)]
     clip = write_clip(tmp_path / "clip.mp4", frames, FPS)
     masks = write_masks(tmp_path / "masks", count)
-    order = [
-        PROGRAM,
-        "video",
-        clip,
-        "--mask",
-        masks,
-        "--insert",
-        "sphere",
-        "--every",
-        "3",
-        "--exr",
-        "-q",
-        "-o",
-    ]
+    order = [PROGRAM, "video", clip, "--mask", masks, "--insert", "sphere", "--every", "3", "--exr", "-q", "-o"]
 
     def results(folder: Path) -> dict[str, bytes]:
         maps = {path.name: path.read_bytes() for path in (folder / "lights").iterdir()}

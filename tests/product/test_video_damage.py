@@ -45,9 +45,7 @@ def test_an_unknown_codec_is_one_line(made):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "kind", ["PermissionError", "PatchWelcomeError", "ArgumentError", "DecoderNotFoundError"]
-)
+@pytest.mark.parametrize("kind", ["PermissionError", "PatchWelcomeError", "ArgumentError", "DecoderNotFoundError"])
 def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypatch, kind):
     error = getattr(av.error, kind)(1, "no")
     clip = open_clip(made)

@@ -39,9 +39,7 @@ def test_prompts_come_from_the_manifest_or_from_the_mask(folder):
 
 
 def row(group: str, value: float, warning: str = "") -> Row:
-    return Row(
-        name=group, group=group, segmenter="", prompt="", iou=value, expected=None, warning=warning, mask=None
-    )
+    return Row(name=group, group=group, segmenter="", prompt="", iou=value, expected=None, warning=warning, mask=None)
 
 
 def test_photos_of_one_object_count_as_one_and_warnings_as_many():

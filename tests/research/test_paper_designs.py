@@ -69,9 +69,7 @@ def test_photo_and_irradiance_are_what_the_renderer_shades(tables, number):
     coat, wide = shading_pyramid(light, material.alpha), shading_pyramid(light)
     shading = shade(coat, normals[kept], wo[kept], float(material.alpha), hammersley(1024), wide=wide)
     shown = (
-        tables.shades.view(torch.uint8)
-        .reshape(-1, len(MATERIALS), SCALE.normals + 1, 8)[5, number, :-1]
-        .numpy()[kept]
+        tables.shades.view(torch.uint8).reshape(-1, len(MATERIALS), SCALE.normals + 1, 8)[5, number, :-1].numpy()[kept]
     )
     for columns, expected in ((slice(0, 3), shading.radiance(material)), (slice(3, 6), shading.irradiance)):
         radiance = inverse_response(shown[:, columns] / 255.0)
@@ -91,9 +89,7 @@ def test_photo_is_of_the_shape_material_and_light_that_the_numbers_say(tables):
         assert torch.equal(batch.irradiance[k, :, 12, 12], value[3:6])
     light = views_of(some_map(int(chosen.map[0])), 64)[int(chosen.view[0])]
     area = pixel_solid_angles(64)[:, :, None]
-    mean = (light * area).reshape(16, 4, 32, 4, 3).sum(axis=(1, 3)) / (area * 4).reshape(16, 4, 1, 1).sum(
-        axis=1
-    )
+    mean = (light * area).reshape(16, 4, 32, 4, 3).sum(axis=(1, 3)) / (area * 4).reshape(16, 4, 1, 1).sum(axis=1)
     shown = inverse_response(batch.ldr[0].permute(1, 2, 0).numpy())
     assert np.abs(shown - mean.clip(0, 1)).max() < 0.05
 
@@ -123,9 +119,7 @@ def test_every_pair_comes_once_an_epoch_and_seeds_differ(tables):
     order = Order(tables, 16, seed=0)
     assert tables.count == 2 * VIEWS * len(MATERIALS) * 2
     seen = [order.chosen(step) for step in range(tables.count // 16)]
-    numbers = torch.cat(
-        [((c.map * VIEWS + c.view) * len(MATERIALS) + c.material) * 2 + c.shape for c in seen]
-    )
+    numbers = torch.cat([((c.map * VIEWS + c.view) * len(MATERIALS) + c.material) * 2 + c.shape for c in seen])
     assert torch.equal(numbers.sort().values, torch.arange(tables.count))
     over_the_end = Order(tables, 500, seed=0).chosen(1)
     assert len(over_the_end.map) == 500
@@ -219,9 +213,7 @@ def test_pairs_of_one_map_count_as_one_for_the_error():
     by_map = rng.normal(size=10)[maps]
     assert clustered_error(by_map, maps, shapes) == pytest.approx(by_map.std() / 3, rel=0.01)
     alone = rng.normal(size=400)
-    assert clustered_error(alone, np.arange(400), np.arange(400) % 399) == pytest.approx(
-        alone.std() / 20, rel=0.1
-    )
+    assert clustered_error(alone, np.arange(400), np.arange(400) % 399) == pytest.approx(alone.std() / 20, rel=0.1)
 
 
 def test_a_step_holds_only_where_every_seed_says_so():

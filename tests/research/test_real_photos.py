@@ -114,10 +114,7 @@ def test_a_lamp_group_has_means_and_medians_and_leaves_out_methods_without_radia
 
     write(folder, LAMP)
     photos = load_lamps(folder, read_real(folder))
-    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["sphere.png"]) == {
-        CONSTANT,
-        "behind",
-    }
+    assert set(lamp_angles(photos, {"behind": behind_the_camera, "dim": dim})["sphere.png"]) == {CONSTANT, "behind"}
     group = lamp_group({"a": {"one": 1.0}, "b": {"one": 2.0}, "c": {"one": 9.0}})
     assert group == {
         "pairs": 3,

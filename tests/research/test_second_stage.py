@@ -131,9 +131,7 @@ def test_harmonics_that_are_not_orthonormal_or_not_about_the_vertical():
 
 
 def test_a_run_that_goes_on_with_other_weights_than_one_that_was_not_stopped(matrices, spheres, tmp_path):
-    small = SecondConfig(
-        steps=4, width=16, blocks=1, pairs=ReflectanceConfig(batch=4, fresh=2, period=2, pool=2)
-    )
+    small = SecondConfig(steps=4, width=16, blocks=1, pairs=ReflectanceConfig(batch=4, fresh=2, period=2, pool=2))
     maps = torch.rand(2, 3, 64, 128, generator=torch.Generator().manual_seed(1)).numpy()
     nets = []
     for name, stops in (("whole", (None,)), ("parts", (2, None))):

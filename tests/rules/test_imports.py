@@ -34,9 +34,7 @@ except (OSError, StopIteration):
     peak = 0
 print(json.dumps([sorted({name.split(".")[0] for name in sys.modules}), peak]))
 """
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     loaded, peak = json.loads(ended.stdout)
     assert "anyprobe" in loaded
     assert HEAVY & set(loaded) == set()
@@ -45,9 +43,7 @@ print(json.dumps([sorted({name.split(".")[0] for name in sys.modules}), peak]))
 
 def test_command_line_starts_without_torch():
     code = "import sys, anyprobe.cli.app; print({'torch', 'onnx', 'cv2', 'trimesh'} & set(sys.modules))"
-    ended = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert ended.stdout == "set()\n"
 
 

@@ -132,11 +132,7 @@ def test_every_permission_is_used():
         ("core/a.py", "from anyprobe import files", "core imports files"),
         ("core/a.py", "import anyprobe", "core imports __init__"),
         ("estimate/a.py", "def f():\n    if True:\n        import torch.nn", "estimate imports torch"),
-        (
-            "estimate/a.py",
-            "class A:\n    def f(self):\n        from anyprobe.train import b",
-            "imports train",
-        ),
+        ("estimate/a.py", "class A:\n    def f(self):\n        from anyprobe.train import b", "imports train"),
         ("train/a.py", "from . import b", "relative import"),
         ("train/a.py", "from ..core import b", "relative import"),
         ("web/a.py", "import json", "web has no place"),

@@ -29,9 +29,7 @@ def nameless(root: Path) -> list[str]:
 def undocumented(root: Path) -> list[str]:
     """Modules with code and no first line that says what they are."""
     trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted(root.rglob("*.py"))}
-    return [
-        str(p.relative_to(root)) for p, tree in trees.items() if tree.body and not ast.get_docstring(tree)
-    ]
+    return [str(p.relative_to(root)) for p, tree in trees.items() if tree.body and not ast.get_docstring(tree)]
 
 
 def test_no_file_over_400_lines():

@@ -60,9 +60,7 @@ def lone(root: Path) -> dict[str, str]:
         name: sum(1 for line in path.read_text(encoding="utf-8").splitlines() if line.strip())
         for name, path in modules(root).items()
     }
-    return {
-        name: "".join(asked[name]) for name, count in lines.items() if count < SMALL and len(asked[name]) < 2
-    }
+    return {name: "".join(asked[name]) for name, count in lines.items() if count < SMALL and len(asked[name]) < 2}
 
 
 def shared(root: Path) -> list[str]:

@@ -11,9 +11,7 @@ FROM_RGB = np.array([[65.481, 128.553, 24.966], [-37.797, -74.203, 112.0], [112.
 """ITU-R BT.601 luma and the two chroma differences, in their narrow ranges."""
 
 
-def write_y4m(
-    path: Path, frames: Iterable[np.ndarray], fps: int = 30, order: Sequence[int] | None = None
-) -> Path:
+def write_y4m(path: Path, frames: Iterable[np.ndarray], fps: int = 30, order: Sequence[int] | None = None) -> Path:
     """Write [H, W, 3] uint8 frames of even size as uncompressed 4:2:0.
 
     order: which frame is shown when; each once where it is not told.

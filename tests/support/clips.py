@@ -17,9 +17,7 @@ SIZE, DIAMETER = (128, 96), 40
 LEFT_PX, TOP_PX = 20, 40
 
 
-def sphere_frame(
-    radiance: np.ndarray, noise: float = 0.0, rng: np.random.Generator | None = None
-) -> np.ndarray:
+def sphere_frame(radiance: np.ndarray, noise: float = 0.0, rng: np.random.Generator | None = None) -> np.ndarray:
     """[96, 128, 3] uint8: the sphere on a dull ground."""
     rows = np.arange(SIZE[1])[:, None, None]
     picture = np.broadcast_to(0.2 + 0.2 * rows / SIZE[1] * np.array([0.2, 0.6, 1.0]), (*SIZE[::-1], 3)).copy()

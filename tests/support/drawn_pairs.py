@@ -29,12 +29,8 @@ class DrawnRenderer:
         names = [f"own-{index}" for index in range(settings["procedural_maps"])]
         if data is not None:
             names += (data / "assets.txt").read_text().split()
-        self.maps = [
-            AssetNote(id=f"{index:08x}", name=name, licence="own") for index, name in enumerate(names)
-        ]
-        self.shapes = (
-            [] if settings["kind"] == "map" else [AssetNote(id="0a" * 4, name="sphere", licence="CC0")]
-        )
+        self.maps = [AssetNote(id=f"{index:08x}", name=name, licence="own") for index, name in enumerate(names)]
+        self.shapes = [] if settings["kind"] == "map" else [AssetNote(id="0a" * 4, name="sphere", licence="CC0")]
         self.plan = Plan(
             kind=settings["kind"],
             map_ids=tuple(one.id for one in self.maps),
@@ -62,9 +58,7 @@ class DrawnRenderer:
         if recipe.kind == "map":
             return encode_map_pair(
                 MapPair(
-                    ldr=_picture(rng, 64, 128, 3),
-                    ln_radiance=rng.normal(size=(64, 128, 3)).astype(np.float16),
-                    **shown,
+                    ldr=_picture(rng, 64, 128, 3), ln_radiance=rng.normal(size=(64, 128, 3)).astype(np.float16), **shown
                 )
             )
         return encode_pair(

@@ -137,12 +137,7 @@ class Sight:
 
 
 def our_replicates(
-    pyramid: Pyramid,
-    sight: Sight,
-    alpha: float,
-    picture: Callable[[Shading], np.ndarray],
-    count: int,
-    samples: int,
+    pyramid: Pyramid, sight: Sight, alpha: float, picture: Callable[[Shading], np.ndarray], count: int, samples: int
 ) -> np.ndarray:
     """Shifted Hammersley sets as replicates, [count, P, 3]."""
     shifts = np.random.default_rng(2020).random((count, 2, 2))
@@ -150,10 +145,7 @@ def our_replicates(
     def replicate(shift):
         u, u_diffuse = hammersley(samples, shift[0]), hammersley(samples, shift[1])
         few = range(0, len(sight.n), 16)  # points at a time: what fits the cache
-        parts = [
-            picture(shade(pyramid, sight.n[k : k + 16], sight.wo[k : k + 16], alpha, u, u_diffuse))
-            for k in few
-        ]
+        parts = [picture(shade(pyramid, sight.n[k : k + 16], sight.wo[k : k + 16], alpha, u, u_diffuse)) for k in few]
         return np.concatenate(parts)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -170,9 +162,7 @@ def our_picture(radiance: np.ndarray, sight: Sight, material: Material) -> Measu
 
 def their_picture(scene, at: np.ndarray, integrator: dict | None = None) -> Measured:
     count, samples = THEIRS
-    return measured(
-        np.array([trace(scene, at, samples, k, integrator)[0].mean(axis=1) for k in range(count)])
-    )
+    return measured(np.array([trace(scene, at, samples, k, integrator)[0].mean(axis=1) for k in range(count)]))
 
 
 def scene_for(name: str, radiance: np.ndarray, bsdf: dict, least_cosine: float = GRAZING):

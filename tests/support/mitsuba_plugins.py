@@ -82,9 +82,7 @@ class UnshadowedDirect(mi.SamplingIntegrator):
         active = active & (bs.pdf > 0)
         towards = dr.zeros(mi.DirectionSample3f)
         towards.d = si.to_world(bs.wo)
-        pdf = dr.select(
-            mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), 0, light.pdf_direction(si, towards, active)
-        )
+        pdf = dr.select(mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), 0, light.pdf_direction(si, towards, active))
         seen = dr.select(active, value * environment_radiance(light, towards.d) * _balance(bs.pdf, pdf), 0)
         return radiance + seen, si.is_valid(), []
 

@@ -70,13 +70,7 @@ def open_mitsuba():
 def paper_bsdf(material: Material, correlated: bool = True) -> dict:
     """Eq. 2 with our material; support.mitsuba_plugins has the formula."""
     albedo, f0 = ([float(x) for x in np.broadcast_to(c, 3)] for c in (material.albedo, material.f0))
-    return {
-        "type": "paper",
-        "albedo": albedo,
-        "f0": f0,
-        "alpha": float(material.alpha),
-        "correlated": correlated,
-    }
+    return {"type": "paper", "albedo": albedo, "f0": f0, "alpha": float(material.alpha), "correlated": correlated}
 
 
 def perfect_metal(alpha: float) -> dict:
@@ -141,12 +135,7 @@ def shape(mesh: Mesh, bsdf: dict):
 
 
 def mitsuba_scene(
-    mesh: Mesh | None,
-    camera: Camera,
-    radiance: np.ndarray,
-    bsdf: dict,
-    spp: int = 16,
-    integrator: dict | None = None,
+    mesh: Mesh | None, camera: Camera, radiance: np.ndarray, bsdf: dict, spp: int = 16, integrator: dict | None = None
 ):
     """A scene of one object of one material, ready for render and trace.
 
@@ -196,9 +185,7 @@ def surface_at(scene, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(hit.is_valid()), np.array(hit.sh_frame.n).T
 
 
-def trace(
-    scene, at: np.ndarray, spp: int, seed: int, integrator: dict | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def trace(scene, at: np.ndarray, spp: int, seed: int, integrator: dict | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Samples of the radiance seen at exactly [P, 2]: ([P, spp, 3], which of them hit [P, spp]).
 
     spp a square: the samples of a pixel are multi-jittered, so that only different

@@ -48,14 +48,9 @@ def page_masks(
         }
         cases.append({"name": str(number), "width": width, "height": height, "hints": told})
     (folder / "cases.json").write_text(json.dumps({"weights": str(default_graph()), "cases": cases}))
-    run = subprocess.run(
-        ["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False
-    )
+    run = subprocess.run(["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise RuntimeError(run.stderr[-2000:])
     spent = json.loads(run.stdout)
-    masks = [
-        np.fromfile(folder / f"{number}.f32", "<f4").reshape(rgb.shape[:2])
-        for number, rgb in enumerate(photos)
-    ]
+    masks = [np.fromfile(folder / f"{number}.f32", "<f4").reshape(rgb.shape[:2]) for number, rgb in enumerate(photos)]
     return masks, [spent[case["name"]] for case in cases]

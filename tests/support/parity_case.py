@@ -28,10 +28,7 @@ HINTS = {
     "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
 }
-GIVEN_MATERIALS = {
-    "gold": {"name": "gold"},
-    "clay": {"albedo": [0.4, 0.3, 0.2], "roughness": 0.7},
-}
+GIVEN_MATERIALS = {"gold": {"name": "gold"}, "clay": {"albedo": [0.4, 0.3, 0.2], "roughness": 0.7}}
 FRAME_SECONDS = [0.03, 0.05, 0.04, 0.2, 0.03, 0.03, 0.05, 0.04, 0.03, 0.05]
 
 
@@ -170,11 +167,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         cut = cut_out(rgb, proposal.cover, **hints)
         tidied = tidy(rgb, cut.mask)  # the page measures all masks as those of other segmenters
         evidence = examine(
-            shared_network(),
-            rgb,
-            proposal,
-            replace(cut, loose=tidied.loose, told_apart=tidied.told_apart),
-            **hints,
+            shared_network(), rgb, proposal, replace(cut, loose=tidied.loose, told_apart=tidied.told_apart), **hints
         )
         answers[f"cut_{name}"] = cut.mask
         qualities[name] = _quality(evidence)

@@ -91,11 +91,7 @@ class PolyHaven:
 
     def _add(self, kind: str, slug: str, entry: dict) -> None:
         content = json.dumps(self.files[slug]).encode()
-        base = {
-            "name": slug,
-            "authors": {"Ada Light": "All"},
-            "files_hash": hashlib.sha1(content).hexdigest(),
-        }
+        base = {"name": slug, "authors": {"Ada Light": "All"}, "files_hash": hashlib.sha1(content).hexdigest()}
         self.assets[kind][slug] = {**base, **entry}
 
     def _answer(self, path: str) -> bytes | None:

@@ -16,9 +16,9 @@ def two_phase(height: int = 64) -> np.ndarray:
     u = (np.arange(2 * height) + 0.5) / (2 * height)
     v = (np.arange(height) + 0.5) / height
     u, v = np.meshgrid(u, v)
-    return np.stack(
-        [0.5 + 0.5 * np.cos(2 * np.pi * u), 0.5 + 0.5 * np.sin(2 * np.pi * u), v], axis=-1
-    ).astype(np.float32)
+    return np.stack([0.5 + 0.5 * np.cos(2 * np.pi * u), 0.5 + 0.5 * np.sin(2 * np.pi * u), v], axis=-1).astype(
+        np.float32
+    )
 
 
 def seen_uv(rgb: np.ndarray) -> np.ndarray:

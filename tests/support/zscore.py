@@ -91,12 +91,7 @@ def assert_same_picture(
     worst, limit = float(np.abs(z).max()), sidak_limit(num_tests)
     if worst <= limit:
         return worst
-    pictures = {
-        "ours": ours.mean,
-        "theirs": theirs.mean,
-        "difference": ours.mean - theirs.mean,
-        "p_value": p_values(z),
-    }
+    pictures = {"ours": ours.mean, "theirs": theirs.mean, "difference": ours.mean - theirs.mean, "p_value": p_values(z)}
     _write(folder, mask, pictures)
     bad = np.abs(z) > limit
     at = np.unravel_index(np.abs(z).argmax(), z.shape)

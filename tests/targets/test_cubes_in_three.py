@@ -19,9 +19,7 @@ D = probe_directions(24)
 def test_cube_is_turned_or_mirrored(kind, site, tmp_path):
     radiance = two_phase(64)
     export(radiance, kind, tmp_path, "two phase")
-    seen = run_steps(
-        "three_cubes.mjs", site, {"kind": kind, "name": f"two phase_{kind}", "directions": D.tolist()}
-    )
+    seen = run_steps("three_cubes.mjs", site, {"kind": kind, "name": f"two phase_{kind}", "directions": D.tolist()})
     if "skip" in seen:
         pytest.skip(seen["skip"])
     background = np.array(seen["background"])

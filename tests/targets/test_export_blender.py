@@ -48,9 +48,7 @@ def light_of(height=64):
 
 def recover(python, path, folder):
     order, answer = folder / "order.json", folder / "answer.json"
-    order.write_text(
-        json.dumps({"directions": (D @ BLENDER.T).tolist(), "normals": (N @ BLENDER.T).tolist()})
-    )
+    order.write_text(json.dumps({"directions": (D @ BLENDER.T).tolist(), "normals": (N @ BLENDER.T).tolist()}))
     run(python, "blender_recovers.py", path, order, answer)
     return json.loads(answer.read_text())
 
@@ -95,9 +93,7 @@ def test_spheres_look_otherwise_than_our_own_renderer_draws_them(python, tmp_pat
     normals, mask = sphere_normals(size)
     facing = np.zeros((size, size), bool)
     facing[mask] = normals[:, 2] > 0.35  # a sphere of flat faces has another edge
-    for seen, ours in zip(
-        np.load(tmp_path / "spheres.npy"), sphere_images(radiance, size).values(), strict=True
-    ):
+    for seen, ours in zip(np.load(tmp_path / "spheres.npy"), sphere_images(radiance, size).values(), strict=True):
         difference = np.abs(seen - ours)[facing].sum(axis=1) / ours[facing].sum(axis=1)
         assert np.median(difference) < 0.05
         np.testing.assert_allclose(seen[facing].mean(axis=0), ours[facing].mean(axis=0), rtol=0.08)

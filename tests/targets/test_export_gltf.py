@@ -31,9 +31,7 @@ def test_faces_and_coefficients_are_turned_or_mirrored(tmp_path):
     except NoBrowser as reason:
         pytest.skip(str(reason))
     if not (modules / "babylonjs").is_dir():
-        pytest.skip(
-            "Babylon.js is needed (npm install --no-save babylonjs babylonjs-loaders in tests/browser)"
-        )
+        pytest.skip("Babylon.js is needed (npm install --no-save babylonjs babylonjs-loaders in tests/browser)")
     radiance = 0.4 * two_phase(64)
     radiance[12:15, 100:104] += (40, 30, 20)
     light = prepare(radiance, "two phase")

@@ -18,11 +18,7 @@ D = probe_directions(24)
 
 def lit(url: str, radiance: np.ndarray, folder) -> dict[str, np.ndarray]:
     export(radiance, "three", folder, "two phase")
-    seen = run_steps(
-        "three_light.mjs",
-        url,
-        {"module": "/export/two%20phase_three.js", "directions": D.tolist()},
-    )
+    seen = run_steps("three_light.mjs", url, {"module": "/export/two%20phase_three.js", "directions": D.tolist()})
     return {key: value if key == "sun" else np.array(value) for key, value in seen.items()}
 
 
@@ -30,9 +26,7 @@ def test_background_environment_and_probe_disagree(site, tmp_path):
     radiance = two_phase(64)
     seen = lit(site, radiance, tmp_path)
     assert_same_way_round(seen["background"], D, degrees=2.5)
-    assert_same_way_round(
-        seen["environment"], D, degrees=6
-    )  # its prefiltered cube is 256 texels wide at most
+    assert_same_way_round(seen["environment"], D, degrees=6)  # its prefiltered cube is 256 texels wide at most
     sh = project(radiance)
     np.testing.assert_allclose(seen["probe"], irradiance(sh, D.astype(np.float32)) / np.pi, atol=2e-3)
 
@@ -44,9 +38,7 @@ def test_sun_and_ambient_probe_are_not_the_whole_light(site, tmp_path):
     seen = lit(site, radiance, tmp_path)
     main, ambient = split_dominant_light(radiance)
     np.testing.assert_allclose(seen["sun"]["position"], main.direction, atol=1e-5)
-    np.testing.assert_allclose(
-        np.multiply(seen["sun"]["color"], seen["sun"]["intensity"]), main.irradiance, rtol=1e-4
-    )
+    np.testing.assert_allclose(np.multiply(seen["sun"]["color"], seen["sun"]["intensity"]), main.irradiance, rtol=1e-4)
     cosine = np.maximum(D @ main.direction, 0)[:, None]
     wanted = (irradiance(project(ambient), D.astype(np.float32)) + cosine * main.irradiance) / np.pi
     np.testing.assert_allclose(seen["split"], wanted, rtol=0.01, atol=2e-3)

@@ -69,9 +69,7 @@ def _version(value: bool) -> None:
 
 @app.callback()
 def _options(
-    version: bool = typer.Option(
-        False, "--version", callback=_version, is_eager=True, help="Print the version."
-    ),
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
 ) -> None:
     pass
 
@@ -86,9 +84,7 @@ def main() -> None:
         sys.exit(2)
     except OSError as error:  # a folder that may not be looked into, a disk that is full
         where = error.filename or "a file"
-        print(
-            f"anyprobe: {where}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr
-        )
+        print(f"anyprobe: {where}: cannot be used ({error.strerror or error}); check the path", file=sys.stderr)
         sys.exit(2)
     except SystemExit as end:  # what typer makes of Ctrl-C
         if end.code == 130:

@@ -16,11 +16,7 @@ from anyprobe.errors import InputError
 
 STATUSES = ("fetched", "complete", "kept", "failed", "not tried")
 
-data = typer.Typer(
-    help="Maps and models to train on.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+data = typer.Typer(help="Maps and models to train on.", no_args_is_help=True, rich_markup_mode=None)
 
 
 for command in (render, status, verify):
@@ -34,20 +30,14 @@ def _group() -> None:
 
 @data.command()
 def fetch(
-    source: Annotated[
-        Literal["polyhaven"], typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")
-    ],
-    kind: Annotated[
-        Literal["hdris", "models", "all"], typer.Option("--type", help="Maps, models or both.")
-    ] = "all",
+    source: Annotated[Literal["polyhaven"], typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")],
+    kind: Annotated[Literal["hdris", "models", "all"], typer.Option("--type", help="Maps, models or both.")] = "all",
     category: Annotated[
         list[str] | None, typer.Option(help="Only assets in this category; several times: in all of them.")
     ] = None,
     limit: Annotated[int, typer.Option(min=0, metavar="N", help="Assets of each type; 0 for all.")] = 100,
     resolution: Annotated[str, typer.Option(help="Width of the maps; training averages them to 512.")] = "1k",
-    map_format: Annotated[
-        Literal["hdr", "exr"], typer.Option("--format", help="Format of the maps.")
-    ] = "hdr",
+    map_format: Annotated[Literal["hdr", "exr"], typer.Option("--format", help="Format of the maps.")] = "hdr",
     to: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for hdri/ and meshes/, as train --data reads it.")
     ] = Path("data"),
@@ -82,9 +72,7 @@ def fetch(
         if dry_run:
             _list(chosen, split, polyhaven)
             return
-        library = polyhaven.Library(
-            to, client, api=api, resolution=resolution, map_format=map_format, test_share=split
-        )
+        library = polyhaven.Library(to, client, api=api, resolution=resolution, map_format=map_format, test_share=split)
         outcomes, stopped = _fetch_all(library, chosen, progress)
     _report(outcomes, chosen, talk, to)
     for one in outcomes:
@@ -99,9 +87,7 @@ def fetch(
 @data.command()
 def assets(
     data: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/.")],
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="The page to write; else it is printed.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page to write; else it is printed.")] = None,
 ) -> None:
     """Write whose each map and shape is that shipped weights may learn from, and under which licence, in Markdown."""
     from anyprobe.dataset.asset_store import asset_page
@@ -141,13 +127,9 @@ def _fetch_all(library, chosen: list, progress: Progress) -> tuple[list, str]:
 
 
 def _list(chosen: list, share: float, polyhaven) -> None:
-    table = Table(
-        Column("asset", overflow="fold"), "type", "split", "category", "authors", box=None, pad_edge=False
-    )
+    table = Table(Column("asset", overflow="fold"), "type", "split", "category", "authors", box=None, pad_edge=False)
     for asset in chosen:
-        table.add_row(
-            asset.slug, asset.kind, polyhaven.split_of(asset.slug, share), asset.category, asset.authors
-        )
+        table.add_row(asset.slug, asset.kind, polyhaven.split_of(asset.slug, share), asset.category, asset.authors)
     show = Console(markup=False, emoji=False, highlight=False)
     show.print(table)
     show.print(f"Nothing fetched. Powered by Poly Haven, {polyhaven.LICENCE}", soft_wrap=True)
@@ -166,7 +148,5 @@ def _report(outcomes: list, chosen: list, talk: Console, to: Path) -> None:
         received = sum(one[3] for one in rows if one[:2] == (kind, split)) / 1e6
         table.add_row(kind, split, *(str(counts[kind, split, status]) for status in shown), f"{received:.1f}")
     talk.print(table)
-    manifests = ", ".join(
-        str(to / FOLDERS[kind] / "manifest.csv") for kind in dict.fromkeys(r[0] for r in rows)
-    )
+    manifests = ", ".join(str(to / FOLDERS[kind] / "manifest.csv") for kind in dict.fromkeys(r[0] for r in rows))
     talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)

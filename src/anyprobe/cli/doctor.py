@@ -18,9 +18,7 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 
-def doctor(
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-) -> None:
+def doctor(model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL) -> None:
     """Check versions, print providers and model hashes, and estimate the light of a drawn sphere."""
     import onnxruntime
 
@@ -53,9 +51,7 @@ SELF_TEST_DEG = 45
 
 def lowest_versions() -> dict[str, str]:
     """Every package that this one can use, and the lowest version of it that works."""
-    found = (
-        re.match(r"([\w.-]+)\s*>=\s*([\w.]+)", one) for one in importlib.metadata.requires("anyprobe") or ()
-    )
+    found = (re.match(r"([\w.-]+)\s*>=\s*([\w.]+)", one) for one in importlib.metadata.requires("anyprobe") or ())
     return {one[1]: one[2] for one in found if one}
 
 
@@ -84,9 +80,7 @@ def self_test(model: str) -> tuple[float, float]:
     toward = np.array([-0.6, 0.6, 0.53])
     radiance = _emitter(toward / np.linalg.norm(toward))
     mask = sphere_normals(128)[1]
-    photo = np.concatenate([np.clip(diffuse(radiance, 128), 0, 1), mask[..., None]], axis=-1).astype(
-        np.float32
-    )
+    photo = np.concatenate([np.clip(diffuse(radiance, 128), 0, 1), mask[..., None]], axis=-1).astype(np.float32)
     estimator = Estimator(model)
     estimator(photo)
     start = time.perf_counter()

@@ -54,8 +54,7 @@ class Done:
 @with_bundles
 def estimate(
     photos: Annotated[
-        list[Path],
-        typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input."),
+        list[Path], typer.Argument(metavar="PHOTO...", help="Photos, folders of photos, or - for standard input.")
     ],
     taken: ObjectOptions,
     by: ModelOptions,
@@ -63,9 +62,7 @@ def estimate(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
-        typer.Option(
-            help="JSON of the photos' camera rotations: several views of one object give one light."
-        ),
+        typer.Option(help="JSON of the photos' camera rotations: several views of one object give one light."),
     ] = None,
     size: Annotated[int, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.")] = 512,
     as_json: JsonOption = False,
@@ -76,9 +73,7 @@ def estimate(
     listed = list_photos(photos)
     estimator = by.estimator(size=size, **fine.settings())
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
-    steps = track(
-        listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal
-    )
+    steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
     job = Job(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
     if poses is not None:
         done = [job.together(steps, poses)]
@@ -165,9 +160,7 @@ class Job:
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
         unsure = light.info.get("uncertainty", {}).get("level_stops")
-        return Done(
-            photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
-        )
+        return Done(photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings)
 
 
 def stem_of(path: Path) -> str:

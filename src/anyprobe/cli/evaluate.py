@@ -52,15 +52,11 @@ CELL = 64
 
 
 def evaluate(
-    hdri: Annotated[
-        Path, typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor).")
-    ],
+    hdri: Annotated[Path, typer.Option(help="Folder of held-out maps (.exr, .hdr; manifest.csv says indoor/outdoor).")],
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")],
     pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = PAIRS,
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
-    frozen: Annotated[
-        bool, typer.Option("--frozen", help="The first of the 1,000 recipes that never change.")
-    ] = False,
+    frozen: Annotated[bool, typer.Option("--frozen", help="The first of the 1,000 recipes that never change.")] = False,
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos, or as phones take them: noise, JPEG, blur, rough masks.")
     ] = "clean",
@@ -68,12 +64,9 @@ def evaluate(
         bool, typer.Option("--noisy-masks", help="Masks 3 pixels too wide or narrow, with 5 % holes.")
     ] = False,
     path_traced: Annotated[
-        bool,
-        typer.Option("--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection."),
+        bool, typer.Option("--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
     ] = False,
-    textured: Annotated[
-        bool, typer.Option("--textured", help="Objects of mild texture or of two materials.")
-    ] = False,
+    textured: Annotated[bool, typer.Option("--textured", help="Objects of mild texture or of two materials.")] = False,
     priors: Annotated[
         bool, typer.Option("--priors", help="Also with true normals, material and surroundings given.")
     ] = False,
@@ -87,9 +80,7 @@ def evaluate(
     if frozen and seed != SEED:
         raise InputError(f"--seed {seed}: expected pairs that are drawn, got --frozen; leave one of them out")
     if textured and path_traced:
-        raise InputError(
-            "--textured: expected photos that anyprobe shades, got --path-traced; leave one of them out"
-        )
+        raise InputError("--textured: expected photos that anyprobe shades, got --path-traced; leave one of them out")
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.recipe import digest
     from anyprobe.estimate.runtime import Models, model_id
@@ -170,9 +161,7 @@ class Watch:
         from anyprobe.evaluate.calibration import Calibration
 
         judged = (
-            name
-            for name in methods
-            if name == title or name.startswith(f"{title}, ") and name.endswith(" given")
+            name for name in methods if name == title or name.startswith(f"{title}, ") and name.endswith(" given")
         )
         self.title, self.calibrations = title, {name: Calibration() for name in judged}
         self.irradiance: list[dict[str, float]] = []

@@ -19,12 +19,8 @@ MAX_PIXELS = 8192 * 4096
 
 
 def export(
-    light: Annotated[
-        Path, typer.Argument(metavar="LIGHT", help="Map that estimate wrote: .exr (all of it) or .hdr.")
-    ],
-    to: Annotated[
-        str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")
-    ],
+    light: Annotated[Path, typer.Argument(metavar="LIGHT", help="Map that estimate wrote: .exr (all of it) or .hdr.")],
+    to: Annotated[str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the files.")] = Path("export"),
     world_from_camera: Annotated[
         str | None,
@@ -49,13 +45,7 @@ def export(
     origin = origin_beside(light)
     for name in names:
         written = targets.export(
-            radiance,
-            name,
-            out,
-            light.stem,
-            world_from_camera=rotation,
-            exposure_ev=exposure,
-            origin=origin,
+            radiance, name, out, light.stem, world_from_camera=rotation, exposure_ev=exposure, origin=origin
         )
         if as_json:
             print(json.dumps({"target": name, "files": [str(path) for path in written]}), flush=True)

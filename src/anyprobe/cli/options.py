@@ -45,15 +45,11 @@ class MaskOptions:
         list[str] | None, typer.Option(metavar="X,Y", help="A point on the object, in pixels; repeatable.")
     ] = None
     click_off: Annotated[
-        list[str] | None,
-        typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable."),
+        list[str] | None, typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable.")
     ] = None
-    box: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")
-    ] = None
+    box: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")] = None
     depth: Annotated[
-        Path | None,
-        typer.Option(help="Depth image of the same view; or a folder of them named like the photos."),
+        Path | None, typer.Option(help="Depth image of the same view; or a folder of them named like the photos.")
     ] = None
     near: Annotated[
         float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
@@ -67,10 +63,7 @@ class MaskOptions:
         ),
     ] = None
     strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict", help="Exit with 2 where a result has a warning; it is written all the same."
-        ),
+        bool, typer.Option("--strict", help="Exit with 2 where a result has a warning; it is written all the same.")
     ] = False
 
     def hints(self, mask: Path | None = None) -> dict[str, Any]:
@@ -88,18 +81,14 @@ class MaskOptions:
             )
         if self.depth is None and (self.near is not None or self.far is not None):
             option = "--far" if self.near is None else "--near"
-            raise InputError(
-                f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it"
-            )
+            raise InputError(f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it")
         for path, what in ((mask, "a mask file"), (self.depth, "a depth image")):
             if path is not None and not path.exists():
                 raise InvalidMask(f"{path}: expected {what} or folder, found none; check the path")
         points = {"click": ("--click", self.click, "120,90"), "click_off": ("--not", self.click_off, "20,90")}
         return {
             "mask": mask,
-            "box": None
-            if self.box is None
-            else pixels_of("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
+            "box": None if self.box is None else pixels_of("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
             **{
                 name: [pixels_of(option, text, 2, "X,Y", example) for text in texts] if texts else None
                 for name, (option, texts, example) in points.items()
@@ -116,12 +105,9 @@ class ObjectOptions(MaskOptions):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
     mask: Annotated[
-        Path | None,
-        typer.Option(help="Mask image, white = object; or a folder of masks named like the photos."),
+        Path | None, typer.Option(help="Mask image, white = object; or a folder of masks named like the photos.")
     ] = None
-    fov: Annotated[float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")] = (
-        None
-    )
+    fov: Annotated[float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")] = None
     normals: Annotated[
         str | None,
         typer.Option(
@@ -139,13 +125,9 @@ class ObjectOptions(MaskOptions):
     ] = None
     material: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="The object's material: chrome, gold, plastic or matte (albedo 0.6)."
-        ),
+        typer.Option(metavar="NAME", help="The object's material: chrome, gold, plastic or matte (albedo 0.6)."),
     ] = None
-    metal: Annotated[
-        bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")
-    ] = False
+    metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
     roughness: Annotated[
         float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF, 0.1 to 1: alpha's root.")
     ] = None
@@ -164,10 +146,7 @@ class ObjectOptions(MaskOptions):
 
     def photo_hints(self) -> dict[str, Any]:
         """The keywords of load_photo besides the field of view; see hints."""
-        return self.hints(self.mask) | {
-            "normals": self.normals_source(),
-            "surroundings": self.surroundings_source(),
-        }
+        return self.hints(self.mask) | {"normals": self.normals_source(), "surroundings": self.surroundings_source()}
 
     def normals_source(self) -> Path | str | NormalsEstimator | None:
         """A path, the word for a sphere as it is, or an estimator."""
@@ -193,9 +172,7 @@ class ObjectOptions(MaskOptions):
         try:
             albedo = None if self.albedo is None else [float(part) for part in self.albedo.split(",")]
         except ValueError:
-            raise InputError(
-                f"--albedo: expected numbers, got {self.albedo!r}; for instance --albedo 0.18"
-            ) from None
+            raise InputError(f"--albedo: expected numbers, got {self.albedo!r}; for instance --albedo 0.18") from None
         name = self.material or ("chrome" if self.metal else None)
         return given_material(name, albedo, self.roughness)
 
@@ -213,12 +190,8 @@ class ModelOptions:
         ),
     ] = MODE
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL
-    engine: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(ENGINES)}.")] = (
-        DEFAULT_ENGINE
-    )
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")
-    ] = None
+    engine: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")] = None
 
     def estimator(self, **more: Any) -> Estimator:
         """Opened by these options."""
@@ -238,9 +211,9 @@ class DetailOptions:
             help="plausible: the structure of a real-looking place under the estimated light, for sharp reflections.",
         ),
     ] = "none"
-    detail_library: Annotated[
-        Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")
-    ] = None
+    detail_library: Annotated[Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")] = (
+        None
+    )
 
     def settings(self) -> dict[str, Any]:
         """For Estimator."""
@@ -271,8 +244,7 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(**values: Any) -> None:
         made = {
-            name: kind(**{one.name: values.pop(one.name) for one in fields(kind)})
-            for name, kind in bundles.items()
+            name: kind(**{one.name: values.pop(one.name) for one in fields(kind)}) for name, kind in bundles.items()
         }
         command(**made, **values)
 
@@ -336,9 +308,7 @@ def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
     twins = [other for other in listed if other.stem == photo.stem]
     if twins and twins[0] != photo:
-        raise OutputError(
-            f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them"
-        )
+        raise OutputError(f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them")
     inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}
     for target in targets:
         if target.resolve() in inputs:
@@ -353,9 +323,7 @@ def pixels_of(option: str, text: str, count: int, form: str, example: str) -> tu
     except ValueError:
         numbers = ()
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InvalidMask(
-            f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}"
-        )
+        raise InvalidMask(f"{option}: expected {form} in pixels, got {text!r}; for instance {option} {example}")
     return numbers
 
 
@@ -370,9 +338,7 @@ def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) ->
                 continue
             if candidate.resolve() != photo.resolve():
                 return candidate
-    raise InvalidMask(
-        f"{photo}: expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither"
-    )
+    raise InvalidMask(f"{photo}: expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither")
 
 
 def _literal(stem: str) -> str:

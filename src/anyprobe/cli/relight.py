@@ -43,18 +43,12 @@ class InsertOptions:
     """What is inserted, and where it stands."""
 
     insert_material: Annotated[
-        str,
-        typer.Option(
-            "--insert-material", help="chrome, gold, plastic, matte, or photo: the real object's own."
-        ),
+        str, typer.Option("--insert-material", help="chrome, gold, plastic, matte, or photo: the real object's own.")
     ] = "chrome"
-    at: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")
-    ] = None
+    at: Annotated[str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")] = None
     scale: Annotated[float, typer.Option(help="Its height over the real object's.")] = 0.5
     pitch: Annotated[
-        float | None,
-        typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks."),
+        float | None, typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks.")
     ] = None
 
     def foot(self) -> tuple[float, ...] | None:
@@ -76,9 +70,7 @@ def relight(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="The picture; else <stem>_relit.png beside the photo.")
     ] = None,
-    strip: Annotated[
-        bool, typer.Option("--strip", help=f"The photo, then the object of {', '.join(STRIP)}.")
-    ] = False,
+    strip: Annotated[bool, typer.Option("--strip", help=f"The photo, then the object of {', '.join(STRIP)}.")] = False,
     before: Annotated[bool, typer.Option("--before", help="The photo and the result side by side.")] = False,
     renderer: Annotated[
         Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")

@@ -21,28 +21,22 @@ Conditions = Literal["clean", "world"]
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 Assets = Annotated[
-    Path | None,
-    typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/; else maps and shapes of our own."),
+    Path | None, typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/; else maps and shapes of our own.")
 ]
 
 
 def render(
     folder: Folder,
     data: Assets = None,
-    split: Annotated[
-        Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")
-    ] = None,
+    split: Annotated[Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")] = None,
     kind: Annotated[
-        Literal["object", "map"] | None,
-        typer.Option(help="Pairs of objects (default), or maps for the HDR network."),
+        Literal["object", "map"] | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
     ] = None,
     conditions: Annotated[
         Conditions | None, typer.Option(help="Clean photos as the paper's (default), or the world's.")
     ] = None,
     pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="The first N; default all.")] = None,
-    shard_size: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")
-    ] = None,
+    shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; default 2020.")] = None,
     procedural_maps: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Maps of our own; 32 without --data, 0 with.")
@@ -64,9 +58,7 @@ def render(
     engine: Annotated[
         Literal["local", "ray"], typer.Option(help="This machine's processes, or a Ray cluster.")
     ] = "local",
-    address: Annotated[
-        str | None, typer.Option(help="Of the Ray cluster; without it one is begun here.")
-    ] = None,
+    address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without it one is begun here.")] = None,
 ) -> None:
     """Render pairs into shards that WebDataset reads; what is done stays done, whatever happens."""
     from anyprobe.dataset import render_job
@@ -141,9 +133,7 @@ def _clock(seconds: float) -> str:
 def _progress(talk: Console) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     columns += (TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
-    return Progress(
-        *columns, console=talk, transient=True, disable=not talk.is_terminal, speed_estimate_period=120
-    )
+    return Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal, speed_estimate_period=120)
 
 
 class _Watch:
@@ -171,8 +161,7 @@ class _Watch:
 
 
 def status(
-    folder: Folder,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False
 ) -> None:
     """Print how far a dataset is: shards, pairs, bytes, and what is missing."""
     from anyprobe.dataset import render_job
@@ -203,9 +192,7 @@ def _ranges(numbers: list[int]) -> str:
 
 def verify(
     folder: Folder,
-    again: Annotated[
-        int, typer.Option("--render", min=0, metavar="N", help="Also render N random pairs again.")
-    ] = 0,
+    again: Annotated[int, typer.Option("--render", min=0, metavar="N", help="Also render N random pairs again.")] = 0,
     data: Assets = None,
     repair: Annotated[
         bool, typer.Option("--repair", help="Delete bad shards; render --resume makes them again.")
@@ -225,9 +212,7 @@ def verify(
             if not shards.index_path(folder, shard).exists():
                 continue
             there.append(shard)
-            wrong = shards.fault(
-                folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)), plan["format"]
-            )
+            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)), plan["format"])
             if wrong:
                 bad[shard] = wrong
     if again:

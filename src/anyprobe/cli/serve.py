@@ -24,9 +24,7 @@ EVERYWHERE = ("0.0.0.0", "::", "")
 
 
 def serve(
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines in.")
-    ] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
     https: Annotated[
         bool, typer.Option("--https", help="Encrypt, with a certificate made now: a phone's camera needs it.")
@@ -34,23 +32,18 @@ def serve(
     static: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page as static files into DIR, and end.")
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(help="Photos at the same time; else one a core.", min=1)
-    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Photos at the same time; else one a core.", min=1)] = None,
     max_mb: Annotated[int, typer.Option(help="Largest upload, MiB.", min=1, max=1024)] = 32,
     allow_origin: Annotated[
         list[str] | None,
         typer.Option(metavar="ORIGIN", help="Let pages of this origin use the API; may be given again."),
     ] = None,
     allow_host: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Answer to this host name too; may be given again."),
+        list[str] | None, typer.Option(metavar="NAME", help="Answer to this host name too; may be given again.")
     ] = None,
     token: Annotated[
         str | None,
-        typer.Option(
-            help="What clients must send; made and printed where other machines can reach it; none: nothing."
-        ),
+        typer.Option(help="What clients must send; made and printed where other machines can reach it; none: nothing."),
     ] = None,
     model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
 ) -> None:
@@ -67,24 +60,14 @@ def serve(
         size = sum(path.stat().st_size for path in written)
         print(f"{static}: {len(written)} files, {size / 2**20:.0f} MiB; see docs/serve.md", file=sys.stderr)
         return
-    num_workers = (
-        workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
-    )
+    num_workers = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
     limits = Limits(max_bytes=max_mb * 2**20, workers=num_workers)
     hosts = [name.lower() for name in allow_host or []]
     _listen(estimator, page, limits, host, port, https, hosts, allow_origin or [], token)
 
 
 def _listen(
-    estimator,
-    page,
-    limits,
-    host: str,
-    port: int,
-    https: bool,
-    names: list[str],
-    origins: list[str],
-    token: str | None,
+    estimator, page, limits, host: str, port: int, https: bool, names: list[str], origins: list[str], token: str | None
 ) -> None:
     """Run until Ctrl-C."""
     import uvicorn
@@ -96,12 +79,7 @@ def _listen(
         shown = own_address() if host in EVERYWHERE else host
         only_here = is_loopback(host)
         token = _token(token, only_here)
-        hosts = [
-            host.lower(),
-            *LOOPBACK,
-            *names,
-            *([] if only_here else [shown, socket.gethostname().lower()]),
-        ]
+        hosts = [host.lower(), *LOOPBACK, *names, *([] if only_here else [shown, socket.gethostname().lower()])]
         app = create_app(
             estimator, limits, page=page, hosts=hosts, addresses=not only_here, origins=origins, token=token
         )
@@ -177,11 +155,7 @@ def own_address() -> str:
 
 def _need_serve() -> None:
     """Say so in one line where the extra is absent."""
-    for package, module in (
-        ("fastapi", "fastapi"),
-        ("uvicorn", "uvicorn"),
-        ("python-multipart", "python_multipart"),
-    ):
+    for package, module in (("fastapi", "fastapi"), ("uvicorn", "uvicorn"), ("python-multipart", "python_multipart")):
         try:
             __import__(module)
         except ImportError as error:

@@ -25,16 +25,11 @@ RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs
 def train(
     run: RunName = "lift",
     data: Annotated[
-        Path | None,
-        typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes."),
+        Path | None, typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes.")
     ] = None,
     runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS,
-    steps: Annotated[
-        int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")
-    ] = None,
-    dry_run: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")
-    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
+    dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")] = None,
     init_weights: Annotated[
         Path | None,
         typer.Option(help="Weights to begin from, kept by anyprobe weights --keep; the same ones to resume."),
@@ -42,13 +37,10 @@ def train(
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     shards: Annotated[
         Path | None,
-        typer.Option(
-            help="Learn from a dataset that anyprobe data render wrote, not from pairs made on the fly."
-        ),
+        typer.Option(help="Learn from a dataset that anyprobe data render wrote, not from pairs made on the fly."),
     ] = None,
     workers: Annotated[
-        int,
-        typer.Option(min=0, help="Processes that make pairs ahead, for a GPU that should not wait for them."),
+        int, typer.Option(min=0, help="Processes that make pairs ahead, for a GPU that should not wait for them.")
     ] = 0,
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
@@ -59,9 +51,7 @@ def train(
     from anyprobe.train.config import smoke
 
     if steps is not None and dry_run is not None:
-        raise InputError(
-            f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out"
-        )
+        raise InputError(f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out")
     unused = [
         ("--workers", workers > 0),
         ("--shards", shards is not None),
@@ -83,14 +73,7 @@ def train(
         chosen = smoke(chosen, dry_run)
     pairs = None if shards is None else _rendered(shards, data, chosen, device, workers)
     path = loop.train(
-        chosen,
-        data=data,
-        runs=runs,
-        device=device,
-        compiled=compiled,
-        workers=workers,
-        start=init_weights,
-        pairs=pairs,
+        chosen, data=data, runs=runs, device=device, compiled=compiled, workers=workers, start=init_weights, pairs=pairs
     )
     typer.echo(path)
 
@@ -110,9 +93,7 @@ def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, w
     return source
 
 
-def _train_mask(
-    data: Path | None, runs: Path, steps: int | None, dry_run: int | None, start: Path | None
-) -> Path:
+def _train_mask(data: Path | None, runs: Path, steps: int | None, dry_run: int | None, start: Path | None) -> Path:
     """The mask network has scenes instead of pairs, and a loop of its own."""
     from anyprobe.train import mask_run
 
@@ -128,9 +109,7 @@ def weights(
     to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
     run: RunName = "lift",
     runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = RUNS,
-    mean_map: Annotated[
-        Path | None, typer.Option(help="Also write the mean training map to this .exr.")
-    ] = None,
+    mean_map: Annotated[Path | None, typer.Option(help="Also write the mean training map to this .exr.")] = None,
     data: Annotated[
         Path | None, typer.Option(help="Data the run was trained on, for the mean map or a calibration.")
     ] = None,
@@ -139,27 +118,20 @@ def weights(
     ] = None,
     kept: Annotated[
         Path | None,
-        typer.Option(
-            help="Export the weights in this .pt, of the run whose graph ships, without its checkpoint."
-        ),
+        typer.Option(help="Export the weights in this .pt, of the run whose graph ships, without its checkpoint."),
     ] = None,
     mean_with: Annotated[
         Path | None,
-        typer.Option(
-            help="Take the mean of the run's weights and those kept in this .pt, from which it began."
-        ),
+        typer.Option(help="Take the mean of the run's weights and those kept in this .pt, from which it began."),
     ] = None,
     calibrated: Annotated[
         bool,
-        typer.Option(
-            "--calibrated", help="Make the confidence true on pairs of assets in --data that runs leave out."
-        ),
+        typer.Option("--calibrated", help="Make the confidence true on pairs of assets in --data that runs leave out."),
     ] = False,
     int8: Annotated[
         bool,
         typer.Option(
-            "--int8",
-            help="Convolutions of a lifting run in 8-bit numbers, of the range they have on such pairs.",
+            "--int8", help="Convolutions of a lifting run in 8-bit numbers, of the range they have on such pairs."
         ),
     ] = False,
 ) -> None:
@@ -209,9 +181,7 @@ def weights(
         if run == MASK_RUN:
             exported = export_mask(checkpoint, to)
         else:
-            exported = _export_light(
-                checkpoint, to, runs, data if calibrated else None, data if int8 else None
-            )
+            exported = _export_light(checkpoint, to, runs, data if calibrated else None, data if int8 else None)
         for stage, difference in exported.items():
             computed = "in floats, before its 8 bits, " if int8 else ""
             typer.echo(f"{to / (stage + '.onnx')}: {computed}within {difference:.2g} of torch")
@@ -228,12 +198,7 @@ def _export_light(
 ) -> dict[str, float]:
     """A chain's graphs, whole or not at all; ranges are of photos as the world gives them, confidence of clean ones."""
     from anyprobe.estimate.runtime import Models
-    from anyprobe.evaluate.calibration import (
-        calibrate,
-        calibrate_errors,
-        left_out_pairs,
-        left_out_world_pairs,
-    )
+    from anyprobe.evaluate.calibration import calibrate, calibrate_errors, left_out_pairs, left_out_world_pairs
     from anyprobe.train.export_onnx import AS_LEARNED, Sureness, export, lift_examples, quantize
 
     kept, sureness = runs / "cache" / "left_out", AS_LEARNED
@@ -248,17 +213,13 @@ def _export_light(
                 pairs = chain(left_out_pairs(calibrate_on, kept), left_out_world_pairs(calibrate_on, kept))
                 sureness = replace(sureness, errors=calibrate_errors(models, pairs))
                 typer.echo(
-                    "errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(
-                        *sureness.errors
-                    )
+                    "errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(*sureness.errors)
                 )
         if ranges_on is None:
             return export(checkpoint, to, sureness)
         exported = export(checkpoint, as_learned, sureness)
         if "light" not in exported:
-            raise InputError(
-                f"--int8: expected a run of lift, got one of {', '.join(exported)}; leave it out"
-            )
+            raise InputError(f"--int8: expected a run of lift, got one of {', '.join(exported)}; leave it out")
         examples = lift_examples(left_out_pairs(ranges_on, kept, conditions=1))
         changed = quantize(as_learned / "light.onnx", to / "light.onnx", examples)
         typer.echo(f"8 bits change maps by {changed:.2g} in display values, on the mean")

@@ -14,14 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import (
-    DetailOptions,
-    JsonOption,
-    ModelOptions,
-    ObjectOptions,
-    QuietOption,
-    with_bundles,
-)
+from anyprobe.cli.options import DetailOptions, JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer
 from anyprobe.errors import InputError
 
@@ -37,12 +30,10 @@ def video(
     fine: DetailOptions,
     placed: InsertOptions,
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", help="Folder for the results; else <stem>_light beside the clip."),
+        Path | None, typer.Option("-o", "--out", help="Folder for the results; else <stem>_light beside the clip.")
     ] = None,
     insert: Annotated[
-        str | None,
-        typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file."),
+        str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
     renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = "own",
     every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
@@ -78,9 +69,7 @@ def video(
     given = {key: value for key, value in hints.items() if value and key not in ("near", "far")}
     foot = placed.foot()
     if poses is not None and name is not None:
-        raise InputError(
-            "--poses and --insert: expected one of them; relit clips need a camera that stands still"
-        )
+        raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
     if material != PHOTO_MATERIAL:
         material_named(material, PHOTO_MATERIAL)
     header = open_clip(clip)
@@ -111,11 +100,7 @@ def video(
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
         "emitters": by.emitters,
-        "normals": str(taken.normals_from)
-        if callable(normals)
-        else normals
-        if isinstance(normals, str)
-        else None,
+        "normals": str(taken.normals_from) if callable(normals) else normals if isinstance(normals, str) else None,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_material": material if name else None,
@@ -147,9 +132,7 @@ def video(
     try:
         outcome = _watched(run, header.num_frames or None, begun, talk)
     except KeyboardInterrupt:
-        talk.print(
-            f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True
-        )
+        talk.print(f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:

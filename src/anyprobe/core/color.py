@@ -29,9 +29,7 @@ def luminance(rgb):
 def to_bytes(display: Float[np.ndarray, ...]) -> UInt8[np.ndarray, ...]:
     """Display values in [0, 1] to uint8, rounded."""
     values = np.clip(np.asarray(display), 0.0, 1.0)
-    values = np.multiply(
-        values, 255.0, out=values if isinstance(values, np.ndarray) else None
-    )  # photos are large
+    values = np.multiply(values, 255.0, out=values if isinstance(values, np.ndarray) else None)  # photos are large
     return np.round(values, out=values if isinstance(values, np.ndarray) else None).astype(np.uint8)
 
 

@@ -78,11 +78,7 @@ def own_map(seed: int, index: int) -> MapAsset:
     """Procedural map number index of a seed."""
     radiance, indoor = draw_map(np.random.default_rng((seed, 1, index)))
     return MapAsset(
-        id=_own_id("map", seed, index),
-        name=f"own-map-{seed}-{index}",
-        licence="own",
-        indoor=indoor,
-        radiance=radiance,
+        id=_own_id("map", seed, index), name=f"own-map-{seed}-{index}", licence="own", indoor=indoor, radiance=radiance
     )
 
 

@@ -209,11 +209,7 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
 
 
 def one_photo(
-    shot: Shot,
-    radiance: np.ndarray,
-    mask: np.ndarray,
-    background: np.ndarray | None,
-    rng: np.random.Generator,
+    shot: Shot, radiance: np.ndarray, mask: np.ndarray, background: np.ndarray | None, rng: np.random.Generator
 ) -> np.ndarray:
     """take_photo of [S, S, 3], a mask [S, S] and a background [S, S, 3] or None, grain by rng: [S, S, 3] uint8."""
 

@@ -124,9 +124,7 @@ def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | N
     return _load(Path(folder), MAP_SUFFIXES, STRANGE_MAPS, load, commercial_only, report)
 
 
-def load_shapes(
-    folder: Path, *, commercial_only: bool = False, report: Report | None = None
-) -> list[ShapeAsset]:
+def load_shapes(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[ShapeAsset]:
     """Every mesh of a folder; arguments and errors as of load_maps."""
 
     def load(path: Path, row: dict[str, str]) -> ShapeAsset:
@@ -173,16 +171,12 @@ def _load(
     for path, row in listed_rows(folder, suffixes, strange):
         try:
             if path.suffix.lower() in strange:
-                raise InputError(
-                    f"{path.name}: expected {expected}, got {path.suffix}; convert it or take it away"
-                )
+                raise InputError(f"{path.name}: expected {expected}, got {path.suffix}; convert it or take it away")
             if commercial_only and not allows_commercial_use(row["licence"]):
                 refused += 1
                 continue
             if not path.exists():
-                raise InputError(
-                    f"{path.name}: expected in {folder} by its manifest.csv, found none; fetch it again"
-                )
+                raise InputError(f"{path.name}: expected in {folder} by its manifest.csv, found none; fetch it again")
             assets.append(load(path, row))
         except InputError as error:
             if report is None:
@@ -206,9 +200,7 @@ def listed_rows(
 ) -> Iterator[tuple[Path, dict[str, str]]]:
     """Each file of the folder with its row of the manifest (the folder's own or its parent's)."""
     if not folder.is_dir():
-        raise InputError(
-            f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path"
-        )
+        raise InputError(f"{folder}: expected a folder of {'/'.join(suffixes)} files, found none; check the path")
     files = {path.name for path in visible_files(folder, suffixes + strange)}
     place = folder.resolve()
     rows: dict[str, dict[str, str]] = {}
@@ -244,9 +236,7 @@ def read_table(path: Path) -> tuple[list[str], list[Row]]:
             rows = [{key: value or "" for key, value in row.items() if key} for row in reader]
             columns = [name for name in reader.fieldnames or [] if name]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it"
-        ) from error
+        raise InputError(f"{path}: expected a table in UTF-8, got a damaged file ({error}); repair it") from error
     if "file" not in columns:
         raise InputError(f"{path}: expected a table with the column file; move it away")
     return columns, rows

@@ -210,9 +210,7 @@ class Client:
         finally:
             self._free_at = time.monotonic() + self._pause_s
 
-    def _patiently(
-        self, url: str, attempt: Callable[[], Result], progress: Callable[[], int] = lambda: 0
-    ) -> Result:
+    def _patiently(self, url: str, attempt: Callable[[], Result], progress: Callable[[], int] = lambda: 0) -> Result:
         """Try until it works or ATTEMPTS in a row bring nothing new."""
         failures, most = 0, progress()
         while True:
@@ -223,9 +221,7 @@ class Client:
                 if progress() > most:
                     failures, most = 1, progress()
                 if failures == ATTEMPTS:
-                    raise DownloadError(
-                        f"{url}: {trouble}, {ATTEMPTS} times in a row; try later"
-                    ) from trouble
+                    raise DownloadError(f"{url}: {trouble}, {ATTEMPTS} times in a row; try later") from trouble
                 wait_s = trouble.wait_s
                 if wait_s is None:
                     wait_s = min(BACKOFF_S * 2 ** (failures - 1), MAX_BACKOFF_S)

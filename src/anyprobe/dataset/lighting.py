@@ -15,13 +15,7 @@ import torch
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
-from anyprobe.core.latlong import (
-    bilinear,
-    direction_to_uv,
-    pixel_directions,
-    pixel_solid_angles,
-    uv_to_direction,
-)
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles, uv_to_direction
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import priors
 from anyprobe.dataset.catalog import normalize_map
@@ -226,9 +220,7 @@ class Illuminator:
         """
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
-        rotation = world_from_camera(
-            rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05)
-        )
+        rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
         alpha = draw_alpha(rng)
@@ -243,7 +235,5 @@ def _picture(values: torch.Tensor, size: int) -> torch.Tensor:
     """[size * size, C] to [C, SIZE, SIZE]."""
     picture = values.reshape(1, size, size, -1).permute(0, 3, 1, 2)
     if size != SIZE:
-        picture = torch.nn.functional.interpolate(
-            picture, size=(SIZE, SIZE), mode="bilinear", align_corners=False
-        )
+        picture = torch.nn.functional.interpolate(picture, size=(SIZE, SIZE), mode="bilinear", align_corners=False)
     return picture[0].contiguous()

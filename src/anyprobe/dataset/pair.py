@@ -101,12 +101,7 @@ def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, flo
     return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / count))
 
 
-def render_pair(
-    recipe: Recipe,
-    store: AssetStore,
-    trace: Trace | None = None,
-    textured: bool = False,
-) -> Pair:
+def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:
     """The pair of an "object" recipe; raises InputError if the store lacks its map or shape, or it is not visible.
 
     trace: makes the photo in the place of our shading; the irradiance stays what no shadow falls on. Under WORLD
@@ -116,9 +111,7 @@ def render_pair(
         given one material.
     """
     if textured and trace is not None:
-        raise InputError(
-            "textured: expected objects shaded here, got another renderer; leave one of the two out"
-        )
+        raise InputError("textured: expected objects shaded here, got another renderer; leave one of the two out")
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
     material, shot = drawn.material, drawn.shot
@@ -294,11 +287,7 @@ def render_map_pair(recipe: Recipe, store: AssetStore) -> MapPair:
 
 
 def shade_surface(
-    pyramid: Pyramid,
-    surface: Surface,
-    map_from_camera: np.ndarray,
-    alpha: float,
-    num_samples: int = NUM_SAMPLES,
+    pyramid: Pyramid, surface: Surface, map_from_camera: np.ndarray, alpha: float, num_samples: int = NUM_SAMPLES
 ) -> Shading:
     """Shade every visible point under a map whose frame is map_from_camera away."""
     turn = map_from_camera.T.astype(np.float32)

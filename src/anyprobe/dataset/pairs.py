@@ -147,9 +147,7 @@ class PairSource:
         """The pairs of step number `step`."""
         pool = self._pool(step)
         rng = np.random.default_rng((self.config.seed, 2, step))
-        chosen = [
-            pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)
-        ]
+        chosen = [pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
         normals = np.asarray(self.surfaces.normals[index])
         shadows = self.surfaces.hidden is not None

@@ -135,9 +135,7 @@ class Library:
         self.resolution = resolution
         self.map_format = map_format
         self.test_share = test_share
-        self.manifests = {
-            kind: Manifest(self.root / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()
-        }
+        self.manifests = {kind: Manifest(self.root / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()}
 
     def fetch(self, asset: Asset, watch: Watch = lambda done, total: None) -> Outcome:
         """Bring one asset into the folder.
@@ -208,9 +206,7 @@ class Library:
             part.unlink()
         return "fetched", num_bytes
 
-    def _complete(
-        self, manifest: Manifest, row: dict, old: Path, target: Path, split: str
-    ) -> tuple[str, int]:
+    def _complete(self, manifest: Manifest, row: dict, old: Path, target: Path, split: str) -> tuple[str, int]:
         """Leave the file as it is, or move it to the split it now belongs to."""
         if old != target:
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -237,9 +233,7 @@ def _sources(files: dict, kind: str, library: Library) -> dict[str, RemoteFile]:
             tree = files["hdri"]
             if library.map_format not in tree.get(library.resolution, {}):
                 there = ", ".join(sorted(tree, key=_pixels))
-                raise DownloadError(
-                    f"expected {library.resolution} in {library.map_format}, the asset has {there}"
-                )
+                raise DownloadError(f"expected {library.resolution} in {library.map_format}, the asset has {there}")
             return {"": _remote(tree[library.resolution][library.map_format])}
         entry = files["gltf"][min(files["gltf"], key=_pixels)]["gltf"]
         include = entry.get("include", {})

@@ -61,9 +61,7 @@ def draw_material(rng: np.random.Generator, alpha: float, metal: bool | None = N
     drawn = rng.random() < METAL_SHARE
     if drawn if metal is None else metal:
         f0 = np.array(METALS[rng.integers(len(METALS))]) * rng.uniform(0.75, 1.0) + rng.normal(0, 0.02, 3)
-        return Material(
-            albedo=np.zeros(3, np.float32), f0=np.clip(f0, 0.2, 1.0).astype(np.float32), alpha=alpha
-        )
+        return Material(albedo=np.zeros(3, np.float32), f0=np.clip(f0, 0.2, 1.0).astype(np.float32), alpha=alpha)
     f0 = np.full(3, f0_from_ior(rng.uniform(1.3, 1.8)), np.float32)
     value = rng.uniform(0.08, 0.9)
     tint = np.exp(rng.normal(0.0, rng.choice([0.03, 0.15, 0.6]), size=3))

@@ -39,12 +39,7 @@ class _Worker:
 
 
 def run_local(
-    work: Work,
-    tasks: Sequence[Any],
-    watch: Callable[[Any, int], None],
-    *,
-    workers: int,
-    say: Callable[[str], None],
+    work: Work, tasks: Sequence[Any], watch: Callable[[Any, int], None], *, workers: int, say: Callable[[str], None]
 ) -> dict[Any, Any]:
     """Do every task in one of so many processes; result by task.
 

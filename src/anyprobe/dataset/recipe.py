@@ -79,9 +79,7 @@ class Recipe:
                 f"recipe {text[:48]!r}: expected {2 * _LAYOUT.size} hexadecimal digits, got {len(text)} characters"
             ) from error
         if version != VERSION:
-            raise InputError(
-                f"recipe {text}: expected version {VERSION}, got {version}; use the release that wrote it"
-            )
+            raise InputError(f"recipe {text}: expected version {VERSION}, got {version}; use the release that wrote it")
         kind = flags // 2 % 2
         count = EXPOSURES if kind else MATERIALS
         if flags > 4 or material >= count or view >= VIEWPOINTS:

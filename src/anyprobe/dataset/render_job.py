@@ -72,9 +72,7 @@ def choose(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, t
     """So many pairs of some shards by lot, or all if they are fewer: (shard, numbers of its pairs)."""
     numbers = [number for shard in among for number in shard_range(plan, shard)]
     chosen = sorted(np.random.default_rng().permutation(numbers)[:count].tolist())
-    return [
-        (shard, tuple(group)) for shard, group in groupby(chosen, lambda number: number // plan["shard_size"])
-    ]
+    return [(shard, tuple(group)) for shard, group in groupby(chosen, lambda number: number // plan["shard_size"])]
 
 
 NAME = "dataset.json"
@@ -162,9 +160,7 @@ def read_plan(folder: Path) -> dict:
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
         if plan["format"] not in FORMATS:
-            raise InputError(
-                f"{path}: expected format {FORMATS[-1]}, got {plan['format']}; use another version"
-            )
+            raise InputError(f"{path}: expected format {FORMATS[-1]}, got {plan['format']}; use another version")
         plan.setdefault("commercial_only", True)  # what it was before there was a choice
         _check_plan(plan)
     except FileNotFoundError as error:
@@ -189,9 +185,7 @@ def _check_plan(plan: Mapping) -> None:
             raise ValueError(f"the asset {asset!r}")
 
 
-def begin(
-    folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
-) -> Job:
+def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options) -> Job:
     """Write dataset.json of a new dataset, or check that an old one can go on.
 
     given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
@@ -264,9 +258,7 @@ def _same_assets(folder: Path, plan: Mapping, renderer: Renderer) -> None:
         got = {one.id: one.name for one in notes}
         for key in sorted(names.keys() ^ got.keys()):
             name = names.get(key) or got[key]
-            expected, came = (
-                (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
-            )
+            expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
             raise InputError(
                 f"{folder.name}: expected {expected}, as the dataset was begun, got {came}; "
                 "give the same assets or another folder"
@@ -291,9 +283,7 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold a dataset against a second writer, until the block or the process ends."""
     with held(folder / NAME, wait=False) as alone:
         if not alone:
-            raise InputError(
-                f"{folder.name}: expected one writer, but another process renders into it; wait for it"
-            )
+            raise InputError(f"{folder.name}: expected one writer, but another process renders into it; wait for it")
         yield
 
 

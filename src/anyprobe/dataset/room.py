@@ -127,9 +127,7 @@ def patch_points(half: np.ndarray, patches: int = PATCHES) -> Points:
     for wall in range(6):
         u, v = _along(wall)
         position[wall, ..., wall // 2] = half[wall // 2] * (2 * (wall % 2) - 1)
-        position[wall, ..., u], position[wall, ..., v] = np.meshgrid(
-            middle * half[u], middle * half[v], indexing="ij"
-        )
+        position[wall, ..., u], position[wall, ..., v] = np.meshgrid(middle * half[u], middle * half[v], indexing="ij")
         side[wall] = 2 * half[[u, v]] / patches
     wall = np.repeat(np.arange(6), patches**2)
     return Points(wall=wall, position=position.reshape(-1, 3), side=side.reshape(-1, 2))
@@ -145,9 +143,7 @@ def seen_points(half: np.ndarray, eye: np.ndarray, d: np.ndarray, texel: float) 
     return Points(wall=wall, position=eye + d * distance, side=np.repeat(distance * texel, 2, axis=1))
 
 
-def reflected(
-    factors: np.ndarray, albedo: np.ndarray, source: np.ndarray, bounces: int = BOUNCES
-) -> np.ndarray:
+def reflected(factors: np.ndarray, albedo: np.ndarray, source: np.ndarray, bounces: int = BOUNCES) -> np.ndarray:
     """Radiance [K, 3] that patches of albedo [K, 3] send back when source [K, 3] shines.
 
     back_k = albedo F back_(k-1) from back_0 = source; the sum over k = 1 .. bounces.
@@ -267,9 +263,7 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
         small = rng.random() < 0.4
         size = rng.uniform(0.05, 0.12) if small else rng.uniform(0.15, 0.6)
         power = np.exp(rng.uniform(np.log(30.0), np.log(200.0)) if small else rng.uniform(0.7, 3.2))
-        lay(
-            _spot(rng, half, where, size * rng.uniform(0.5, 1.0, size=2)), 0.5, power * warm * tint(rng, 0.05)
-        )
+        lay(_spot(rng, half, where, size * rng.uniform(0.5, 1.0, size=2)), 0.5, power * warm * tint(rng, 0.05))
 
     albedo, source = look["patches"][1], glow["patches"]
     source = source + albedo * sunny["patches"] * beam / np.pi
@@ -281,9 +275,7 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
     return normalize_map((radiance * balance).reshape(height, 2 * height, 3))
 
 
-def between_patches(
-    values: np.ndarray, half: np.ndarray, points: Points, patches: int = PATCHES
-) -> np.ndarray:
+def between_patches(values: np.ndarray, half: np.ndarray, points: Points, patches: int = PATCHES) -> np.ndarray:
     """values [6 n^2, C] of the patches at points between their middles, bilinear on each wall."""
     grid = values.reshape(6, patches, patches, -1)
     along = np.array([_along(wall) for wall in range(6)])[points.wall]

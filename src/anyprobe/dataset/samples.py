@@ -100,9 +100,7 @@ class StoreRenderer:
         for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
             del self.store.shapes[shape.id]
             if report is not None:
-                report(
-                    f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out"
-                )
+                report(f"{shape.name}: expected a shape that photos show, got one thinner than a pixel; left out")
 
     def recipe(self, index: int) -> Recipe:
         """Recipe number index of the plan."""

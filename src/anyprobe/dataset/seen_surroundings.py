@@ -99,9 +99,7 @@ def _shown(
     """
     device = mask.device
     turns = torch.from_numpy(np.asarray(map_from_photo, np.float32)).to(device)
-    d = (
-        torch.from_numpy(pixel_directions(height)).to(device) @ turns[:, None]
-    )  # as rows: in the photos' frames
+    d = torch.from_numpy(pixel_directions(height)).to(device) @ turns[:, None]  # as rows: in the photos' frames
     depth = -d[..., 2].clip(max=-0.05)
     plane = d[..., :2] / depth[..., None]  # [B, H, 2H, 2]
     x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(device).T[..., None, None]
@@ -118,8 +116,5 @@ def unsteady(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
     turns = rng.integers(-TURN_COLUMNS, TURN_COLUMNS + 1, len(light))
     gains = np.exp2(rng.normal(0.0, GAIN_STOPS, len(light)))
     return torch.stack(
-        [
-            torch.roll(one, int(turn), dims=2) * float(gain)
-            for one, turn, gain in zip(light, turns, gains, strict=True)
-        ]
+        [torch.roll(one, int(turn), dims=2) * float(gain) for one, turn, gain in zip(light, turns, gains, strict=True)]
     )

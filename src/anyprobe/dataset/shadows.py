@@ -25,9 +25,7 @@ def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor
     old = torch.einsum("bij,hwj->bhwi", old_from_new, torch.stack([right, up], dim=-1))
     grid = (old + offset[:, None, None]) * old.new_tensor([1.0, -1.0])
     there = F.grid_sample(hidden.float(), grid.to(hidden.device), mode="nearest", align_corners=False)
-    turn = torch.atan2(
-        old_from_new[:, 0, 1] - old_from_new[:, 1, 0], old_from_new[:, 0, 0] + old_from_new[:, 1, 1]
-    )
+    turn = torch.atan2(old_from_new[:, 0, 1] - old_from_new[:, 1, 0], old_from_new[:, 0, 0] + old_from_new[:, 1, 1])
     steps = torch.round(turn * AZIMUTHS / (2 * torch.pi)).long().tolist()
     return torch.stack([one.roll(k, dims=0) for one, k in zip(there, steps, strict=True)]).to(hidden.dtype)
 

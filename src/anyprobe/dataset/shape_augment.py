@@ -150,10 +150,7 @@ def _turn(angle: float) -> np.ndarray:
 
 
 def reshape(
-    normals: torch.Tensor,
-    tan_half: torch.Tensor,
-    reshaping: Reshaping,
-    new_tan_half: torch.Tensor | None = None,
+    normals: torch.Tensor, tan_half: torch.Tensor, reshaping: Reshaping, new_tan_half: torch.Tensor | None = None
 ) -> torch.Tensor:
     """Give surfaces of normals [B, 3, S, S], camera frame, zero outside the objects, another shape: normals that are
     unit and visible inside the objects.

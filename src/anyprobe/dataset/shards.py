@@ -152,9 +152,7 @@ def remove_shard(folder: Path, shard: int, *, index_only: bool = False) -> None:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(
-                f"{path}: cannot be deleted ({error.strerror}); check its permissions"
-            ) from error
+            raise OutputError(f"{path}: cannot be deleted ({error.strerror}); check its permissions") from error
 
 
 def _header(name: str, size: int) -> bytes:
@@ -226,9 +224,7 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
                     if key is not None:
                         yield key, parts
                     if prefix in seen:
-                        raise InputError(
-                            f"{path.name}: expected the parts of {prefix} together, got them apart"
-                        )
+                        raise InputError(f"{path.name}: expected the parts of {prefix} together, got them apart")
                     seen.add(prefix)
                     key, parts = prefix, {}
                 if not member.isfile() or not name or name in parts:

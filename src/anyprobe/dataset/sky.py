@@ -101,11 +101,7 @@ VAPOUR = np.array([0.0] * 31 + [0.016, 0.024, 0.0125, 1.0, 0.87, 0.061, 0.001]) 
 # fmt: on
 
 REC709_FROM_XYZ = np.array(
-    [
-        [3.2404542, -1.5371385, -0.4985314],
-        [-0.9692660, 1.8760108, 0.0415560],
-        [0.0556434, -0.2040259, 1.0572252],
-    ]
+    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
 )
 
 
@@ -233,9 +229,7 @@ def _waves(rng: np.random.Generator, x: np.ndarray, longest: float, shortest: fl
     """Two dozen bent sines over x [..., 3], [...]: about 1 at most places, now and then 3."""
     total = np.zeros(x.shape[:-1])
     for _ in range(24):
-        k = normalize(rng.normal(size=3)) * np.exp(
-            rng.uniform(np.log(6.28 / longest), np.log(6.28 / shortest))
-        )
+        k = normalize(rng.normal(size=3)) * np.exp(rng.uniform(np.log(6.28 / longest), np.log(6.28 / shortest)))
         bend = 0.6 * np.sin(x @ rng.normal(size=3) * 12.6 / longest + rng.uniform(0, 6.28))
         total += np.sin(x @ k + bend + rng.uniform(0, 6.28)) * (6.28 / np.linalg.norm(k) / longest) ** 0.8
     return total
@@ -275,9 +269,9 @@ def _ground(rng: np.random.Generator, d: np.ndarray, horizon: np.ndarray) -> tup
 def _skyline(rng: np.random.Generator, d: np.ndarray) -> np.ndarray:
     """Sine of the elevation up to which the ground hides the sky, [..., 1]: flat, hills or houses."""
     azimuth = np.arctan2(d[..., :1], -d[..., 2:])
-    waves = sum(
-        np.sin(k * azimuth + rng.uniform(0, 6.28)) / k**0.7 for k in rng.integers(1, 24, size=8)
-    ) * rng.uniform(0.0, 0.08)
+    waves = sum(np.sin(k * azimuth + rng.uniform(0, 6.28)) / k**0.7 for k in rng.integers(1, 24, size=8)) * rng.uniform(
+        0.0, 0.08
+    )
     if rng.random() < 0.4:
         steps = np.round(azimuth * rng.uniform(3, 9)) * 12.9898 + rng.uniform(0, 99)
         waves = waves + rng.uniform(0.0, 0.35) * (np.sin(steps) * 43758.5453 % 1.0)

@@ -163,9 +163,7 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
         yield drawn_part(number, config)
 
 
-def _seen(
-    jobs: Iterator[tuple[Mesh, list[View]]], size: int, shadows: bool, workers: int
-) -> Iterator[list[Seen]]:
+def _seen(jobs: Iterator[tuple[Mesh, list[View]]], size: int, shadows: bool, workers: int) -> Iterator[list[Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
     if workers == 0:
         for job in jobs:

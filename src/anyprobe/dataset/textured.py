@@ -229,18 +229,12 @@ def paint(material: Material, factor: np.ndarray) -> Material:
 def mix(first: Material, second: Material, share: np.ndarray) -> Material:
     """Two materials of one alpha, share [...] the second: f0 and albedo [..., 3]."""
     share = share[..., None]
-    f0, albedo = (
-        (1 - share) * getattr(first, name) + share * getattr(second, name) for name in ("f0", "albedo")
-    )
+    f0, albedo = ((1 - share) * getattr(first, name) + share * getattr(second, name) for name in ("f0", "albedo"))
     return replace(first, f0=f0, albedo=albedo)
 
 
 def paint_some(
-    materials: Sequence[Material],
-    normals: np.ndarray,
-    rng: np.random.Generator,
-    textured: float,
-    two_materials: float,
+    materials: Sequence[Material], normals: np.ndarray, rng: np.random.Generator, textured: float, two_materials: float
 ) -> list[Material]:
     """Give a share of objects a texture, and a share a second material of the same alpha; some get both.
 

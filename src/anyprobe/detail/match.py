@@ -57,9 +57,7 @@ def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Lib
         weight = np.maximum(reduced(confidence[..., None].astype(np.float32), FEATURE_ROWS), LEAST_CONFIDENCE)
     spectra = _spectra(library)
     plain = PLAIN_PRICE * np.maximum(np.log(RICH / np.maximum(library.richness, 1e-3)), 0.0)[:, None] ** 2
-    costs, gains = zip(
-        *(_compare(features, weight, spectra, plain, pitch) for pitch in PITCHES_DEG), strict=True
-    )
+    costs, gains = zip(*(_compare(features, weight, spectra, plain, pitch) for pitch in PITCHES_DEG), strict=True)
     cost = np.stack(costs, axis=1)  # [N, pitches, columns]
     best = cost.reshape(len(cost), -1).min(axis=1)
     index = int(np.argsort(best, kind="stable")[rank % len(best)])
@@ -119,9 +117,7 @@ def _compare(
     def correlate(values: np.ndarray, spectrum: np.ndarray) -> np.ndarray:
         """Sum over the sphere of values(x) c(x - k): [N, columns, 4]."""
         wave = np.conj(np.fft.rfft(values, axis=1))
-        product = np.einsum(
-            "hfc,nhfc->nfc", np.broadcast_to(wave, spectrum.shape[1:]), spectrum, optimize=True
-        )
+        product = np.einsum("hfc,nhfc->nfc", np.broadcast_to(wave, spectrum.shape[1:]), spectrum, optimize=True)
         return np.fft.irfft(np.conj(product), n=2 * FEATURE_ROWS, axis=1)
 
     mean_e, mean_e2 = (w * e).sum(axis=(0, 1)), (w * e * e).sum(axis=(0, 1))

@@ -61,9 +61,7 @@ def add_detail(
         InvalidEnvironment, InputError: one line that says what to do.
     """
     if rows not in SIZES:
-        raise InputError(
-            f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another"
-        )
+        raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another")
     if seed < 0:
         raise InputError(f"seed: expected 0 or more, got {seed}; 0 takes the best match")
     radiance = check_radiance(radiance, "estimate")
@@ -73,7 +71,5 @@ def add_detail(
         )
     library = library if isinstance(library, Library) else open_library(library)
     match = find_match(radiance, confidence, library, seed)
-    detailed = blend(
-        radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen
-    )
+    detailed = blend(radiance, library.candidate(match.index), match.candidate_from_estimate, match.ln_gain, rows, seen)
     return Detailed(radiance=detailed, name=match.name, seed=seed)

@@ -22,15 +22,7 @@ from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
-from anyprobe.estimate.runtime import (
-    DEFAULT_ENGINE,
-    DEFAULT_MODEL,
-    LIFT_STAGES,
-    MODE,
-    PHOTO_SIZE,
-    Models,
-    model_id,
-)
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LIFT_STAGES, MODE, PHOTO_SIZE, Models, model_id
 from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
@@ -184,9 +176,7 @@ class Estimator:
         taken, spent = cut_photos(photos, start)
         return estimate_crops(self.from_crop, taken, world_from_camera, spent, given)
 
-    def from_photo(
-        self, photo: Photo, start: float | None = None, *, material: Material | None = None
-    ) -> Light:
+    def from_photo(self, photo: Photo, start: float | None = None, *, material: Material | None = None) -> Light:
         """The same for a Photo that is loaded already.
 
         Args:
@@ -279,8 +269,7 @@ class Estimator:
         given = [name for name, value in known if value is not None]
         if given and self.models.stages != LIFT_STAGES:
             raise InputError(
-                f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; "
-                f"use {DEFAULT_MODEL}"
+                f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; use {DEFAULT_MODEL}"
             )
         if material is not None and not self.models.takes_material:
             raise InputError(

@@ -160,9 +160,7 @@ def use_material(
     Returns:
         the answer, and what was done, for the sidecar.
     """
-    done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {
-        "alpha": float(material.alpha)
-    }
+    done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {"alpha": float(material.alpha)}
     if given_normals is not None and is_mirror(material):
         radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material)
         confidence = outputs.confidence
@@ -172,10 +170,7 @@ def use_material(
     if outputs.normals is None:
         raise InputError("material: expected a model that estimates normals, got one that does not; use lift")
     gain = fit_gain(outputs.radiance, image, outputs.normals, tan_half, material) ** TRUST
-    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {
-        "material": done,
-        "gain": _list(gain),
-    }
+    return outputs.with_map(outputs.radiance * gain, outputs.confidence), {"material": done, "gain": _list(gain)}
 
 
 def _list(values: np.ndarray) -> list[float]:

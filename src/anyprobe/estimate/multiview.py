@@ -28,9 +28,7 @@ LEAST_FLUX = 0.01
 """Of what is brighter, where power is given back to it: with less, their positions are unknown."""
 
 
-def fuse(
-    maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]
-) -> Float[np.ndarray, "H 2*H 3"]:
+def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]) -> Float[np.ndarray, "H 2*H 3"]:
     """The weighted geometric mean of maps, as much light in all as they have.
 
     A geometric mean drops an emitter that only one of the maps has, which is right where estimates err, but also
@@ -60,14 +58,10 @@ SURE = 2.0
 """The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
 LEAST = 1e-4
 """Weight of a pixel of which a map says nothing."""
-NOT_GIVEN = (
-    "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
-)
+NOT_GIVEN = "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
 
 
-def cut_photos(
-    photos: Iterable[Photo], start: float | None = None
-) -> tuple[list[tuple[Photo, Crop]], list[float]]:
+def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[list[tuple[Photo, Crop]], list[float]]:
     """Each photo without its pixels and its object's crop, and the seconds each took.
 
     photos: of load_photo, read in turn. start: of time.perf_counter, when the first one's loading began.
@@ -139,9 +133,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     gains, given = _gains([light.info.get("exposure") for light in lights])
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
-    sure = np.stack(
-        [np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned]
-    )
+    sure = np.stack([np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned])
     weights = sure**SURE + LEAST
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]

@@ -58,9 +58,7 @@ class NormalsSpec:
         """[3, 3]: from the graph's channels to the camera's axes; InputError if axes are none."""
         names = [str(axis).lstrip("+-") for axis in self.axes]
         if sorted(names) != ["x", "y", "z"]:
-            raise InputError(
-                f'axes: expected x, y and z in some order, each with or without "-", got {self.axes}'
-            )
+            raise InputError(f'axes: expected x, y and z in some order, each with or without "-", got {self.axes}')
         signs = [-1.0 if str(axis).startswith("-") else 1.0 for axis in self.axes]
         matrix = np.zeros((3, 3))
         for channel, (name, sign) in enumerate(zip(names, signs, strict=True)):
@@ -92,23 +90,17 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
             f"inputs, got {', '.join(wanted)} and {', '.join(outputs)}; mend {path.with_suffix('.json').name}"
         )
     dtypes = {"tensor(int64)": np.int64, "tensor(float16)": np.float16}
-    others = {
-        one: np.asarray(value, dtypes.get(wanted[one].type, np.float32)) for one, value in spec.inputs.items()
-    }
+    others = {one: np.asarray(value, dtypes.get(wanted[one].type, np.float32)) for one, value in spec.inputs.items()}
     kind = dtypes.get(wanted[name].type, np.float32)
 
     def estimate(rgb: np.ndarray) -> np.ndarray:
-        shown = (_resized(rgb, height, width) - np.asarray(spec.mean, np.float32)) / np.asarray(
-            spec.std, np.float32
-        )
+        shown = (_resized(rgb, height, width) - np.asarray(spec.mean, np.float32)) / np.asarray(spec.std, np.float32)
         given = {name: shown.transpose(2, 0, 1)[None].astype(kind), **others}
         try:
             values = np.asarray(session.run([output], given)[0], np.float32)
         except Exception as error:  # the runtime has no common base class for its errors
             text = " ".join(str(error).split())[:80]
-            raise ModelError(
-                f"{path.name}: expected to take 1 x 3 x {height} x {width}, got: {text}"
-            ) from error
+            raise ModelError(f"{path.name}: expected to take 1 x 3 x {height} x {width}, got: {text}") from error
         values = values[0] if values.ndim == 4 else values
         values = values[:3].transpose(1, 2, 0) if values.shape[0] in (3, 4) else values[..., :3]
         if values.ndim != 3 or values.shape[-1] != 3:
@@ -120,9 +112,7 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
 
 def _read_spec(path: Path) -> NormalsSpec:
     if not path.is_file():
-        raise InputError(
-            f"{path}: expected a spec beside the graph, found none; see docs/inputs.md for what it holds"
-        )
+        raise InputError(f"{path}: expected a spec beside the graph, found none; see docs/inputs.md for what it holds")
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         known = {one.name for one in fields(NormalsSpec)}
@@ -205,7 +195,5 @@ def _resized(values: np.ndarray, height: int, width: int) -> np.ndarray:
         return np.asarray(values, np.float32)
     shrinks = height * width < values.shape[0] * values.shape[1]
     how = Image.Resampling.BOX if shrinks else Image.Resampling.BILINEAR
-    planes = [
-        Image.fromarray(np.ascontiguousarray(values[..., k], np.float32)) for k in range(values.shape[-1])
-    ]
+    planes = [Image.fromarray(np.ascontiguousarray(values[..., k], np.float32)) for k in range(values.shape[-1])]
     return np.stack([np.asarray(plane.resize((width, height), how)) for plane in planes], axis=-1)

@@ -116,9 +116,7 @@ def _box(inside: np.ndarray) -> Part:
 
 def _surroundings(one: Part, other: Part) -> Part:
     """The part that holds both."""
-    rows, columns = (
-        slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
-    )
+    rows, columns = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(one, other, strict=True))
     return rows, columns
 
 
@@ -162,9 +160,7 @@ def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndar
     length = np.linalg.norm(values, axis=-1, keepdims=True)
     known = length > SHORTEST
     if not known.any():
-        raise InputError(
-            f"{name}: expected unit normals where the object is, found none; a picture holds (n + 1) / 2"
-        )
+        raise InputError(f"{name}: expected unit normals where the object is, found none; a picture holds (n + 1) / 2")
     if from_picture and (np.abs(length[known] - 1.0) < NEAR_UNIT).mean() < UNIT_SHARE:
         raise InputError(
             f"{name}: expected a picture of (n + 1) / 2, got one most of whose vectors are far from unit length, as a "
@@ -184,9 +180,7 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         return _decoded(source, "normals")
     if isinstance(source, bytes):
         if source.startswith(EXR_MAGIC):
-            raise InputError(
-                "normals: expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG"
-            )
+            raise InputError("normals: expected a PNG picture of (n + 1) / 2, got an .exr; send it as 16-bit PNG")
         return _decoded(source, "normals")
     path = Path(source)
     if not path.is_file():

@@ -81,9 +81,7 @@ BEYOND = (0.03, 0.03, 0.12)
 """Display colours of the edge and clicks on the object, of clicks beside it, of the surroundings' tint."""
 
 
-def draw_overlay(
-    rgb: np.ndarray, mask: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = ()
-) -> np.ndarray:
+def draw_overlay(rgb: np.ndarray, mask: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = ()) -> np.ndarray:
     """Display picture [H, W, 3] of a photo [H, W, 3] and its mask [H, W], both in [0, 1]."""
     height, width = mask.shape
     weight = mask[..., None]

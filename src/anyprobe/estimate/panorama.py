@@ -36,9 +36,7 @@ def cut_out(photo: Photo, *, first: bool) -> Crop:
     return crop_object(photo if own else replace(photo, surroundings_map=None), PHOTO_SIZE)
 
 
-def window(
-    surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0
-) -> np.ndarray:
+def window(surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0) -> np.ndarray:
     """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
     gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
@@ -66,11 +64,7 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
         now, then = (one[both, :3] / one[both, 3:4] for one in (newer, older))
         light = luminance(now), luminance(then)
         given = np.all([(one > COMPARED[0]) & (one < COMPARED[1]) for one in light], axis=0)
-        gain = (
-            np.float32(np.median(light[0][given] / light[1][given]))
-            if given.sum() >= SHARED
-            else np.float32(1)
-        )
+        gain = np.float32(np.median(light[0][given] / light[1][given])) if given.sum() >= SHARED else np.float32(1)
         if np.abs(response(now) - response(then * gain)).mean() > DIFFER:
             return newer
         older = np.concatenate([older[..., :3] * gain, older[..., 3:]], axis=-1)

@@ -10,21 +10,9 @@ import numpy as np
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, InvalidPhoto
 from anyprobe.estimate.normals_model import NormalsEstimator, estimated_normals
-from anyprobe.estimate.normals_prior import (
-    SHORTEST,
-    SPHERE,
-    NormalsSource,
-    normals_from_outline,
-    read_normals,
-)
+from anyprobe.estimate.normals_prior import SHORTEST, SPHERE, NormalsSource, normals_from_outline, read_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import (
-    PHOTO,
-    SurroundingsSource,
-    read_surroundings,
-    turned,
-    visible_surroundings,
-)
+from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings, turned, visible_surroundings
 from anyprobe.files.images import ImageSource, read_image
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
@@ -138,9 +126,7 @@ def load_photo(
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=pixels.warnings
-        + found.warnings
-        + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
+        warnings=pixels.warnings + found.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
@@ -164,9 +150,7 @@ def _known_normals(
 def _known_surroundings(source: SurroundingsSource | None) -> np.ndarray | bool | None:
     if source is None:
         return None
-    return (
-        True if isinstance(source, str) and source == PHOTO else read_surroundings(source, above_white=True)
-    )
+    return True if isinstance(source, str) and source == PHOTO else read_surroundings(source, above_white=True)
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:
@@ -194,9 +178,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
     surroundings_map = None
     if photo.surroundings_map is True:
-        surroundings_map = visible_surroundings(
-            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half)
-        )
+        surroundings_map = visible_surroundings(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
         if surroundings_map is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
@@ -215,9 +197,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     )
 
 
-def _window(
-    values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int
-) -> np.ndarray:
+def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int) -> np.ndarray:
     """The square of that side in pixels around center (x, y): [size, size, 4], values times mask, and mask."""
     columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
     rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
@@ -258,11 +238,7 @@ def _resampling(start: float, side: float, size: int, length: int) -> tuple[slic
 def _exposure_warnings(colors: np.ndarray, name: str) -> tuple[str, ...]:
     """Object pixels [N, 3] that are nearly all black or all white carry no shading."""
     if np.mean((colors <= 0.01).all(axis=1)) >= CLIPPED_SHARE:
-        return (
-            f"{name}: the object is black almost everywhere; little can be estimated from it; expose longer",
-        )
+        return (f"{name}: the object is black almost everywhere; little can be estimated from it; expose longer",)
     if np.mean((colors >= 0.99).all(axis=1)) >= CLIPPED_SHARE:
-        return (
-            f"{name}: the object is white almost everywhere; little can be estimated from it; expose shorter",
-        )
+        return (f"{name}: the object is white almost everywhere; little can be estimated from it; expose shorter",)
     return ()

@@ -32,19 +32,12 @@ if TYPE_CHECKING:
 
 VERSION = 2
 """Of the sidecar. 1 had other names: see RENAMED."""
-RENAMED = {
-    "told": "well_exposed_fraction",
-    "main_light": "dominant_light",
-    "lamps": "emitters",
-    "known": "priors",
-}
+RENAMED = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "priors"}
 """Keys of a sidecar of version 1, which says no version, and of today's."""
 EMITTERS = {"drawn": "mode", "spread": "expected"}
 """The same for the values of `emitters`."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
-TURNED = (
-    "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
-)
+TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
 
 OF_THE_MAP = (
@@ -137,10 +130,7 @@ class Light:
     info: Info = field(default_factory=Info)
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("radiance", check_radiance(self.radiance, "light")),
-            ("confidence", self.confidence),
-        ):
+        for name, value in (("radiance", check_radiance(self.radiance, "light")), ("confidence", self.confidence)):
             if value is not None:
                 own = np.array(value)  # a caller's array may change
                 own.setflags(write=False)
@@ -236,9 +226,7 @@ class Light:
         from anyprobe.detail.plausible import add_detail
 
         if "detail" in self.info:
-            raise InputError(
-                "detail: expected a light without it, got one that has it; begin with the estimate"
-            )
+            raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
 
@@ -254,9 +242,7 @@ class Light:
 
         return draw_under(self.radiance, mesh, material, **camera)
 
-    def export(
-        self, target: str, folder: str | Path = "export", stem: str = "light", **settings: Any
-    ) -> list[Path]:
+    def export(self, target: str, folder: str | Path = "export", stem: str = "light", **settings: Any) -> list[Path]:
         """Write the light for three, blender, unity, unreal, usd or another of docs/export.md's targets.
 
         All files, named <stem>_<target>, or none. settings: world_from_camera, exposure_ev.
@@ -350,12 +336,7 @@ def _restored(said: Mapping[str, Any], path: Path) -> dict[str, Any]:
             "camera_from_crop; save the light again, or move the .json away"
         )
     info = {name: value for name, value in said.items() if name not in OF_THE_MAP}
-    return {
-        "well_exposed_fraction": exposed,
-        "warnings": warnings,
-        "camera_from_crop": camera_from_crop,
-        "info": info,
-    }
+    return {"well_exposed_fraction": exposed, "warnings": warnings, "camera_from_crop": camera_from_crop, "info": info}
 
 
 def _numbers(array: np.ndarray) -> list:

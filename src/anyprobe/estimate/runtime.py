@@ -49,9 +49,7 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
         return lambda *values: session.run(None, dict(zip(names, values, strict=True)))
     if engine not in PRECISION:
         raise InputError(f"engine {engine!r}: expected one of {', '.join(ENGINES)}")
-    return _openvino(
-        path, {given.name: given.shape for given in session.get_inputs()}, threads, PRECISION[engine]
-    )
+    return _openvino(path, {given.name: given.shape for given in session.get_inputs()}, threads, PRECISION[engine])
 
 
 def _open_cuda(path: Path) -> onnxruntime.InferenceSession:
@@ -180,11 +178,7 @@ class Models:
     """Sessions opened once and used for many photos; safe to share between threads."""
 
     def __init__(
-        self,
-        model: str = DEFAULT_MODEL,
-        threads: int | None = None,
-        engine: str = DEFAULT_ENGINE,
-        emitters: str = MODE,
+        self, model: str = DEFAULT_MODEL, threads: int | None = None, engine: str = DEFAULT_ENGINE, emitters: str = MODE
     ) -> None:
         """Open a bundled model by name, or a folder of graphs.
 
@@ -335,8 +329,7 @@ def file_hashes(model: str) -> dict[str, str]:
     if missing is not None:
         raise ModelError(f"{folder}: expected {missing}.onnx in it, found none; get the whole model")
     return {
-        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12]
-        for stage in stages_of(folder)
+        stage: hashlib.sha256((folder / f"{stage}.onnx").read_bytes()).hexdigest()[:12] for stage in stages_of(folder)
     }
 
 

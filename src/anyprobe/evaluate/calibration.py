@@ -41,9 +41,7 @@ class Calibration:
     def __init__(self) -> None:
         self._sums = {name: np.zeros((5, FINE)) for name in (*GROUPS, *HALVES)}
 
-    def add(
-        self, confidence: np.ndarray, ldr: np.ndarray, true_ldr: np.ndarray, groups: Iterable[str] = ()
-    ) -> None:
+    def add(self, confidence: np.ndarray, ldr: np.ndarray, true_ldr: np.ndarray, groups: Iterable[str] = ()) -> None:
         """One map: confidence [H, 2H] in [0, 1], estimated and true display values [H, 2H, 3].
 
         groups: those that its pair belongs to; "all" goes without saying.
@@ -76,13 +74,9 @@ class Calibration:
         constant = right / total
         return {
             **figures(whole, constant),
-            "bins": [
-                [_short(w / total), _short(c / w), _short(r / w)] for w, c, r in _tens(whole[:3]).T if w > 0
-            ],
+            "bins": [[_short(w / total), _short(c / w), _short(r / w)] for w, c, r in _tens(whole[:3]).T if w > 0],
             "groups": {
-                name: figures(sums, constant)
-                for name, sums in self._sums.items()
-                if name != "all" and sums.any()
+                name: figures(sums, constant) for name, sums in self._sums.items() if name != "all" and sums.any()
             },
         }
 
@@ -214,9 +208,7 @@ def calibrate_errors(models: Models, pairs: Iterable[Pair]) -> tuple[float, floa
         for material in (None, pair.material):
             outputs = models(pair.crop, pair.tan_half, material=material)
             if outputs.posterior is None:
-                raise ModelError(
-                    f"{models.name}: expected a model that estimates its errors, got one that does not"
-                )
+                raise ModelError(f"{models.name}: expected a model that estimates its errors, got one that does not")
             claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
             ratios.append(true_errors(outputs, pair) / claimed)
     first, second, third = np.quantile(ratios, INTERVAL, axis=0).tolist()
@@ -229,9 +221,7 @@ def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
     for pair in pairs:
         outputs = models(pair.crop, pair.tan_half)
         if outputs.confidence is None:
-            raise ModelError(
-                f"{models.name}: expected a model that estimates its confidence, got one that does not"
-            )
+            raise ModelError(f"{models.name}: expected a model that estimates its confidence, got one that does not")
         confidence.append(outputs.confidence)
         right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))
     claimed = np.stack(confidence)

@@ -61,9 +61,7 @@ def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, 
     priors: also a row for each of PRIORS.
     """
 
-    def method(
-        pair: Pair, models: Models = models, priors: frozenset[str] | set[str] = frozenset()
-    ) -> Estimate:
+    def method(pair: Pair, models: Models = models, priors: frozenset[str] | set[str] = frozenset()) -> Estimate:
         outputs = run_with_priors(models, pair, priors)
         return Estimate(
             ldr=outputs.ldr.clip(0.0, 1.0),
@@ -76,9 +74,7 @@ def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, 
     if models.stages == LIFT_STAGES:
         methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
     rows = PRIORS if priors else {}
-    return methods | {
-        f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()
-    }
+    return methods | {f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()}
 
 
 def baselines() -> dict[str, Method]:
@@ -87,10 +83,7 @@ def baselines() -> dict[str, Method]:
     def of(radiance: np.ndarray) -> Estimate:
         return Estimate(ldr=response(radiance), radiance=radiance)
 
-    return {
-        "mean map": lambda pair: of(mean_map()),
-        "chrome sphere": lambda pair: of(chrome_sphere(pair.crop)),
-    }
+    return {"mean map": lambda pair: of(mean_map()), "chrome sphere": lambda pair: of(chrome_sphere(pair.crop))}
 
 
 @lru_cache(maxsize=1)
@@ -139,11 +132,7 @@ def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
 def true_normals(pair: Pair) -> np.ndarray:
     """A pair's normals as a model is given them: [64, 64, 3] unit, zero outside the object."""
     step = len(pair.normals) // NORMALS_SIZE
-    mean = (
-        np.asarray(pair.normals, np.float32)
-        .reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3)
-        .mean(axis=(1, 3))
-    )
+    mean = np.asarray(pair.normals, np.float32).reshape(NORMALS_SIZE, step, NORMALS_SIZE, step, 3).mean(axis=(1, 3))
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
     return np.where(length > SHORTEST, mean / np.maximum(length, SHORTEST), 0.0)
 
@@ -157,6 +146,4 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     rays = np.stack([*np.meshgrid(slope * x, slope * y), np.full((height, width), -1.0)], axis=-1)
     shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
     display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
-    return visible_surroundings(
-        display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half
-    )
+    return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)

@@ -12,15 +12,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.methods import Estimate, Method
-from anyprobe.evaluate.metrics import (
-    color_angle_deg,
-    direction_error_deg,
-    power_ratio_stops,
-    psnr,
-    rmse,
-    si_rmse,
-    ssim,
-)
+from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops, psnr, rmse, si_rmse, ssim
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral
 from anyprobe.render.spheres import sphere_images, sphere_normals
@@ -120,9 +112,7 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
         mask = sphere_normals()[1]
         scores[f"angle_{name}_deg"] = color_angle_deg(spheres[name], sphere, mask)
         # in units of the true sphere's mean, or a bright scene would outweigh the rest
-        scores[f"si_rmse_{name}"] = si_rmse(spheres[name], sphere, mask) / max(
-            float(sphere[mask].mean()), 1e-8
-        )
+        scores[f"si_rmse_{name}"] = si_rmse(spheres[name], sphere, mask) / max(float(sphere[mask].mean()), 1e-8)
     return {name: float(value) for name, value in scores.items()}
 
 

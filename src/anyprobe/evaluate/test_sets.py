@@ -76,10 +76,7 @@ NAMES = ("tan_half", "map_name", "shape_name", "indoor")
 
 
 def kept_pairs(
-    recipes: list[Recipe],
-    store: AssetStore,
-    kept: Path | None = None,
-    trace: Trace | None = None,
+    recipes: list[Recipe], store: AssetStore, kept: Path | None = None, trace: Trace | None = None
 ) -> Iterator[Pair]:
     """The pairs of recipes in order; those that the folder `kept` lacks are rendered and put there.
 

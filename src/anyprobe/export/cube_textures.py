@@ -121,9 +121,7 @@ def write_ktx2_cube(path: Path, levels: list[np.ndarray]) -> None:
         data = level.astype("<f2").tobytes()
         index.append(struct.pack("<3Q", descriptor_at + len(body), len(data), len(data)))
         body += data
-    header = IDENTIFIER + struct.pack(
-        "<9I", VK_FORMAT_R16G16B16A16_SFLOAT, 2, size, size, 0, 0, 6, len(levels), 0
-    )
+    header = IDENTIFIER + struct.pack("<9I", VK_FORMAT_R16G16B16A16_SFLOAT, 2, size, size, 0, 0, 6, len(levels), 0)
     header += struct.pack("<4I2Q", descriptor_at, len(descriptor), values_at, len(values), 0, 0)
     path.write_bytes(header + b"".join(reversed(index)) + bytes(body))
 

@@ -36,10 +36,7 @@ TEMPERATURES_K = np.arange(1000.0, 15001.0, 10.0)
 
 def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space."""
-    estimate = {
-        **primary_light(light),
-        "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient)),
-    }
+    estimate = {**primary_light(light), "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient))}
     write_json(folder / f"{light.name}.estimate.json", estimate)
     return {}
 
@@ -90,12 +87,8 @@ def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
     if total <= 0.0:
         return ARKIT_WHITE_K
     t = TEMPERATURES_K
-    u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (
-        1.0 + 8.42420235e-4 * t + 7.08145163e-7 * t**2
-    )
-    v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (
-        1.0 - 2.89741816e-5 * t + 1.61456053e-7 * t**2
-    )
+    u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1.0 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
+    v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1.0 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
     return float(t[np.argmin((u - 4.0 * x / total) ** 2 + (v - 6.0 * y / total) ** 2)])
 
 
@@ -112,14 +105,7 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     intensity = float(light.main.irradiance.max())
     r, g, b = (float(channel) for channel in light.main.color)
     notes = read_template("unreal.txt").format(
-        name=light.name,
-        pitch=pitch,
-        yaw=yaw,
-        intensity=intensity,
-        r=r,
-        g=g,
-        b=b,
-        angle=light.main_angle_deg,
+        name=light.name, pitch=pitch, yaw=yaw, intensity=intensity, r=r, g=g, b=b, angle=light.main_angle_deg
     )
     (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
     return {
@@ -172,6 +158,4 @@ def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     (folder / f"{light.name}.js").write_text(template("three.js", light), encoding="utf-8")
     page = template("three.html", light).replace("@TITLE@", escape(light.name))
     (folder / f"{light.name}.html").write_text(page, encoding="utf-8")
-    return {
-        "half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there",
-    }
+    return {"half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there"}

@@ -37,19 +37,13 @@ _THREE = "three.js r187 in Chromium shows it the right way round"
 
 TARGETS = {
     "three": Target(
-        write=engines.write_three,
-        frame=THREE,
-        checked=f"{_THREE}: background, environment, LightProbe and sun agree",
+        write=engines.write_three, frame=THREE, checked=f"{_THREE}: background, environment, LightProbe and sun agree"
     ),
     "blender": Target(
-        write=engines.write_blender,
-        frame=BLENDER,
-        checked="Blender 5.0.1: Cycles sees and lights by it as it is",
+        write=engines.write_blender, frame=BLENDER, checked="Blender 5.0.1: Cycles sees and lights by it as it is"
     ),
     "unity": Target(write=engines.write_unity, frame=UNITY, checked="by formula only: not opened in Unity"),
-    "unreal": Target(
-        write=engines.write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"
-    ),
+    "unreal": Target(write=engines.write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"),
     "usd": Target(
         write=scene_files.write_usd,
         frame=OPENEXR,
@@ -59,9 +53,7 @@ TARGETS = {
         write=scene_files.write_mitsuba, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
     ),
     "gltf": Target(
-        write=scene_files.write_gltf,
-        frame=FRONT,
-        checked="Babylon.js 9.34 shows it as it is, set as `gltf` says",
+        write=scene_files.write_gltf, frame=FRONT, checked="Babylon.js 9.34 shows it as it is, set as `gltf` says"
     ),
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
@@ -71,16 +63,10 @@ TARGETS = {
         checked=f"{_THREE} (DDSLoader, the BC6H file); the half-float file by a parser of our own",
     ),
     "webxr": Target(
-        write=engines.write_webxr,
-        frame=FRONT,
-        checked="by the specification only: not run in a WebXR session",
+        write=engines.write_webxr, frame=FRONT, checked="by the specification only: not run in a WebXR session"
     ),
-    "arcore": Target(
-        write=engines.write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"
-    ),
-    "arkit": Target(
-        write=engines.write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"
-    ),
+    "arcore": Target(write=engines.write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"),
+    "arkit": Target(write=engines.write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"),
 }
 
 
@@ -112,11 +98,7 @@ def export(
     """
     chosen = find_target(target)
     light = prepare(
-        radiance,
-        f"{stem}_{target}",
-        world_from_camera=world_from_camera,
-        exposure_ev=exposure_ev,
-        origin=origin,
+        radiance, f"{stem}_{target}", world_from_camera=world_from_camera, exposure_ev=exposure_ev, origin=origin
     )
     with atomic_files(folder) as scratch:
         more = chosen.write(light, scratch)

@@ -49,9 +49,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
-        raise OutputError(
-            f"{path}: cannot be written ({reason}); choose another folder or free some space"
-        ) from error
+        raise OutputError(f"{path}: cannot be written ({reason}); choose another folder or free some space") from error
     finally:
         with suppress(OSError):  # already renamed, or never made
             temporary.unlink()
@@ -72,9 +70,7 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _tidy(folder)
-        with tempfile.TemporaryDirectory(
-            dir=folder, prefix=f"{SCRATCH}{_machine()}-{os.getpid()}-"
-        ) as scratch:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=f"{SCRATCH}{_machine()}-{os.getpid()}-") as scratch:
             new, old = Path(scratch) / "new", Path(scratch) / "old"
             new.mkdir()
             old.mkdir()
@@ -86,8 +82,7 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
         raise OutputError(str(error).replace(str(Path(scratch) / "new"), str(folder))) from error
     except OSError as error:
         raise OutputError(
-            f"{folder}: expected a folder that can be written, got {error.strerror or error}; "
-            "choose another with -o"
+            f"{folder}: expected a folder that can be written, got {error.strerror or error}; choose another with -o"
         ) from error
 
 
@@ -98,9 +93,7 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
         for file in files:
             target = folder / file.name
             if target.is_dir():
-                raise OutputError(
-                    f"{target}: expected a file to replace, got a folder; choose another with -o"
-                )
+                raise OutputError(f"{target}: expected a file to replace, got a folder; choose another with -o")
             if target.exists():
                 os.replace(target, old / file.name)
             placed.append(target)

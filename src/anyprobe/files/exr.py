@@ -178,9 +178,7 @@ def _check_whole(data: bytes, header: ExrHeader) -> None:
     first, count = len(header.plain), -(-rows // CHUNK_ROWS[kind[0]])
     offsets = np.frombuffer(data[first : first + 8 * count], "<u8") if len(data) >= first + 8 * count else [0]
     for at in map(int, offsets):
-        if not first < at <= len(data) - 8 or at + 8 + int.from_bytes(data[at + 4 : at + 8], "little") > len(
-            data
-        ):
+        if not first < at <= len(data) - 8 or at + 8 + int.from_bytes(data[at + 4 : at + 8], "little") > len(data):
             raise ValueError("a file that is cut")
 
 
@@ -222,12 +220,8 @@ def read_channels(
         if isinstance(error, fault):
             raise
         advice = "save it flat" if "deep" in str(error) else "save it again"
-        raise fault(
-            f"{name}: expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}"
-        ) from error
-    width, height = np.maximum(
-        header.display[1] - header.display[0], header.data[1] - header.data[0]
-    ).tolist()
+        raise fault(f"{name}: expected an OpenEXR picture, got a damaged or empty file ({error}); {advice}") from error
+    width, height = np.maximum(header.display[1] - header.display[0], header.data[1] - header.data[0]).tolist()
     if header.decoded > max_pixels:
         raise fault(
             f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels in all parts and layers, "
@@ -239,18 +233,11 @@ def read_channels(
         with quiet(), OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
             return header, {key: channel.pixels for key, channel in file.channels().items()}
     except (RuntimeError, ValueError, KeyError, TypeError, OSError, MemoryError) as error:
-        raise fault(
-            f"{name}: expected an OpenEXR picture, got a damaged or empty file; save it again"
-        ) from error
+        raise fault(f"{name}: expected an OpenEXR picture, got a damaged or empty file; save it again") from error
 
 
 def read_exr(
-    source: str | os.PathLike[str] | bytes,
-    name: str,
-    fault: type[InputError],
-    max_pixels: int,
-    *,
-    rec709: bool = False,
+    source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int, *, rec709: bool = False
 ) -> np.ndarray:
     """The colour of an .exr: channels R, G, B and perhaps A, or Y.
 
@@ -270,9 +257,7 @@ def read_exr(
     shape = tuple((header.data[1] - header.data[0]).tolist()[::-1])
     if any(layer is None or layer.shape != shape for layer in layers):
         listed = ", ".join(sorted(found)[:20]) or "none"
-        raise fault(
-            f"{name}: expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture"
-        )
+        raise fault(f"{name}: expected channels R, G, B or Y of full size, got {listed}; save a flat RGB picture")
     pixels = np.empty((*shape, len(layers)), dtype=np.float32)
     for i, layer in enumerate(layers):
         pixels[..., i] = layer
@@ -296,9 +281,7 @@ def in_display(pixels: np.ndarray, header: ExrHeader) -> np.ndarray:
     return canvas
 
 
-def to_rec709(
-    rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]
-) -> np.ndarray:
+def to_rec709(rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault: type[InputError]) -> np.ndarray:
     """Linear colours [..., 3] in Rec. 709; none falls below 0 that did not before."""
     try:
         matrix = rec709_from_rgb(chromaticities)

@@ -185,9 +185,7 @@ def _check_scans(stream: BinaryIO, name: str) -> None:
         at = marker.end()
         scans += marker[1] == b"\xda"
         if scans > MAX_SCANS:
-            raise InvalidPhoto(
-                f"{name}: expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG"
-            )
+            raise InvalidPhoto(f"{name}: expected at most {MAX_SCANS} scans, got more; save it again as PNG or JPEG")
         at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
 
 

@@ -22,14 +22,7 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.headers import (
-    MAX_PIXELS,
-    UnknownPicture,
-    check_size,
-    exif_exposure,
-    exif_fov_deg,
-    open_picture,
-)
+from anyprobe.files.headers import MAX_PIXELS, UnknownPicture, check_size, exif_exposure, exif_fov_deg, open_picture
 from anyprobe.files.paths import open_regular
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
@@ -225,8 +218,7 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         values = values[..., None]
     if values.ndim != 3 or values.shape[2] not in (1, 3, 4):
         raise InvalidPhoto(
-            f"{name}: expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; "
-            "put the channels last"
+            f"{name}: expected [height, width] with 1, 3 or 4 channels, got shape {values.shape}; put the channels last"
         )
     check_size(values.shape[1], values.shape[0], name)
     if values.dtype.kind == "u" and values.dtype.itemsize <= 2:

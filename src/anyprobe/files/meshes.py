@@ -110,19 +110,13 @@ def _read_parts(data: bytes, suffix: str, name: str) -> list[tuple[np.ndarray, n
             _check_glb(data)
         # of bytes alone it opens no file that they name; floats that overflow are check_triangles' to refuse
         with np.errstate(all="ignore"):
-            scene = trimesh.load_scene(
-                io.BytesIO(data), file_type=suffix[1:], process=False, skip_materials=True
-            )
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], process=False, skip_materials=True)
         placed = [scene.graph[node] for node in scene.graph.nodes_geometry]
         copies = [(matrix, scene.geometry[key]) for matrix, key in placed]
-        copies = [
-            (matrix, one) for matrix, one in copies if isinstance(one, trimesh.Trimesh) and len(one.faces)
-        ]
+        copies = [(matrix, one) for matrix, one in copies if isinstance(one, trimesh.Trimesh) and len(one.faces)]
         faces = sum(len(one.faces) for _, one in copies)
         if faces > MAX_FACES:  # a small file may place a mesh many times
-            raise InvalidMesh(
-                f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first"
-            )
+            raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {faces:,}; decimate it first")
         return [_placed(matrix, one.vertices, one.faces) for matrix, one in copies]
     except InvalidMesh:
         raise

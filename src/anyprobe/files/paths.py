@@ -20,8 +20,7 @@ MAX_BYTES = 2**31
 def natural_order(name: str) -> list[tuple[bool, int, str]]:
     """A key to sort names by: frame_2 stands before frame_10."""
     return [
-        (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part)
-        for part in re.split(r"([0-9]+)", name)
+        (part.isdecimal(), int(part[:4000]) if part.isdecimal() else 0, part) for part in re.split(r"([0-9]+)", name)
     ]
 
 
@@ -36,9 +35,7 @@ def visible_files(folder: Path, suffixes: Iterable[str]) -> list[Path]:
 
 
 @contextmanager
-def open_regular(
-    path: str | os.PathLike[str], fault: type[InputError], what: str = "a file"
-) -> Iterator[BinaryIO]:
+def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: str = "a file") -> Iterator[BinaryIO]:
     """A file to read that has an end: a pipe may never get one, a device has none.
 
     what: it should be, for messages.
@@ -61,19 +58,13 @@ def open_regular(
 
 
 def read_regular(
-    path: str | os.PathLike[str],
-    name: str,
-    fault: type[InputError],
-    what: str = "a file",
-    max_bytes: int = MAX_BYTES,
+    path: str | os.PathLike[str], name: str, fault: type[InputError], what: str = "a file", max_bytes: int = MAX_BYTES
 ) -> bytes:
     """All bytes of open_regular; fault also where they are more."""
     with open_regular(path, fault, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > max_bytes:
-            raise fault(
-                f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it"
-            )
+            raise fault(f"{name}: expected at most {max_bytes / 2**20:g} MiB, got {size / 2**20:.0f}; shrink it")
         return stream.read(size)
 
 

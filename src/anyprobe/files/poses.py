@@ -59,9 +59,7 @@ class Poses:
         """[N, 3, 3] of a clip's frames: as they are listed, by name where there are names (frame_2 before frame_10)."""
         if self.names is None:
             return self.world_from_camera
-        return self.world_from_camera[
-            sorted(range(len(self.names)), key=lambda k: natural_order(self.names[k]))
-        ]
+        return self.world_from_camera[sorted(range(len(self.names)), key=lambda k: natural_order(self.names[k]))]
 
     def of(self, photos: list[Path]) -> np.ndarray:
         """[len(photos), 3, 3], by name where there are names, else in order; InputError where one is missing."""
@@ -97,9 +95,7 @@ class Poses:
         for what, names in (("poses of", self.names), ("photos", [photo.name for photo in bare])):
             name, count = Counter(names).most_common(1)[0] if names else ("", 0)
             if count > 1:
-                raise InputError(
-                    f"{self.file}: expected names that differ, got two {what} {name}; rename one"
-                )
+                raise InputError(f"{self.file}: expected names that differ, got two {what} {name}; rename one")
         places = {name: place for place, name in enumerate(self.names)}
         found = [places.get(photo.name, places.get(photo.stem)) for photo in bare]  # some write no suffix
         for photo, one in zip(photos, found, strict=True):
@@ -110,9 +106,7 @@ class Poses:
 
 def read_poses(path: Path) -> Poses:
     """parse_poses of a file; InputError too where there is none."""
-    return parse_poses(
-        read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path)
-    )
+    return parse_poses(read_regular(path, str(path), InputError, "a JSON file of camera poses", MAX_BYTES), str(path))
 
 
 def bare_name(path: str) -> str:
@@ -137,9 +131,7 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     try:
         content = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{file}: expected a JSON file of camera poses, got none that can be read"
-        ) from error
+        raise InputError(f"{file}: expected a JSON file of camera poses, got none that can be read") from error
     frames = content.get("frames") if isinstance(content, dict) else None
     names = None
     if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):

@@ -14,14 +14,7 @@ import numpy as np
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.exr import (
-    EXR_MAGIC,
-    HEADER_BYTES,
-    exr_attributes,
-    read_exr,
-    to_rec709,
-    write_channels,
-)
+from anyprobe.files.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, read_exr, to_rec709, write_channels
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.files.rgbe import (
     HDR_HEADER_BYTES,
@@ -49,12 +42,7 @@ HALF_MIN = 2.0**-14
 ATTRIBUTE = "anyprobe:"
 """What the names of our own strings in an .exr's header begin with."""
 
-KINDS = {
-    HDR_MAGIC: ".hdr",
-    EXR_MAGIC: ".exr",
-    b"\x89PNG": "PNG",
-    b"\xff\xd8\xff": "JPEG",
-}
+KINDS = {HDR_MAGIC: ".hdr", EXR_MAGIC: ".exr", b"\x89PNG": "PNG", b"\xff\xd8\xff": "JPEG"}
 """First bytes of files that are mistaken for one another."""
 
 
@@ -84,9 +72,7 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
         data = start + read_rest(stream)
     if suffix == ".hdr":
         return check_radiance(decode_hdr(data, path.name, max_pixels), path.name)
-    return check_radiance(
-        read_exr(data, path.name, InvalidEnvironment, max_pixels, rec709=True)[..., :3], path.name
-    )
+    return check_radiance(read_exr(data, path.name, InvalidEnvironment, max_pixels, rec709=True)[..., :3], path.name)
 
 
 def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
@@ -186,9 +172,7 @@ def write_exr(
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
-            raise OutputError(
-                f"{path}: cannot be written (the file came out cut); free some space"
-            ) from error
+            raise OutputError(f"{path}: cannot be written (the file came out cut); free some space") from error
         except RuntimeError as error:  # its only report of a full disk or a closed folder
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
             raise OutputError(f"{path}: cannot be written ({reason})") from error
@@ -212,9 +196,7 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
         raise InvalidEnvironment(f"{name}: expected {wanted}, got a damaged one of 0 bytes; fetch it again")
     kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), suffix)
     if kind != suffix:
-        advice = (
-            f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, take .hdr or .exr"
-        )
+        advice = f"name it {kind}" if kind.startswith(".") else "8 bits do not hold radiance, take .hdr or .exr"
         raise InvalidEnvironment(f"{name}: expected {wanted}, got {kind}; {advice}")
 
 
@@ -232,9 +214,7 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
     except EOFError as error:
         raise _cut(name, header.height) from error
     except ValueError as error:
-        raise InvalidEnvironment(
-            f"{name}: expected new run-length coding or none, got the old; save again"
-        ) from error
+        raise InvalidEnvironment(f"{name}: expected new run-length coding or none, got the old; save again") from error
     return to_rec709(radiance, header.primaries, name, InvalidEnvironment)
 
 

@@ -53,16 +53,12 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     """The header of a .hdr from the file's first bytes; InvalidEnvironment if it cannot be read by it."""
     header, blank, body = data[:HDR_HEADER_BYTES].partition(b"\n\n")
     if not data.startswith(HDR_MAGIC) or not blank:
-        raise InvalidEnvironment(
-            f"{name}: expected a Radiance .hdr file, got other or no data; save it again"
-        )
+        raise InvalidEnvironment(f"{name}: expected a Radiance .hdr file, got other or no data; save it again")
     exposure, primaries = 1.0, REC709_CHROMATICITIES
     for line in header.split(b"\n"):
         key, _, value = line.partition(b"=")
         if key.strip() == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
-            raise InvalidEnvironment(
-                f"{name}: expected FORMAT=32-bit_rle_rgbe, got {_shown(value)}; save it as RGBE"
-            )
+            raise InvalidEnvironment(f"{name}: expected FORMAT=32-bit_rle_rgbe, got {_shown(value)}; save it as RGBE")
         if key.strip() == b"EXPOSURE":  # cumulative: each line tells a factor already multiplied in
             try:
                 exposure *= float(value)
@@ -82,14 +78,11 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     line, _, _ = body.partition(b"\n")
     size = RESOLUTION.fullmatch(line.strip())
     if size is None:
-        raise InvalidEnvironment(
-            f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it upright"
-        )
+        raise InvalidEnvironment(f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it upright")
     height, width = int(size[1]), int(size[2])
     if not 0 < height * width <= max_pixels:
         raise InvalidEnvironment(
-            f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, "
-            f"got {width} x {height}; shrink it first"
+            f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first"
         )
     at = len(header) + len(blank) + len(line) + 1
     return HdrHeader(height=height, width=width, exposure=exposure, primaries=primaries, at=at)
@@ -110,9 +103,7 @@ def comments(attributes: Mapping[str, str], begin: str) -> str:
     lines = []
     for key, value in attributes.items():
         plain = " ".join(str(value).split()).encode("ascii", "backslashreplace").decode()
-        lines += [
-            f"# {begin}{key}={part}\n" for part in textwrap.wrap(plain, COMMENT_WIDTH, break_on_hyphens=False)
-        ]
+        lines += [f"# {begin}{key}={part}\n" for part in textwrap.wrap(plain, COMMENT_WIDTH, break_on_hyphens=False)]
     return "".join(lines)
 
 

@@ -29,13 +29,9 @@ def check_radiance(radiance: Float[np.ndarray, "H 2*H 3"], name: str = "map") ->
             "convert a cube map or mirror sphere to latitude-longitude first"
         )
     if not np.isfinite(radiance).all():
-        raise InvalidEnvironment(
-            f"{name}: expected finite radiance, got NaN or infinity; repair the map first"
-        )
+        raise InvalidEnvironment(f"{name}: expected finite radiance, got NaN or infinity; repair the map first")
     if (radiance < 0).any():
-        raise InvalidEnvironment(
-            f"{name}: expected radiance >= 0, got {radiance.min():.3g}; repair the map first"
-        )
+        raise InvalidEnvironment(f"{name}: expected radiance >= 0, got {radiance.min():.3g}; repair the map first")
     return np.asarray(radiance, dtype=np.float32)
 
 
@@ -67,9 +63,7 @@ def reduced(radiance: Float[np.ndarray, "H 2*H 3"], rows: int = SEARCH_ROWS) -> 
         return radiance
     weights = pixel_solid_angles(height).astype(np.float64)  # [H, 1]
     down, across = _overlap(height, rows), _overlap(2 * height, 2 * rows)
-    total = np.stack(
-        [down @ (radiance[..., c] * weights) @ across.T for c in range(radiance.shape[2])], axis=-1
-    )
+    total = np.stack([down @ (radiance[..., c] * weights) @ across.T for c in range(radiance.shape[2])], axis=-1)
     return (total / ((down @ weights) * (height / rows))[..., None]).astype(radiance.dtype)
 
 
@@ -77,9 +71,7 @@ def _overlap(old: int, new: int) -> np.ndarray:
     """[new, old]: how much of each old cell lies in each new one, in old cells."""
     borders = np.linspace(0.0, old, new + 1)
     cells = np.arange(old)
-    return np.clip(
-        np.minimum(borders[1:, None], cells + 1) - np.maximum(borders[:-1, None], cells), 0.0, None
-    )
+    return np.clip(np.minimum(borders[1:, None], cells + 1) - np.maximum(borders[:-1, None], cells), 0.0, None)
 
 
 def rotate(radiance, rotation):

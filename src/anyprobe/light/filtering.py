@@ -20,9 +20,9 @@ def _kernel_spectrum(height: int, weight: Callable[[np.ndarray], np.ndarray], no
     """Cosine spectrum [F, H, H] of weight(cos angle) dOmega, rows out x rows in."""
     theta = (np.arange(height) + 0.5) * np.pi / height
     delta = np.arange(2 * height) * np.pi / height
-    cosine = np.cos(theta)[:, None, None] * np.cos(theta)[None, :, None] + np.sin(theta)[
-        :, None, None
-    ] * np.sin(theta)[None, :, None] * np.cos(delta)
+    cosine = np.cos(theta)[:, None, None] * np.cos(theta)[None, :, None] + np.sin(theta)[:, None, None] * np.sin(theta)[
+        None, :, None
+    ] * np.cos(delta)
     kernel = weight(np.clip(cosine, -1.0, 1.0)) * pixel_solid_angles(height).astype(np.float64)[None]
     if normalised:
         kernel /= kernel.sum(axis=(1, 2), keepdims=True)

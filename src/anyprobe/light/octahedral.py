@@ -139,9 +139,7 @@ class Pyramid:
 
     def to(self, device) -> Pyramid:
         """The same on another device, for torch."""
-        arrays = {
-            name: getattr(self, name) for name in ("texels", "emitters", "emitter_power", "emitter_spread")
-        }
+        arrays = {name: getattr(self, name) for name in ("texels", "emitters", "emitter_power", "emitter_spread")}
         return replace(self, **{name: a.to(device) for name, a in arrays.items() if hasattr(a, "to")})
 
 
@@ -192,9 +190,7 @@ def build_pyramid(
     xp = array_namespace(radiance)
     directions = power = spread = None
     if emitters and patches:
-        radiance, directions, power, spread = take_patches(
-            radiance, emitters, _patches(radiance.shape[0], patches)
-        )
+        radiance, directions, power, spread = take_patches(radiance, emitters, _patches(radiance.shape[0], patches))
         spread = spread + 1.0 / side**2
     elif emitters:
         radiance, directions, power = take_pixels(radiance, emitters)
@@ -255,6 +251,4 @@ def lookup_rgb(pyramid: Pyramid, x, y, z, lod):
         (below, (1.0 - right) * down),
         (below + 1, right * down),
     )
-    return tuple(
-        sum(pyramid.texels[index, channel] * weight for index, weight in corners) for channel in range(3)
-    )
+    return tuple(sum(pyramid.texels[index, channel] * weight for index, weight in corners) for channel in range(3))

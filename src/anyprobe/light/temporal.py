@@ -94,10 +94,7 @@ class FilterState:
 
 
 def step(
-    state: FilterState | None,
-    radiance: Float[np.ndarray, "H 2*H 3"],
-    dt_s: float,
-    smoothing: Smoothing | None = None,
+    state: FilterState | None, radiance: Float[np.ndarray, "H 2*H 3"], dt_s: float, smoothing: Smoothing | None = None
 ) -> FilterState:
     """The state after one more frame; pure.
 

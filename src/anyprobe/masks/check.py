@@ -14,9 +14,7 @@ def check_mask(mask: np.ndarray) -> np.ndarray:
     """Return the mask as float32 [H, W], or raise InvalidMask: empty, too small, NaN."""
     mask = np.asarray(mask, dtype=np.float32)
     if mask.ndim != 2 or not (mask.size and mask.min() >= 0.0 and mask.max() <= 1.0):
-        raise InvalidMask(
-            f"mask: expected [height, width] in 0 to 1, got shape {mask.shape} or values outside"
-        )
+        raise InvalidMask(f"mask: expected [height, width] in 0 to 1, got shape {mask.shape} or values outside")
     if not (mask > 0.5).any():
         raise InvalidMask(
             f"mask: expected white on the object, got an empty mask (largest value {mask.max():.2f}); "

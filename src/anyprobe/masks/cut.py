@@ -95,9 +95,7 @@ def cut_out(
     return Cut(mask=canvas, loose=loose, told_apart=told_apart)
 
 
-def _gathered(
-    picture: np.ndarray, votes: np.ndarray, fixed: np.ndarray, color_vote: float
-) -> tuple[np.ndarray, float]:
+def _gathered(picture: np.ndarray, votes: np.ndarray, fixed: np.ndarray, color_vote: float) -> tuple[np.ndarray, float]:
     """How likely each pixel is the object's after all rounds, [h, w], and how well colours tell the sides apart."""
     share = _share(votes)
     reach = max(1, round(RADIUS * max(share.shape)))
@@ -141,9 +139,7 @@ def _share(odds: np.ndarray) -> np.ndarray:
     return 1.0 / (1.0 + np.exp(-np.clip(odds, -20.0, 20.0)))
 
 
-def _window(
-    cover: np.ndarray, shape: tuple[int, int], on: Sequence[Point]
-) -> tuple[int, int, int, int] | None:
+def _window(cover: np.ndarray, shape: tuple[int, int], on: Sequence[Point]) -> tuple[int, int, int, int] | None:
     """x0, y0, x1, y1 in the photo around cover > 0.5 and the clicks on the object, with a margin."""
     rows, columns = np.nonzero(cover > 0.5)
     across, down = shape[1] / cover.shape[1], shape[0] / cover.shape[0]

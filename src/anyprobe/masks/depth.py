@@ -120,6 +120,4 @@ def _read_exr(path: Path) -> np.ndarray:
             if channels[name].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
                 raise ValueError("a channel of fewer pixels than its window")
             return in_display(channels[name], header)
-    raise InvalidMask(
-        f"{path.name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}"
-    )
+    raise InvalidMask(f"{path.name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}")

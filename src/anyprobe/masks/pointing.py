@@ -49,7 +49,5 @@ def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, flo
             "use a larger photo or go closer"
         )
     if (x1 - x0) * (y1 - y0) >= width * height:
-        raise InvalidMask(
-            f"box: expected some background around the box, got the whole photo {shown}; draw it closer"
-        )
+        raise InvalidMask(f"box: expected some background around the box, got the whole photo {shown}; draw it closer")
     return x0, y0, x1, y1

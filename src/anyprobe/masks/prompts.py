@@ -16,10 +16,7 @@ Point = tuple[float, float]
 
 
 def draw_prompts(
-    size: int,
-    on: Sequence[Point] = (),
-    off: Sequence[Point] = (),
-    box: Sequence[float] | None = None,
+    size: int, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
 ) -> np.ndarray:
     """The prompt channel [size, size] float32 in [-1, 1]; zero where nothing is given.
 

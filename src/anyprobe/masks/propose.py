@@ -66,12 +66,7 @@ class Letterbox:
         scale = SIZE / max(size)
         width, height = (min(SIZE, max(1, round(length * scale))) for length in size)
         return cls(
-            origin=origin,
-            size=size,
-            left=(SIZE - width) // 2,
-            top=(SIZE - height) // 2,
-            width=width,
-            height=height,
+            origin=origin, size=size, left=(SIZE - width) // 2, top=(SIZE - height) // 2, width=width, height=height
         )
 
     def square(self, rgb: np.ndarray) -> np.ndarray:
@@ -152,9 +147,7 @@ class MaskNetwork:
     def look(self, rgb, window: Letterbox, on, off, box) -> Proposal:
         """One run of the network on a window; cover of the window's extent."""
         corners = None if box is None else (*window.point(*box[:2]), *window.point(*box[2:]))
-        hint = draw_prompts(
-            SIZE, [window.point(*p) for p in on], [window.point(*p) for p in off], box=corners
-        )
+        hint = draw_prompts(SIZE, [window.point(*p) for p in on], [window.point(*p) for p in off], box=corners)
         cover = window.cut(self.cover(window.square(rgb), hint))
         kept = cover * keep_large_parts(cover > 0.5)
         return Proposal(cover=kept, confidence=_confidence(cover, kept > 0.5))

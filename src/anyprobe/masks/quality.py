@@ -168,10 +168,7 @@ def _around(rgb: np.ndarray, mask: np.ndarray, more: float) -> tuple[np.ndarray,
     rows = slice(max(0, int(y - more)), min(height, int(y + h + more) + 1))
     columns = slice(max(0, int(x - more)), min(width, int(x + w + more) + 1))
     scale = min(1.0, WORK_PX / max(rows.stop - rows.start, columns.stop - columns.start))
-    size = (
-        max(4, round((columns.stop - columns.start) * scale)),
-        max(4, round((rows.stop - rows.start) * scale)),
-    )
+    size = (max(4, round((columns.stop - columns.start) * scale)), max(4, round((rows.stop - rows.start) * scale)))
     return resize(rgb[rows, columns], *size), resize(mask[rows, columns], *size) > 0.5
 
 

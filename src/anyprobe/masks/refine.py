@@ -26,9 +26,7 @@ def resize(picture: np.ndarray, width: int, height: int) -> np.ndarray:
     return np.asarray(image.resize((width, height), Image.Resampling.BILINEAR))
 
 
-def refine(
-    rgb: np.ndarray, cover: np.ndarray, radius: float = RADIUS, epsilon: float = EPSILON
-) -> np.ndarray:
+def refine(rgb: np.ndarray, cover: np.ndarray, radius: float = RADIUS, epsilon: float = EPSILON) -> np.ndarray:
     """A mask [H, W] in [0, 1] like cover, with its edge where the photo has one.
 
     In every window the mask becomes the linear function of colour that fits cover best, so

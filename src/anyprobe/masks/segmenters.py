@@ -51,17 +51,13 @@ def load_segmenter(name: str) -> Segmenter:
     found = {one.name: one for one in entry_points(group=GROUP)}
     if name not in found:
         known = ", ".join(sorted({*OWN, *found}))
-        raise InputError(
-            f"segmenter: expected one of {known}, got {name!r}; install the package that brings it"
-        )
+        raise InputError(f"segmenter: expected one of {known}, got {name!r}; install the package that brings it")
     try:
         return found[name].load()(argument)
     except AnyprobeError:
         raise
     except Exception as error:  # a plug-in may raise whatever it likes
-        raise ModelError(
-            f"segmenter {name}: could not be loaded ({error}); see its own documentation"
-        ) from error
+        raise ModelError(f"segmenter {name}: could not be loaded ({error}); see its own documentation") from error
 
 
 class Rembg:
@@ -138,9 +134,7 @@ class Sam:
 
     def __init__(self, folder: str) -> None:
         if not folder:
-            raise InputError(
-                "segmenter sam: expected sam:FOLDER with *encoder*.onnx and *decoder*.onnx, got no folder"
-            )
+            raise InputError("segmenter sam: expected sam:FOLDER with *encoder*.onnx and *decoder*.onnx, got no folder")
         self._encoder, self._decoder = (self._open(Path(folder), part) for part in ("encoder", "decoder"))
         self._input = self._encoder.get_inputs()[0]
         self._wanted = [one.name for one in self._decoder.get_inputs()]

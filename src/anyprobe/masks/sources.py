@@ -125,16 +125,11 @@ def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
     answer = answer.squeeze()
     if answer.ndim != 2:
         raise InvalidMask(
-            f"mask function: expected an array [height, width] back, got shape {answer.shape}; "
-            "return one object's mask"
+            f"mask function: expected an array [height, width] back, got shape {answer.shape}; return one object's mask"
         )
     return mask_from_file(answer, rgb.shape[:2])
 
 
 def _is_binary(values: np.ndarray) -> bool:
     """True for an integer array of 0 and 1 only, as labelling tools give."""
-    return (
-        np.issubdtype(values.dtype, np.integer)
-        and values.size > 0
-        and bool(((values == 0) | (values == 1)).all())
-    )
+    return np.issubdtype(values.dtype, np.integer) and values.size > 0 and bool(((values == 0) | (values == 1)).all())

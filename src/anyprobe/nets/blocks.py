@@ -43,9 +43,7 @@ class Unwrap(nn.Module):
 def conv(inputs: int, outputs: int, *, stride: int = 1) -> nn.Sequential:
     """3 x 3 convolution, batch normalisation, leaky ReLU."""
     return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.LeakyReLU(0.1, inplace=True),
+        nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False), nn.BatchNorm2d(outputs), nn.LeakyReLU(0.1, inplace=True)
     )
 
 

@@ -62,9 +62,7 @@ class NormalsNet(nn.Module):
         return n / n.square().sum(dim=1, keepdim=True).clamp(min=1e-8).sqrt()
 
 
-def given_or_estimated(
-    given: torch.Tensor | None, estimated: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor]:
+def given_or_estimated(given: torch.Tensor | None, estimated: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Normals [N, 3, S, S], the given ones where there are any, and a mask [N, 1, S, S] of where they are given.
 
     given: of any length above one half where valid, zero elsewhere; None for none.

@@ -18,15 +18,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.blocks import UpBlock, conv
 from anyprobe.nets.emitter_head import EmitterHead
-from anyprobe.nets.lifting import (
-    CameraRays,
-    NormalsNet,
-    given_or_estimated,
-    lift,
-    map_pixel,
-    mirror_direction,
-    pyramid,
-)
+from anyprobe.nets.lifting import CameraRays, NormalsNet, given_or_estimated, lift, map_pixel, mirror_direction, pyramid
 from anyprobe.scatter.materials import MATERIAL_INPUTS
 
 HEIGHT = 32
@@ -44,10 +36,7 @@ def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
     left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
     first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
     fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
-    return torch.cat(
-        [first + fade * (right - first), middle, last + fade.flip(0) * (left - last)],
-        dim=3,
-    )
+    return torch.cat([first + fade * (right - first), middle, last + fade.flip(0) * (left - last)], dim=3)
 
 
 class SphereNet(nn.Module):
@@ -59,12 +48,7 @@ class SphereNet(nn.Module):
     """
 
     def __init__(
-        self,
-        fine: int,
-        lifted: int,
-        code: int,
-        outputs: int,
-        widths: tuple[int, ...] = (24, 48, 96, 128),
+        self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
@@ -80,12 +64,7 @@ class SphereNet(nn.Module):
         self.up = nn.ModuleList(UpBlock(b, a) for a, b in reversed(pairs))
         self.head = nn.Conv2d(widths[0], 4 * outputs, 3, padding=1)
 
-    def forward(
-        self,
-        scales: list[torch.Tensor],
-        code: torch.Tensor,
-        surroundings: torch.Tensor,
-    ) -> torch.Tensor:
+    def forward(self, scales: list[torch.Tensor], code: torch.Tensor, surroundings: torch.Tensor) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
         seen = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
@@ -127,24 +106,16 @@ class ObjectNet(nn.Module):
     computed at full size.
     """
 
-    def __init__(
-        self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192
-    ) -> None:
+    def __init__(self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192) -> None:
         super().__init__()
         self.num_features = features
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.first = nn.Sequential(conv(16 + 2 + 4, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         self.surroundings = nn.Sequential(
-            nn.AvgPool2d(8),
-            nn.Flatten(),
-            nn.Linear(4 * 8 * 16, 64),
-            nn.LeakyReLU(0.1),
-            nn.Linear(64, widths[-1]),
+            nn.AvgPool2d(8), nn.Flatten(), nn.Linear(4 * 8 * 16, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1])
         )
-        self.material = nn.Sequential(
-            nn.Linear(MATERIAL_INPUTS, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1])
-        )
+        self.material = nn.Sequential(nn.Linear(MATERIAL_INPUTS, 64), nn.LeakyReLU(0.1), nn.Linear(64, widths[-1]))
         for parameter in self.material[-1].parameters():  # untrained, a given material changes nothing
             nn.init.zeros_(parameter)
         self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 16, code), nn.LeakyReLU(0.1))
@@ -233,9 +204,7 @@ class LightNet(nn.Module):
         self.object = ObjectNet(features=features, code=code)
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, outputs=5)
         self.emitters = EmitterHead(code + 1)
-        self.posterior = nn.Sequential(
-            nn.Linear(code + 1, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTERIOR))
-        )
+        self.posterior = nn.Sequential(nn.Linear(code + 1, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTERIOR)))
 
     def forward(
         self,

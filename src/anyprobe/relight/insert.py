@@ -79,10 +79,7 @@ def window_surroundings(placement: Placement, view: View) -> Window | None:
         position=np.zeros(3),
         tan_half=size / 2 / view.focal,
         size=size,
-        center=(
-            float((middle[0] - view.width / 2) / view.focal),
-            float((view.height / 2 - middle[1]) / view.focal),
-        ),
+        center=(float((middle[0] - view.width / 2) / view.focal), float((view.height / 2 - middle[1]) / view.focal)),
     )
     return Window(left=int(low[0]), top=int(low[1]), size=size, camera=camera)
 
@@ -141,8 +138,7 @@ def _ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part]
 def _within(part: Part, outer: Part) -> Part:
     """Rows and columns of the photo as those of a part of it."""
     rows, columns = (
-        slice(side.start - whole.start, side.stop - whole.start)
-        for side, whole in zip(part, outer, strict=True)
+        slice(side.start - whole.start, side.stop - whole.start) for side, whole in zip(part, outer, strict=True)
     )
     return rows, columns
 
@@ -173,9 +169,7 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
         return drawn
     parts = np.concatenate([drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]], axis=-1).astype(np.float32)
     channels = [Image.fromarray(np.ascontiguousarray(parts[..., k])) for k in range(4)]
-    larger = np.stack(
-        [np.asarray(one.resize((size, size), Image.Resampling.BILINEAR)) for one in channels], axis=-1
-    )
+    larger = np.stack([np.asarray(one.resize((size, size), Image.Resampling.BILINEAR)) for one in channels], axis=-1)
     larger[..., :3] /= np.maximum(larger[..., 3:], 1e-6)
     return larger
 
@@ -295,9 +289,7 @@ class Stage:
         def shaded() -> tuple[Part, np.ndarray]:
             cast = shadow or self.shadow(radiance)
             both = self.view.part_around(cast.foot, cast.reach), self.window.part(*self.photo.mask.shape)
-            part = tuple(
-                slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True)
-            )
+            part = tuple(slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True))
             return part, cast_shadow(self.photo, self.view, cast, part)
 
         with ThreadPoolExecutor(1) as pool:  # while the object is drawn

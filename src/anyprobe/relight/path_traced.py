@@ -52,9 +52,7 @@ def register(mi) -> None:
             h, _ = self._normals().sample(si.wi, sample2)
             by_cosine = sample1 < self.cosine_share
             drawn = mi.BSDFSample3f()
-            drawn.wo = dr.select(
-                by_cosine, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(si.wi, h)
-            )
+            drawn.wo = dr.select(by_cosine, mi.warp.square_to_cosine_hemisphere(sample2), mi.reflect(si.wi, h))
             drawn.eta = 1.0
             drawn.sampled_component = 0
             drawn.sampled_type = +mi.BSDFFlags.GlossyReflection

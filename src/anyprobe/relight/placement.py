@@ -218,9 +218,7 @@ def _unit_high(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=(mesh.positions - bottom) / max(float(high[1] - low[1]), 1e-6))
 
 
-def _standing(
-    unit: Mesh, upright: np.ndarray, foot: np.ndarray, height: float, pitch_deg: float
-) -> Placement:
+def _standing(unit: Mesh, upright: np.ndarray, foot: np.ndarray, height: float, pitch_deg: float) -> Placement:
     middle = np.array([0.0, 0.5, 0.0])
     radius = height * float(np.linalg.norm(unit.positions - middle, axis=1).max())
     positions = unit.positions @ upright.T * height + foot

@@ -32,9 +32,7 @@ LEAST_COSINE = 0.05
 """Lower light (under 3 degrees) throws its shadow past the reach, and carries hardly any irradiance."""
 
 
-def sample_sky(
-    radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS
-) -> tuple[np.ndarray, np.ndarray]:
+def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
     """Directions above the ground with density L cos.
 
     Args:
@@ -60,10 +58,7 @@ def sample_sky(
     row = np.searchsorted(rows, numbers[:, 0] * rows[-1], side="right")
     columns = np.cumsum(power[row], axis=1)
     column = np.array(
-        [
-            np.searchsorted(one, x * one[-1], side="right")
-            for one, x in zip(columns, numbers[:, 1], strict=True)
-        ]
+        [np.searchsorted(one, x * one[-1], side="right") for one, x in zip(columns, numbers[:, 1], strict=True)]
     )
     row, column = np.minimum(row, len(v) - 1), np.minimum(column, len(u) - 1)
     color = light[row, column].astype(np.float64)

@@ -192,11 +192,7 @@ def emitters_specular(pyramid: Pyramid, n, wo, alpha):
     density = d * n_dot_h / (4.0 * wo_dot_h)
     weight = d * smith_visibility(n_dot_wo, xp.clip(n_dot_wi, 1e-6, None), alpha) * n_dot_wi
     power = pyramid.emitter_power
-    return (
-        _gather(density, power),
-        _gather(weight, power),
-        _gather(weight * schlick_weight(wo_dot_h), power),
-    )
+    return (_gather(density, power), _gather(weight, power), _gather(weight * schlick_weight(wo_dot_h), power))
 
 
 def shade_diffuse(pyramid: Pyramid, n, wo, u):

@@ -36,9 +36,7 @@ class Mesh:
     normals: np.ndarray
 
 
-def make_mesh(
-    positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crease_deg: float = CREASE_DEG
-) -> Mesh:
+def make_mesh(positions: np.ndarray, faces: np.ndarray, name: str = "mesh", crease_deg: float = CREASE_DEG) -> Mesh:
     """Check the triangles, move them into the unit sphere around the origin, add normals."""
     positions = np.asarray(positions, dtype=np.float64)
     faces = np.asarray(faces, dtype=np.int64)
@@ -46,9 +44,7 @@ def make_mesh(
     centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
     radius = np.linalg.norm(positions - centre, axis=1).max()
     if radius == 0:
-        raise InvalidMesh(
-            f"{name}: expected an extended shape, got all vertices in one point; export it again"
-        )
+        raise InvalidMesh(f"{name}: expected an extended shape, got all vertices in one point; export it again")
     positions = (positions - centre) / radius
     edges = positions[faces[:, 1:]] - positions[faces[:, :1]]
     if np.abs(np.cross(edges[:, 0], edges[:, 1])).max() < MIN_AREA:
@@ -56,8 +52,7 @@ def make_mesh(
     shared = np.bincount(faces.reshape(-1)).astype(np.float64)
     if (shared**2).sum() > MAX_PAIRS:
         raise InvalidMesh(
-            f"{name}: expected at most some thousand faces at a vertex, got {shared.max():,.0f}; "
-            "remesh it first"
+            f"{name}: expected at most some thousand faces at a vertex, got {shared.max():,.0f}; remesh it first"
         )
     normals = corner_normals(positions, faces, crease_deg)
     return Mesh(positions=positions.astype(np.float32), faces=faces, normals=normals.astype(np.float32))
@@ -73,17 +68,12 @@ def put_together(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarra
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """The mesh under a linear map [3, 3] of positive determinant, back in the unit sphere."""
     return _moved(
-        mesh,
-        mesh.positions.astype(np.float64) @ matrix.T,
-        mesh.normals.astype(np.float64) @ np.linalg.inv(matrix),
+        mesh, mesh.positions.astype(np.float64) @ matrix.T, mesh.normals.astype(np.float64) @ np.linalg.inv(matrix)
     )
 
 
 def waved(
-    mesh: Mesh,
-    pushes: Float[np.ndarray, "K 3"],
-    waves: Float[np.ndarray, "K 3"],
-    phases: Float[np.ndarray, " K"],
+    mesh: Mesh, pushes: Float[np.ndarray, "K 3"], waves: Float[np.ndarray, "K 3"], phases: Float[np.ndarray, " K"]
 ) -> Mesh:
     """The mesh with every point moved by x -> x + sum of pushes sin(waves . x + phases), back in the unit sphere.
 
@@ -112,9 +102,7 @@ def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None
     if len(faces) == 0 or len(positions) == 0:
         raise InvalidMesh(f"{name}: expected triangles, got none; is the file empty?")
     if len(faces) > MAX_FACES:
-        raise InvalidMesh(
-            f"{name}: expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first"
-        )
+        raise InvalidMesh(f"{name}: expected at most {MAX_FACES:,} faces, got {len(faces):,}; decimate it first")
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(positions):
         raise InvalidMesh(

@@ -82,9 +82,7 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
     lookup_coord = lobe_normal(n, wo, alpha)
     own = directional_albedo(dot(n, wo)[..., 0], alpha[..., 0], table)
     found = directional_albedo(lookup_coord[..., 2], alpha[..., 0], table)
-    gain_one, gain_grazing = (
-        (a + ALBEDO_FLOOR) / (b + ALBEDO_FLOOR) for a, b in zip(own, found, strict=True)
-    )
+    gain_one, gain_grazing = ((a + ALBEDO_FLOOR) / (b + ALBEDO_FLOOR) for a, b in zip(own, found, strict=True))
     places = (normal_to_reflectance_xy(normal) for normal in (straight_on_normal(n, wo), lookup_coord, n))
     return *places, gain_one, gain_grazing
 

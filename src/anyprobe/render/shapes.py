@@ -64,9 +64,7 @@ def blob(rng: np.random.Generator, rows: int = 64) -> Mesh:
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         frequency = rng.uniform(1.0, 5.0)
-        radius += (
-            rng.uniform(0.04, 0.2) / frequency**0.5 * np.sin(frequency * (d @ axis) + rng.uniform(0, 6.28))
-        )
+        radius += rng.uniform(0.04, 0.2) / frequency**0.5 * np.sin(frequency * (d @ axis) + rng.uniform(0, 6.28))
     stretch = np.exp(rng.uniform(-0.3, 0.3, size=3))
     return _grid_mesh(d * np.maximum(radius, 0.25)[..., None] * stretch, crease_deg=180.0)
 
@@ -86,12 +84,7 @@ def lathe(rng: np.random.Generator, rows: int = 72) -> Mesh:
     phi = np.arange(2 * rows) * 2 * np.pi / (2 * rows)
     y = (0.5 - s) * height
     grid = np.stack(
-        [
-            smooth[:, None] * np.sin(phi),
-            np.repeat(y[:, None], len(phi), axis=1),
-            smooth[:, None] * np.cos(phi),
-        ],
-        axis=-1,
+        [smooth[:, None] * np.sin(phi), np.repeat(y[:, None], len(phi), axis=1), smooth[:, None] * np.cos(phi)], axis=-1
     )
     return _grid_mesh(grid, crease_deg=50.0)
 

@@ -84,8 +84,4 @@ def mirror(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> F
 
 def sphere_images(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:
     """The three spheres by name, [S, S, 3] each, linear radiance."""
-    return {
-        "diffuse": diffuse(radiance, size),
-        "silver": silver(radiance, size),
-        "mirror": mirror(radiance, size),
-    }
+    return {"diffuse": diffuse(radiance, size), "silver": silver(radiance, size), "mirror": mirror(radiance, size)}

@@ -51,9 +51,7 @@ class Surface:
     exit: np.ndarray
 
 
-def pixel_rays(
-    tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)
-) -> Float[np.ndarray, "S S 3"]:
+def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "S S 3"]:
     """wo [S, S, 3] of every pixel: from the point towards the eye, camera frame."""
     x = ((np.arange(size) + 0.5) / size * 2 - 1) * tan_half
     right, up = np.meshgrid(center[0] + x, center[1] - x)
@@ -62,11 +60,7 @@ def pixel_rays(
 
 
 def frame_object(
-    mesh: Mesh,
-    world_from_camera: Float[np.ndarray, "3 3"],
-    fov_deg: float,
-    margin: float = 1.1,
-    size: int = 128,
+    mesh: Mesh, world_from_camera: Float[np.ndarray, "3 3"], fov_deg: float, margin: float = 1.1, size: int = 128
 ) -> Camera:
     """Stand off so that the unit sphere fills fov_deg, turn to the object and crop to it.
 

@@ -43,9 +43,7 @@ def evaluate(material: Material, wo, wi, n):
     s = schlick_weight(dot(wo, h))
     fresnel = material.f0 + (1.0 - material.f0) * s
     specular = (
-        ggx_distribution(dot(n, h), material.alpha)
-        * smith_visibility(n_dot_wo, n_dot_wi, material.alpha)
-        * fresnel
+        ggx_distribution(dot(n, h), material.alpha) * smith_visibility(n_dot_wo, n_dot_wi, material.alpha) * fresnel
     )
     value = (1.0 - fresnel) * material.albedo / np.pi + specular
     above = (n_dot_wo > 0) & (n_dot_wi > 0)
@@ -105,9 +103,7 @@ def alpha_from_roughness(roughness: float) -> float:
 
 
 def given_material(
-    name: str | None = None,
-    albedo: Albedo | None = None,
-    roughness: float | None = None,
+    name: str | None = None, albedo: Albedo | None = None, roughness: float | None = None
 ) -> Material | None:
     """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
 
@@ -137,9 +133,7 @@ def given_material(
             "a grey card has 0.18"
         )
     if not np.any(material.albedo):
-        raise InputError(
-            f"albedo: expected a material that has one, got the metal {name}; leave one of them out"
-        )
+        raise InputError(f"albedo: expected a material that has one, got the metal {name}; leave one of them out")
     return replace(material, albedo=np.broadcast_to(values, 3).copy())
 
 
@@ -159,9 +153,7 @@ def as_material(
     try:
         values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
     except (TypeError, ValueError) as error:
-        raise InputError(
-            f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}"
-        ) from error
+        raise InputError(f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}") from error
     if not isinstance(material, Material):
         return given_material(material, values, roughness)
     if albedo is not None or roughness is not None:

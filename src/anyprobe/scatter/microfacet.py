@@ -72,9 +72,7 @@ def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
     # G1 = 2 (n.wo) / (n.wo + sqrt(alpha^2 + (1 - alpha^2) (n.wo)^2)), G = 4 (n.wo) (n.wi) V
     inverse_g1 = cosine + np.sqrt(alpha**2 + (1.0 - alpha**2) * cosine**2)
     weight = 2.0 * n_dot_wi * smith_visibility(cosine, n_dot_wi, alpha) * inverse_g1
-    return np.stack([weight.mean(axis=2), (weight * schlick_weight(wo_dot_h)).mean(axis=2)], axis=-1).astype(
-        np.float32
-    )
+    return np.stack([weight.mean(axis=2), (weight * schlick_weight(wo_dot_h)).mean(axis=2)], axis=-1).astype(np.float32)
 
 
 def directional_albedo(n_dot_wo, alpha, table):

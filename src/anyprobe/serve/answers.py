@@ -22,13 +22,7 @@ from anyprobe.masks.check import object_box
 
 JSON = "application/json"
 
-LIGHT_TYPES = {
-    JSON: "json",
-    "image/x-exr": "exr",
-    "image/aces": "exr",
-    "image/vnd.radiance": "hdr",
-    "image/png": "png",
-}
+LIGHT_TYPES = {JSON: "json", "image/x-exr": "exr", "image/aces": "exr", "image/vnd.radiance": "hdr", "image/png": "png"}
 """Media types a light can be had in, best first, and the suffix that each is written by."""
 
 MASK_TYPES = {"image/png": "png", JSON: "json"}

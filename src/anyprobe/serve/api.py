@@ -73,9 +73,7 @@ def create_app(
         lifespan=lifespan,
     )
     app.state.pool = pool
-    app.add_middleware(
-        BodyLimit, max_bytes=limits.max_bytes, grace_s=limits.grace_s, least_rate=limits.least_rate
-    )
+    app.add_middleware(BodyLimit, max_bytes=limits.max_bytes, grace_s=limits.grace_s, least_rate=limits.least_rate)
     app.add_middleware(OwnPagesOnly, origins=origins)
     if origins:
         app.add_middleware(CORSMiddleware, allow_origins=list(origins), allow_methods=["GET", "POST"])
@@ -104,12 +102,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
     async def cut(request: Request, upload: Upload, first: bool = True) -> Cut:
         return await decode(request, "cut", upload, first, first and "mask" in upload.include)
 
-    @app.get(
-        "/healthz",
-        summary="Is the server up, and how busy is it?",
-        tags=["server"],
-        openapi_extra=openapi.HEALTH,
-    )
+    @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
     async def healthz() -> dict[str, Any]:
         return {
             "status": "ok",
@@ -161,9 +154,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
             def work(job: Job) -> Response:
                 taken = [(one.photo, one.crop) for one in cuts]
-                light = estimate_crops(
-                    asked_of(common).from_crop, taken, views.world_from_camera, spent, material
-                )
+                light = estimate_crops(asked_of(common).from_crop, taken, views.world_from_camera, spent, material)
                 job.step()
                 light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
@@ -211,12 +202,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 
-    @app.get(
-        "/v1/targets",
-        summary="What /v1/export can write.",
-        tags=["light"],
-        openapi_extra=openapi.TARGETS,
-    )
+    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"], openapi_extra=openapi.TARGETS)
     async def targets() -> list[str]:
         return list(TARGETS)
 

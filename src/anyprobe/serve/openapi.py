@@ -83,18 +83,14 @@ def _upload(
     extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
     return {
         "parameters": _parameters(options | extra),
-        "requestBody": {
-            "required": True,
-            "content": {FORM: form, "image/*": {"schema": _FILE}},
-        },
+        "requestBody": {"required": True, "content": {FORM: form, "image/*": {"schema": _FILE}}},
         "responses": {"200": {"description": "done", "content": answer}, **errors},
     }
 
 
 def _parameters(texts: dict[str, str]) -> list[dict[str, Any]]:
     return [
-        {"in": "query", "name": name, "schema": {"type": "string"}, "description": text}
-        for name, text in texts.items()
+        {"in": "query", "name": name, "schema": {"type": "string"}, "description": text} for name, text in texts.items()
     ]
 
 

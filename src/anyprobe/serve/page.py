@@ -62,9 +62,7 @@ class Page:
         self._estimator = estimator
         self._example: dict[str, bytes] = {}
         self._lock = threading.Lock()
-        self.files = {
-            path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*")) if path.is_file()
-        }
+        self.files = {path.relative_to(root).as_posix(): path for path in sorted(root.rglob("*")) if path.is_file()}
         if "index.html" not in self.files:
             raise ModelError("page: expected the built page in the package, found none; reinstall anyprobe")
         weights = weights_folder(model)

@@ -170,9 +170,7 @@ class WorkerPool:
                 {"Connection": "close"},
             ) from error
 
-    async def decode(
-        self, task: str, *arguments: Any, quick: bool, gone: Callable[[], Awaitable[None]]
-    ) -> Any:
+    async def decode(self, task: str, *arguments: Any, quick: bool, gone: Callable[[], Awaitable[None]]) -> Any:
         """What serve.tasks's function returns, computed in a process; raises as Lane.call and run do."""
         if quick:
             try:

@@ -209,9 +209,7 @@ def _answer(function: Callable, arguments: tuple) -> dict[str, Any]:
     try:
         return {"result": function(*arguments)}
     except MemoryError:
-        error = TooMuchMemory(
-            "expected a file that fits in memory when decoded, got a larger one; send it smaller"
-        )
+        error = TooMuchMemory("expected a file that fits in memory when decoded, got a larger one; send it smaller")
         return {"kind": "TooMuchMemory", "error": str(error)}
     except AnyprobeError as error:
         if isinstance(error.__cause__, MemoryError):

@@ -87,12 +87,8 @@ class Upload:
     @property
     def is_quick(self) -> bool:
         """Whether all its pictures are of formats that are decoded in a moment."""
-        pictures = [
-            one for one in (self.photo, self.mask, self.normals, self.surroundings) if isinstance(one, bytes)
-        ]
-        return (
-            all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
-        )
+        pictures = [one for one in (self.photo, self.mask, self.normals, self.surroundings) if isinstance(one, bytes)]
+        return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
 class TooManyPixels(InputError):
@@ -158,15 +154,7 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
         turned = origin_turned(map_from_camera(path))
         given, exposure_ev = upload.world_from_camera, upload.exposure or 0.0
         turn = None if given is None else rotation_of(given)
-        export(
-            radiance,
-            target,
-            Path(folder),
-            "light",
-            world_from_camera=turn,
-            exposure_ev=exposure_ev,
-            origin=turned,
-        )
+        export(radiance, target, Path(folder), "light", world_from_camera=turn, exposure_ev=exposure_ev, origin=turned)
         return zip_folder(Path(folder))
 
 
@@ -179,9 +167,7 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
             confidence = read_radiance(path)[..., 0].clip(0.0, 1.0)
     with _map_file(upload.photo) as path:
         if "detail" in map_attributes(path):
-            raise InvalidEnvironment(
-                "map: expected one without detail, got one that has it; send the estimate"
-            )
+            raise InvalidEnvironment("map: expected one without detail, got one that has it; send the estimate")
         radiance = read_radiance(path)
     if confidence is not None and confidence.shape != radiance.shape[:2]:
         raise InvalidEnvironment(
@@ -228,6 +214,4 @@ def _check_pixels(upload: Upload, max_pixels: int) -> None:
     bounds = dict.fromkeys(pictures, max_pixels) | {"surroundings": min(max_pixels, MAX_PANORAMA_PIXELS)}
     for name, picture in (pictures | {"surroundings": upload.surroundings}).items():
         if isinstance(picture, bytes) and declared_pixels(picture) > bounds[name]:
-            raise TooManyPixels(
-                f"{name}: expected at most {bounds[name] / 1e6:g} million pixels; shrink it first"
-            )
+            raise TooManyPixels(f"{name}: expected at most {bounds[name] / 1e6:g} million pixels; shrink it first")

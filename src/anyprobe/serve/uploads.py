@@ -78,9 +78,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
             photo = await request.body()
     refuse_unknown(form, request.query_params, address)
     if not photo:
-        raise InvalidPhoto(
-            "photo: expected an image as the body, or as the form's part 'photo', got nothing; send one"
-        )
+        raise InvalidPhoto("photo: expected an image as the body, or as the form's part 'photo', got nothing; send one")
     option = Options(form, request.query_params)
     return Upload(
         photo=photo,
@@ -116,18 +114,14 @@ async def read_views(request: Request, pool: WorkerPool) -> Views:
     unused = [name for name in files if name in ("normals", "surroundings")]
     unused += [name for name in ("click", "click_off") if option.texts(name)]
     if unused:
-        raise InvalidPhoto(
-            f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have"
-        )
+        raise InvalidPhoto(f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have")
     refuse_unknown(form, request.query_params, FUSE)
     if not 1 <= len(photos) <= MOST_PHOTOS:
         raise InvalidPhoto(f"photo: expected 1 to {MOST_PHOTOS} file parts of this name, got {len(photos)}")
     boxes = [parse_numbers("box", text, 4) for text in option.texts("box")]
     for name, each in (("mask", masks), ("box", boxes)):
         if len(each) not in (0, len(photos)):
-            raise InvalidMask(
-                f"{name}: expected none or one a photo, got {len(each)} for {len(photos)} photos"
-            )
+            raise InvalidMask(f"{name}: expected none or one a photo, got {len(each)} for {len(photos)} photos")
     turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     common = Upload(
         photo=b"",
@@ -174,10 +168,7 @@ async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> Asyn
 
 def refuse_unknown(form: FormData, query: QueryParams, address: dict[str, Any]) -> None:
     """InputError for a name that nothing reads: a mistyped option would be left out without a word."""
-    read = (
-        ("form field", form, form_names(address)),
-        ("query parameter", query, query_names(address)),
-    )
+    read = (("form field", form, form_names(address)), ("query parameter", query, query_names(address)))
     for kind, given, known in read:
         for name in given:
             if OLD_NAMES.get(name, name) not in known:

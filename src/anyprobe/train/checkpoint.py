@@ -143,9 +143,7 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("
     return dict(stored)
 
 
-def current_names(
-    weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]
-) -> dict[str, torch.Tensor]:
+def current_names(weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """Weights under the names that networks of this release have (`wanted`), where they were RENAMED."""
     result = {}
     for name, value in weights.items():
@@ -245,13 +243,10 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     stored = read_checkpoint(checkpoint)
     (kept, pairs), nets = _read_init_weights(other), stored["nets"]
     kept = current_names(kept, nets)
-    if {name: value.shape for name, value in kept.items()} != {
-        name: value.shape for name, value in nets.items()
-    }:
+    if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
         raise _not_of_this_run(other, "another network's")
     mean = {
-        name: (value + kept[name].float()) / 2 if value.is_floating_point() else value
-        for name, value in nets.items()
+        name: (value + kept[name].float()) / 2 if value.is_floating_point() else value for name, value in nets.items()
     }
     mean_with = {"start": init_weights_id(other), "pairs": pairs}
     torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)

@@ -81,9 +81,7 @@ def _as_it_is(batch: Batch) -> Batch:
     return batch
 
 
-def make_pairs(
-    config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True
-) -> PairSource:
+def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
     """The endless pairs of a run, or views of its maps: real assets of data/{hdri,meshes} when given, and our own.
 
     Files that cannot be used are listed on stderr.
@@ -187,9 +185,7 @@ class ShardSource:
         if plan["kind"] != "object":
             raise InputError(f"--shards {folder}: expected a dataset of objects, got one of {plan['kind']}s")
         if data is None and plan["procedural_maps"] < len(plan["maps"]):
-            raise InputError(
-                f"--shards {folder}: expected --data too, the assets it was rendered from, got none"
-            )
+            raise InputError(f"--shards {folder}: expected --data too, the assets it was rendered from, got none")
         self.folder, self.config, self.device = folder, config, device
         self.form = plan["format"]
         done = [shard for shard in range(num_shards(plan)) if is_done(folder, shard)]
@@ -250,9 +246,7 @@ class ShardSource:
             "ln_radiance": np.log(np.clip(radiance, 1e-6, None)).clip(low, high),
             "normals": normals,
         }
-        rows = {
-            name: np.ascontiguousarray(value.transpose(2, 0, 1), np.float32) for name, value in images.items()
-        }
+        rows = {name: np.ascontiguousarray(value.transpose(2, 0, 1), np.float32) for name, value in images.items()}
         return rows | {name: np.float32(fields[name]) for name in ("alpha", "tan_half")}
 
     def _turned_map(self, map_id: str, map_from_camera: str) -> np.ndarray:

@@ -18,14 +18,7 @@ from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.dataset.pairs import PairSource
 from anyprobe.errors import ModelError
-from anyprobe.estimate.runtime import (
-    CONTRACT,
-    LIFT_INPUTS,
-    LIFT_OUTPUTS,
-    NORMALS_SIZE,
-    PHOTO_SIZE,
-    lift_inputs,
-)
+from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE, lift_inputs
 from anyprobe.evaluate.methods import surroundings, true_normals
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.graphs import open_graph
@@ -117,9 +110,7 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(nets["light"], sureness).eval()
-        shapes = dict(
-            zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True)
-        )
+        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
@@ -321,6 +312,4 @@ def difference(one: Path, other: Path, examples: Iterable[dict[str, np.ndarray]]
     def shown(session, example: dict[str, np.ndarray]) -> np.ndarray:
         return response(np.exp(np.minimum(session.run(["ln_radiance"], example)[0], LN_MAX)))
 
-    return float(
-        np.mean([np.abs(np.subtract(*(shown(s, one) for s in sessions))).mean() for one in examples])
-    )
+    return float(np.mean([np.abs(np.subtract(*(shown(s, one) for s in sessions))).mean() for one in examples]))

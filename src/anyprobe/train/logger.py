@@ -86,9 +86,7 @@ class RunLogger:
         self._log.close()
         self._events.close()
 
-    def note(
-        self, step: int, pairs: int, pairs_each: int, losses: dict[str, torch.Tensor], rate: float
-    ) -> None:
+    def note(self, step: int, pairs: int, pairs_each: int, losses: dict[str, torch.Tensor], rate: float) -> None:
         """`step` steps are done and `pairs` pairs seen, pairs_each in this one, at this learning rate."""
         self._history.append(torch.stack([losses[name].detach() for name in self.columns]))
         self._progress.advance(self._task)

@@ -21,13 +21,7 @@ from anyprobe.dataset.pairs import PairSource
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
-from anyprobe.train.checkpoint import (
-    agreed,
-    load_init_weights,
-    load_weights,
-    read_checkpoint,
-    resumed,
-)
+from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.train.config import RunConfig
 from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches
 from anyprobe.train.lift import Lift, Normals
@@ -39,9 +33,7 @@ CHECKPOINT_SECONDS = 120.0
 def learning_rate(config: Any, step: int) -> float:
     """Linear warm-up, constant, linear cool-down to zero, of a run's configuration."""
     falling = config.cooldown * config.steps
-    return config.learning_rate * min(
-        1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0)
-    )
+    return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
 LEARNERS = {"paper": Chain, "lift": Lift, "normals": Normals}
@@ -58,8 +50,7 @@ def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
     model = json.loads(stored["config"]).get("model", "paper")
     if model not in LEARNERS:
         raise ModelError(
-            f"{checkpoint}: expected a run of this release, got one of {model}; "
-            "take the release that trained it"
+            f"{checkpoint}: expected a run of this release, got one of {model}; take the release that trained it"
         )
     nets = LEARNERS[model].networks()
     load_weights(nets, stored["nets"], checkpoint)
@@ -152,9 +143,7 @@ def train(
     last = config.steps if stop_after is None else min(stop_after, config.steps)
     if first >= last:
         return path
-    steps = range(
-        first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size
-    )
+    steps = range(first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size)
     if pairs is not None:
         if isinstance(pairs, ShardSource):
             origin = agreed(path, origin, {"assets": pairs.identity})
@@ -174,9 +163,7 @@ def train(
             losses = learner.losses(batch, step / config.steps)
             optimizer.zero_grad(set_to_none=True)
             sum(losses.values()).backward()
-            due = processes.average_gradients(
-                nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS
-            )
+            due = processes.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
             optimizer.step()

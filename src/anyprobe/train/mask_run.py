@@ -25,13 +25,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.masks.propose import CONTRACT, SIZE
 from anyprobe.nets.blocks import autocast
 from anyprobe.nets.mask_net import MaskNet
-from anyprobe.train.checkpoint import (
-    agreed,
-    load_init_weights,
-    load_weights,
-    read_checkpoint,
-    resumed,
-)
+from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.train.config import LightConfig
 from anyprobe.train.dataloader import load_assets, make_maps, name_assets
 from anyprobe.train.export_onnx import store_half
@@ -60,9 +54,7 @@ class MaskRunConfig:
     seed: int = 4
     scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=104))
     surfaces: SurfaceConfig = field(
-        default_factory=lambda: SurfaceConfig(
-            views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192
-        )
+        default_factory=lambda: SurfaceConfig(views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192)
     )
     light: LightConfig = field(default_factory=lambda: LightConfig(procedural=20))
 
@@ -276,12 +268,8 @@ def store_int8(model) -> None:
         steps = np.round(values / scale[:, None, None, None]).astype(np.int8)
         model.graph.initializer.remove(tensor)
         parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
-        model.graph.initializer.extend(
-            numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items()
-        )
-        widened = onnx.helper.make_node(
-            "DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0
-        )
+        model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
+        widened = onnx.helper.make_node("DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0)
         place = list(model.graph.node).index(node)
         model.graph.node.remove(node)
         model.graph.node.insert(place, widened)

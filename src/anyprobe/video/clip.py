@@ -67,9 +67,7 @@ def open_clip(path: Path) -> Clip:
                 raise InputError(f"{path}: expected a video, got a file without pictures; check the path")
             stream = container.streams.video[0]
             if stream.codec_context is None:
-                raise InputError(
-                    f"{path}: expected a codec that FFmpeg knows, got another; convert it to mp4"
-                )
+                raise InputError(f"{path}: expected a codec that FFmpeg knows, got another; convert it to mp4")
             rate = stream.average_rate or stream.guessed_rate or 30
             return Clip(path=path, num_frames=stream.frames or 0, fps=float(rate))
     except (av.error.FFmpegError, ValueError, OSError) as error:

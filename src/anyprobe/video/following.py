@@ -87,9 +87,7 @@ class MaskFollower:
         own = {}
         for kind, paths in self._files.items():
             if frame.index >= len(paths):
-                raise InvalidMask(
-                    f"{name}: expected one {kind} a frame, got {len(paths)} files; make the others"
-                )
+                raise InvalidMask(f"{name}: expected one {kind} a frame, got {len(paths)} files; make the others")
             own[kind] = paths[frame.index]
         if not self.finds:
             return load_photo(frame.rgb, **self._every, **own)
@@ -130,10 +128,7 @@ def _grown_box(mask: np.ndarray) -> list[float]:
     height, width = mask.shape
     x0, y0, x1, y1 = object_box(mask)
     right, down = GROWTH * (x1 - x0), GROWTH * (y1 - y0)
-    return [
-        float(v)
-        for v in (max(x0 - right, 0), max(y0 - down, 0), min(x1 + right, width), min(y1 + down, height))
-    ]
+    return [float(v) for v in (max(x0 - right, 0), max(y0 - down, 0), min(x1 + right, width), min(y1 + down, height))]
 
 
 def inner_point(mask: np.ndarray) -> tuple[float, float]:

@@ -29,15 +29,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.track import (
-    STATE,
-    Progress,
-    describe,
-    forget_progress,
-    load_progress,
-    save_progress,
-    write_track,
-)
+from anyprobe.video.track import STATE, Progress, describe, forget_progress, load_progress, save_progress, write_track
 
 SAVE_EVERY = 24
 """Frames between two saves; what came after the last save is done again."""
@@ -224,9 +216,7 @@ class ClipRun:
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
         if photo.surroundings_map is not True and done.panorama is None:
-            crop = replace(
-                crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop)
-            )
+            crop = replace(crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop))
         if crop.surroundings_map is not None:
             done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
         known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
@@ -278,11 +268,7 @@ class ClipRun:
         if self._shown is None:
             numbers = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
-            lit = (
-                radiance
-                if is_dull(material)
-                else self._detailed(frame.index) * np.float32(self.progress.gain)
-            )
+            lit = radiance if is_dull(material) else self._detailed(frame.index) * np.float32(self.progress.gain)
             drawn = stage.draw(lit, material, self.virtual.renderer)
             self._shown = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID), drawn
         shadow, drawn = self._shown

@@ -64,9 +64,7 @@ def save_progress(folder: Path, progress: Progress) -> None:
     arrays = {} if panorama is None else {"panorama": panorama}
     if held is not None:
         match = held["match"]
-        arrays |= {"held_features": held["features"]} | {
-            f"held_{name}": match.pop(name) for name in MATCH_ARRAYS
-        }
+        arrays |= {"held_features": held["features"]} | {f"held_{name}": match.pop(name) for name in MATCH_ARRAYS}
         words["match"] = match
     if light is not None:
         arrays |= {name: light[name] for name in MAPS}

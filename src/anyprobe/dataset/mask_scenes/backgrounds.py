@@ -47,9 +47,7 @@ def make_window(size: int, tan_half: float) -> Window:
     return Window(x=x, y=y, tan_half=tan_half)
 
 
-def draw_background(
-    rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool
-) -> torch.Tensor:
+def draw_background(rng: np.random.Generator, view: LitView, window: Window, pool: TexturePool) -> torch.Tensor:
     """Radiance [3, S, S] of everything but objects and shadows."""
     picture = _behind(rng, view, window, pool)
     size = len(window.x)

@@ -148,9 +148,7 @@ def _reflect(
     foot = place.y + ((int(rows[-1]) + 1) / foreground.shape[-1] * 2 - 1) * place.half
     below = replace(place, y=2 * foot - place.y)
     mirrored = _warp(foreground.flip(-2), below, window)
-    strength = float(rng.uniform(0.1, 0.6)) * torch.exp(
-        -(window.y - foot).clip(min=0) / float(rng.uniform(0.1, 0.8))
-    )
+    strength = float(rng.uniform(0.1, 0.6)) * torch.exp(-(window.y - foot).clip(min=0) / float(rng.uniform(0.1, 0.8)))
     return picture * (1 - 0.5 * strength * mirrored[3]) + strength * mirrored[:3]
 
 
@@ -173,10 +171,7 @@ def _shadows(
     dy = (window.y - foot + flat * width * 0.4) / (width * flat)
     factor = factor * (1 - float(rng.uniform(0.2, 0.85)) * torch.exp(-((dx**2 + dy**2) * 1.5)))
     if rng.random() < HARD_LIGHT:
-        lean, stretch = (
-            float(rng.uniform(-1.5, 1.5)),
-            float(rng.uniform(0.15, 1.0) * rng.choice([-1, 1])) * flat,
-        )
+        lean, stretch = (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(0.15, 1.0) * rng.choice([-1, 1])) * flat)
         height = (window.y - foot) / stretch if abs(stretch) > 0.03 else (window.y - foot) / 0.03
         x = (window.x - place.x + lean * height) / place.half * (-1 if place.flipped else 1)
         y = (height + foot - place.y) / place.half

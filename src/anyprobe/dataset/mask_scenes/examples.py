@@ -106,9 +106,7 @@ def unasked_target(scene: Scene) -> int | None:
     top, bottom, left, right = scene.bounds
     size = scene.photo.shape[-1]
     weight = torch.from_numpy(
-        np.outer(_centre_weight(size, (top + bottom) / 2), _centre_weight(size, (left + right) / 2)).astype(
-            np.float32
-        )
+        np.outer(_centre_weight(size, (top + bottom) / 2), _centre_weight(size, (left + right) / 2)).astype(np.float32)
     )
     if not len(scene.covers):
         return None
@@ -145,9 +143,7 @@ def _draw_target(rng: np.random.Generator, scene: Scene) -> int | None:
     return int(rng.choice(possible, p=areas[possible] ** 0.5 / (areas[possible] ** 0.5).sum()))
 
 
-def ask(
-    rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None
-) -> tuple[np.ndarray, torch.Tensor]:
+def ask(rng: np.random.Generator, scene: Scene, kind: str, which: int | None = None) -> tuple[np.ndarray, torch.Tensor]:
     """A prompt of a kind of PROMPTS and the answer to it: channel [S, S], target's cover [S, S].
 
     Where there is none but no object stands out, there is a click after all.
@@ -280,9 +276,7 @@ def _by_a_phone(rng: np.random.Generator, photo: torch.Tensor) -> torch.Tensor:
     photo = photo.clip(0.0, 1.0)
     if rng.random() < JPEG_SHARE:
         picture = to_bytes(photo.permute(1, 2, 0).numpy())
-        stored = compress(
-            np.ascontiguousarray(picture), int(rng.integers(30, 96)), SUBSAMPLINGS[rng.integers(3)]
-        )
+        stored = compress(np.ascontiguousarray(picture), int(rng.integers(30, 96)), SUBSAMPLINGS[rng.integers(3)])
         photo = torch.from_numpy(stored).permute(2, 0, 1) / 255.0
     return photo
 
@@ -304,9 +298,7 @@ def part_around(rng: np.random.Generator, box: tuple[int, int, int, int], bounds
     longer = max(x1 - x0, y1 - y0)
     side = longer * float(np.exp(rng.uniform(np.log(CLOSE_SIDES[0]), np.log(CLOSE_SIDES[1]))))
     width, height = min(side, right - left), min(side, bottom - top)
-    x, y = (
-        np.array([x0 + x1, y0 + y1]) / 2 + rng.normal(0.0, 0.08 * longer, 2) - np.array([width, height]) / 2
-    )
+    x, y = np.array([x0 + x1, y0 + y1]) / 2 + rng.normal(0.0, 0.08 * longer, 2) - np.array([width, height]) / 2
     return float(np.clip(x, left, right - width)), float(np.clip(y, top, bottom - height)), width, height
 
 

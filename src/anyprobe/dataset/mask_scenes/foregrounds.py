@@ -101,9 +101,7 @@ class LitView:
 class ViewSource:
     """Lit views by number: view k is a function of (seed, k) alone."""
 
-    def __init__(
-        self, illuminator: Illuminator, surfaces: SurfaceSet, textures: TexturePool, seed: int
-    ) -> None:
+    def __init__(self, illuminator: Illuminator, surfaces: SurfaceSet, textures: TexturePool, seed: int) -> None:
         self.illuminator, self.surfaces, self.textures, self.seed = illuminator, surfaces, textures, seed
         self._by_elevation = [np.nonzero(surfaces.elevation == e)[0] for e in range(NUM_ELEVATIONS)]
 
@@ -189,9 +187,7 @@ def _join(rng: np.random.Generator, one: torch.Tensor, others: list[torch.Tensor
     other = others[int(rng.integers(len(others)))]
     size = one.shape[-1]
     share = float(rng.uniform(0.35, 0.8))
-    small = torch.nn.functional.interpolate(
-        other[None], size=round(size * share), mode="bilinear", antialias=True
-    )[0]
+    small = torch.nn.functional.interpolate(other[None], size=round(size * share), mode="bilinear", antialias=True)[0]
     rows = torch.nonzero((one[3] > 0.5).any(dim=1)).flatten()
     joined = torch.zeros(4, 2 * size, 2 * size)
     half = size // 2
