@@ -43,16 +43,16 @@ class MaskRunConfig:
     """
 
     name: str = "mask"
-    steps: int = 1_400
+    steps: int = 9_000
     small: int = 96
-    small_steps: int = 600
+    small_steps: int = 4_500
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
     warmup: int = 50
     cooldown: float = 0.7
     averaged: float = 0.998
-    seed: int = 4
-    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=104))
+    seed: int = 5
+    scenes: SceneConfig = field(default_factory=lambda: SceneConfig(seed=105))
     surfaces: SurfaceConfig = field(
         default_factory=lambda: SurfaceConfig(views=1, procedural=40, figures=50, parts=25, stretch=0.2, size=192)
     )
