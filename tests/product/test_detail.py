@@ -128,6 +128,34 @@ def test_what_the_photo_shows_is_in_the_map_at_its_own_resolution(library, estim
     np.testing.assert_allclose(response(found)[85:175, 205:295], display[85:175, 205:295], atol=0.01)
 
 
+def test_a_light_source_that_is_seen_is_not_drawn_twice(library):
+    """Measured above white, it stands for itself; the harmonics are the estimate's all the same."""
+    d = pixel_directions(128)
+    sun = (d @ np.array([0.6, 0.64, -0.48]) > np.cos(0.09))[..., None]
+    truth = (0.3 + 40.0 * sun * np.ones(3)).astype(np.float32)
+    cover = (d[..., :1] > 0).astype(np.float32)
+    seen = np.concatenate([np.where(truth > 1, truth, response(truth)) * cover, cover, cover], axis=-1)
+    found = add_detail(reduced(truth, 64), None, library=library, rows=128, seen=seen).radiance
+    np.testing.assert_allclose(found[cover[..., 0] > 0], truth[cover[..., 0] > 0], rtol=0.01)
+    np.testing.assert_allclose(project(found), project(truth), atol=0.02 * np.abs(project(truth)).max())
+
+
+def test_two_light_sources_stay_two_and_the_rest_stays_as_it_is(library):
+    """What lies under the second one must not be dimmed to make up for it."""
+    d = pixel_directions(64)
+    ways = np.array([[0.6, 0.64, -0.48], [-0.8, 0.0, 0.6]])
+    estimate = np.full((64, 128, 3), 0.3, np.float32)
+    for way, power in zip(ways, (600.0, 300.0), strict=True):
+        estimate[d @ way > np.cos(0.07)] += power
+    found = add_detail(estimate, None, library=library, rows=256).radiance
+    fine = pixel_directions(256)
+    assert all(found[fine @ way > np.cos(0.03)].min() > 5.0 for way in ways)
+    away = (fine @ ways.T).max(axis=-1) < np.cos(0.3)
+    smooth = blur_cosine_power(response(found) * away[..., None], 12.0)[away]
+    usual = blur_cosine_power(response(np.full_like(found, 0.3)) * away[..., None], 12.0)[away]
+    assert np.abs(smooth / usual - 1).mean() < 0.05
+
+
 def test_a_black_estimate_stays_dark(library):
     found = add_detail(np.zeros((64, 128, 3), np.float32), None, library=library, rows=64)
     assert found.radiance.max() < 0.1

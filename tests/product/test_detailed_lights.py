@@ -102,3 +102,17 @@ def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):
     said = json.loads((out / "sphere.json").read_text())
     assert said["detail"]["kind"] == "plausible"
     assert said["size"] == [256, 128]
+
+
+def test_a_panorama_lends_its_own_pixels_to_a_map_with_detail(folder):
+    """Not those of the 64 rows that an estimate has: a checkerboard of one pixel in 256 rows."""
+    checks = np.indices((256, 512)).sum(axis=0) % 2
+    panorama = np.zeros((256, 512, 4), np.uint8)
+    panorama[60:200, 100:400, :3] = np.where(checks, 200, 40)[60:200, 100:400, None]
+    panorama[60:200, 100:400, 3] = 255
+    estimator = anyprobe.Estimator(threads=1, detail="plausible", detail_library=folder, size=256)
+    light = estimator(sphere_photo(), surroundings=panorama)
+    shown = response(light.radiance)[65:195, 105:395]
+    np.testing.assert_allclose(
+        shown, np.where(checks, 200 / 255, 40 / 255)[65:195, 105:395, None].repeat(3, -1), atol=0.01
+    )

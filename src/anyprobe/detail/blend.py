@@ -1,12 +1,12 @@
 """Detail of a candidate on the light of an estimate.
 
-    L = m (E' + e) exp(sum over bands of a_b h_b) - e + disc
+    L = m (E' + e) exp(sum over bands of a_b h_b) - e + discs
 
-E' is the estimate without its dominant light, h the candidate's ln radiance, at the estimate's exposure and cut off
+E' is the estimate without its light sources, h the candidate's ln radiance, at the estimate's exposure and cut off
 above white, without the orders that an estimate holds, split into bands; a_b^2 is the share of a band's power that the
 estimate lacks, so that what a mirror showed is not drawn twice. m is smooth: it keeps blurred display values as near
 to the estimate's as they can be while the nine spherical harmonics of radiance are exactly the estimate's. What the
-photo shows of the surroundings replaces all this; the dominant light is a disc where the estimate has it.
+photo shows of the surroundings replaces all this; light sources are discs where the estimate has them.
 
 Arrays here are planar, [3, H, 2H].
 """
@@ -31,9 +31,9 @@ HELD = 9.0
 order 4 .70, of order 6 .26, of order 8 .05."""
 BANDS = (192.0, 768.0)
 """Of the blurs between bands: a half at orders 16 and 32."""
-CONTRAST = (0.26, 0.115, 0.14)
-"""Deviation of ln radiance in each band that a candidate is brought to: on training maps about two thirds of real
-power. Made-up detail adds its own variance to the error, so that more costs more."""
+CONTRAST = (0.22, 0.13, 0.16)
+"""Deviation of ln radiance in each band that a candidate is brought to: real power of display values on training
+maps. Made-up detail adds its own variance to the error, so that more costs more."""
 CONTRAST_GAIN = 1.6
 """By this factor, or its inverse, at most."""
 CEILING = 1.5
@@ -45,6 +45,8 @@ FINE = 16
 STEP = 2.0
 """Largest factor, or its inverse, of one step towards the estimate's display values or harmonics."""
 STEPS = 5
+MOST_LIGHTS = 3
+"""Light sources above white that are discs of their own; an estimate has two."""
 CLIPPED = 0.97
 """Display value of what is seen from which on it is at least as bright as it looks."""
 LEAST_COVER = 1e-3
@@ -67,23 +69,31 @@ def blend(
         codes: [H, 2H, 3] of library.Library.candidate.
         candidate_from_estimate, ln_gain: of match.Match.
         rows: a multiple of 64.
-        seen: [rows, 2 rows, 4] display values times cover, and cover, of what the photo shows around the object.
+        seen: [rows, 2 rows, 4] display values times cover, and cover, of what is known of the surroundings; with
+            a fifth channel, the cover of what is known above white too, where values over 1 are radiance.
     """
     small = reduced(estimate, MAP_HEIGHT)
-    light, rest = split_dominant_light(small)
-    if luminance(small).max() <= 1:  # nothing above white
-        light, rest = None, small
+    lights, rest = _split_lights(small)
     rest = _planar(rest)
     detailed = _detailed(rest, _candidate(codes, candidate_from_estimate, ln_gain, rows))
     goal = project(estimate)
     shown, cover = _shown(seen, rest, rows)
-    fixed = shown * cover + (0.0 if light is None else _disc(light, rows))
+    fixed = shown * cover + (1 - _measured(seen)) * sum(_disc(light, rows) for light in lights)
     free = detailed * (1 - cover)
     free *= _enlarge(_towards(free, fixed, rest, goal), rows)
     # once more, for what reducing to 64 rows left
     lack = goal - project(_interleaved(free + fixed))
     free *= _enlarge(_harmonics_step(_shrunk(free), lack), rows)
     return _interleaved(free + fixed)
+
+
+def _split_lights(radiance: np.ndarray) -> tuple[list[DominantLight], np.ndarray]:
+    """The light sources of [H, 2H, 3], MOST_LIGHTS at most, and what is left without them."""
+    lights: list[DominantLight] = []
+    while len(lights) < MOST_LIGHTS and luminance(radiance).max() > 1:
+        light, radiance = split_dominant_light(radiance)
+        lights.append(light)
+    return lights, radiance
 
 
 def _planar(radiance: np.ndarray) -> np.ndarray:
@@ -177,11 +187,17 @@ def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.nda
     estimate [3, 64, 128] if that is brighter, its hue kept."""
     if seen is None:
         return np.zeros((3, 1, 1), np.float32), np.zeros((1, 1, 1), np.float32)
-    cover = _planar(seen[..., 3:])
+    cover = _planar(seen[..., 3:4])
     display = _planar(seen[..., :3]) / np.maximum(cover, LEAST_COVER)
-    radiance = inverse_response(display)
+    radiance = np.where(display > 1, display, inverse_response(display))
     gain = np.maximum(_enlarge(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), LEAST_COVER), 1.0)
-    return np.where((display >= CLIPPED).any(axis=0), radiance * gain, radiance), cover
+    clipped = (display >= CLIPPED).any(axis=0) & (_measured(seen)[0] < 0.5)
+    return np.where(clipped, radiance * gain, radiance), cover
+
+
+def _measured(seen: np.ndarray | None) -> np.ndarray:
+    """Share [1, rows, 2 rows] of each direction of which seen holds what is above white too."""
+    return np.zeros((1, 1, 1), np.float32) if seen is None else _planar(seen[..., 4:].sum(axis=-1, keepdims=True))
 
 
 def _towards(free: np.ndarray, fixed: np.ndarray, rest: np.ndarray, goal: np.ndarray) -> np.ndarray:

@@ -56,7 +56,7 @@ def add_detail(
         library: of library.open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
         rows: one of SIZES.
         seed: 0 takes the candidate that agrees best, 1 the next, and so on.
-        seen: [rows, 2 rows, 4] display values times cover, and cover, see detail.match.
+        seen: [rows, 2 rows, 4 or 5] what is known of the surroundings, see detail.blend.
     Raises:
         InvalidEnvironment, InputError: one line that says what to do.
     """

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.detail.match import seen_in_photo
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
@@ -188,11 +187,9 @@ class Estimator:
         return light if self.detail == DETAILS[0] else self._with_detail(light, photo)
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
-        """Of the photo's own surroundings too, where they are to be used."""
-        start, seen = time.perf_counter(), None
-        if photo.surroundings_map is True:
-            seen = seen_in_photo(photo.rgb, photo.mask, photo.long_fov_deg, self.size)
-        light = light.with_detail(library=self.detail_library, size=self.size, seen=seen)
+        """Of what is known of the surroundings too."""
+        start = time.perf_counter()
+        light = light.with_detail(library=self.detail_library, size=self.size, seen=photo.seen(self.size))
         seconds = {**light.info["seconds"], "detail": round(time.perf_counter() - start, 4)}
         return replace(light, info={**light.info, "seconds": seconds})
 

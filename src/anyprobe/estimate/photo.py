@@ -8,11 +8,19 @@ from typing import Unpack
 import numpy as np
 
 from anyprobe.core.frames import turn_towards
+from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError, InvalidPhoto
 from anyprobe.estimate.normals_model import NormalsEstimator, estimated_normals
 from anyprobe.estimate.normals_prior import SHORTEST, SPHERE, NormalsSource, normals_from_outline, read_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings, turned, visible_surroundings
+from anyprobe.estimate.surroundings import (
+    PHOTO,
+    SurroundingsSource,
+    at_rows,
+    read_panorama,
+    turned,
+    visible_surroundings,
+)
 from anyprobe.files.images import ImageSource, read_image
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
@@ -43,6 +51,7 @@ class Photo:
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
             True: what the photo itself shows beside the object; None: nothing.
+        panorama: the same of a file at its own rows, 512 at most; None where there was none.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
     """
 
@@ -56,12 +65,19 @@ class Photo:
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | bool | None = None
+    panorama: np.ndarray | None = None
     exposure: float | None = None
+
+    def seen(self, rows: int) -> np.ndarray | None:
+        """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
+        if self.surroundings_map is True:
+            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows)
+        return None if self.panorama is None else at_rows(self.panorama, rows)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        return replace(self, rgb=rgb, mask=mask, normals=None, surroundings_map=None)
+        return replace(self, rgb=rgb, mask=mask, normals=None, surroundings_map=None, panorama=None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -113,6 +129,7 @@ def load_photo(
     if fov_deg is not None and not 1.0 < fov_deg < 170.0:
         raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
     pixels = read_image(source, name)
+    surroundings_map, panorama = _known_surroundings(surroundings)
     found = find_mask(pixels, **where)
     if fov_deg is not None:
         long_fov_deg, fov_source = float(fov_deg), "given"
@@ -130,7 +147,8 @@ def load_photo(
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
-        surroundings_map=_known_surroundings(surroundings),
+        surroundings_map=surroundings_map,
+        panorama=panorama,
         exposure=pixels.exposure,
     )
 
@@ -147,10 +165,10 @@ def _known_normals(
     return read_normals(source, mask.shape)
 
 
-def _known_surroundings(source: SurroundingsSource | None) -> np.ndarray | bool | None:
+def _known_surroundings(source: SurroundingsSource | None) -> tuple[np.ndarray | bool | None, np.ndarray | None]:
     if source is None:
-        return None
-    return True if isinstance(source, str) and source == PHOTO else read_surroundings(source, above_white=True)
+        return None, None
+    return (True, None) if isinstance(source, str) and source == PHOTO else read_panorama(source)
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:

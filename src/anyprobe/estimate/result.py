@@ -219,7 +219,7 @@ class Light:
 
         Args:
             seed: 0 takes the best match, 1 the next, and so on.
-            seen: what the photo shows around the object, see detail.match.
+            seen: what is known of the surroundings, see detail.blend.
         Raises:
             InputError: detailed already; or see detail.plausible.add_detail.
         """

@@ -45,6 +45,8 @@ TINT_FLOOR = 0.05
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
+PANORAMA_ROWS = 512
+"""At which a panorama is kept for maps with detail."""
 LINEAR = 5
 """Channels of surroundings that hold values above white."""
 PLAIN = 2.0 / 255.0
@@ -61,6 +63,25 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
     Raises:
         InputError: not a panorama, or nothing known in it.
     """
+    picture, linear = _read_panorama(source)
+    known = _at_rows(picture, linear, MAP_HEIGHT)
+    return known if above_white else np.minimum(known[..., :4], known[..., 3:4])
+
+
+def read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, np.ndarray]:
+    """The same twice, with what is above white: at 64 rows, and at as many as it has, PANORAMA_ROWS at most."""
+    picture, linear = _read_panorama(source)
+    rows = min(PANORAMA_ROWS, max(MAP_HEIGHT, len(picture)))
+    return _at_rows(picture, linear, MAP_HEIGHT), _at_rows(picture, linear, rows)
+
+
+def at_rows(panorama: Float[np.ndarray, "H 2*H C"], rows: int) -> Float[np.ndarray, "R 2*R C"]:
+    """Surroundings at more rows, or at fewer."""
+    return panorama if len(panorama) == rows else _resize(panorama, (2 * rows, rows), smooth=len(panorama) < rows)
+
+
+def _read_panorama(source: SurroundingsSource) -> tuple[np.ndarray, bool]:
+    """[H, 2H, 4] times cover, and cover; whether it is linear radiance rather than display values."""
     try:
         linear = read_linear(source, MAX_PIXELS)
         picture = _displayed(source) if linear is None else linear
@@ -73,12 +94,15 @@ def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) 
         )
     if not picture[..., 3].any():
         raise InputError("surroundings: expected pixels that are not transparent, found none")
-    small = _resize(picture, (2 * MAP_HEIGHT, MAP_HEIGHT))
-    if linear is None:
+    return picture, linear is not None
+
+
+def _at_rows(picture: np.ndarray, linear: bool, rows: int) -> np.ndarray:
+    small = _resize(picture, (2 * rows, rows))
+    if not linear:
         return small
     cover = small[..., 3:]
-    known = surroundings_of(small[..., :3] / np.maximum(cover, LEAST_COVER), cover, cover)
-    return known if above_white else np.minimum(known[..., :4], cover)
+    return surroundings_of(small[..., :3] / np.maximum(cover, LEAST_COVER), cover, cover)
 
 
 def _displayed(source: SurroundingsSource) -> np.ndarray:
@@ -221,10 +245,11 @@ def _sample(picture: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndar
     return upper * (1 - fy) + (picture[y1, x0] * (1 - fx) + picture[y1, x1] * fx) * fy
 
 
-def _resize(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Means over areas, [H, W, C] to size (width, height)."""
+def _resize(picture: np.ndarray, size: tuple[int, int], smooth: bool = False) -> np.ndarray:
+    """Means over areas, [H, W, C] to size (width, height); smooth: between pixels, when enlarging."""
+    way = Image.Resampling.BILINEAR if smooth else Image.Resampling.BOX
     planes = [
-        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, Image.Resampling.BOX)
+        Image.fromarray(np.ascontiguousarray(picture[..., k], np.float32)).resize(size, way)
         for k in range(picture.shape[-1])
     ]
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)

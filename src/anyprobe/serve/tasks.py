@@ -13,7 +13,6 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.frames import rotation_of
-from anyprobe.detail.match import seen_in_photo
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError, InvalidEnvironment
 from anyprobe.estimate.panorama import cut_out
@@ -101,7 +100,7 @@ def ready() -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cut:
-    """photo: without its pixels. crop: its object. mask: as PNG. seen: of seen_in_photo. None what is not wanted."""
+    """photo: without its pixels. crop: its object. mask: as PNG. seen: of Photo.seen. None what is not wanted."""
 
     photo: Photo
     crop: Crop
@@ -111,9 +110,8 @@ class Cut:
 
 def cut(upload: Upload, max_pixels: int, first: bool, with_mask: bool) -> Cut:
     """The object cut out of its photo, and what else of the photo the light or the answer needs."""
-    photo, seen = _open(upload, max_pixels), None
-    if upload.rows is not None and photo.surroundings_map is True:
-        seen = seen_in_photo(photo.rgb, photo.mask, photo.long_fov_deg, upload.rows)
+    photo = _open(upload, max_pixels)
+    seen = None if upload.rows is None else photo.seen(upload.rows)
     mask = mask_png(photo.mask) if with_mask else None
     return Cut(photo=photo.without_pixels(), crop=cut_out(photo, first=first), mask=mask, seen=seen)
 
