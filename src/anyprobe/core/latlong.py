@@ -5,6 +5,7 @@ u = 0.5 + atan2(x, -z) / 2 pi and v = acos(y) / pi; pixel centres at (i + 0.5) /
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,9 @@ from array_api_compat import array_namespace
 
 if TYPE_CHECKING:
     from jaxtyping import Float
+
+KEPT_ROWS = 128
+"""Directions of maps up to so many rows are computed once."""
 
 
 def direction_to_uv(d):
@@ -33,6 +37,15 @@ def uv_to_direction(uv):
 
 def pixel_directions(height: int) -> Float[np.ndarray, "H 2*H 3"]:
     """Direction of every pixel centre, [H, 2H, 3]."""
+    return _kept_directions(height).copy() if height <= KEPT_ROWS else _directions(height)
+
+
+@lru_cache(maxsize=4)
+def _kept_directions(height: int) -> np.ndarray:
+    return _directions(height)
+
+
+def _directions(height: int) -> np.ndarray:
     u = (np.arange(2 * height) + 0.5) / (2 * height)
     v = (np.arange(height) + 0.5) / height
     return uv_to_direction(np.stack(np.meshgrid(u, v), axis=-1)).astype(np.float32)

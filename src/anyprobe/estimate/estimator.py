@@ -224,14 +224,13 @@ class Estimator:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             known["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
         estimated, sure = time.perf_counter(), photo.mask_confidence
-        radiance = np.maximum(rotate(outputs.radiance, crop.camera_from_crop), 0.0)
-        if outputs.confidence is None:
-            confidence = np.full(radiance.shape[:2], exposed, np.float32)
-        else:
-            confidence = rotate(outputs.confidence[..., None], crop.camera_from_crop)[..., 0].clip(0.0, 1.0)
+        confidence = outputs.confidence
+        if confidence is None:
+            confidence = np.full(outputs.radiance.shape[:2], exposed, np.float32)
+        found = rotate(np.dstack([outputs.radiance, confidence]), crop.camera_from_crop)
         return Light(
-            radiance=radiance,
-            confidence=confidence,
+            radiance=np.maximum(found[..., :3], 0.0),
+            confidence=found[..., 3].clip(0.0, 1.0),
             well_exposed_fraction=exposed,
             warnings=photo.warnings,
             stages={
@@ -277,10 +276,10 @@ class Estimator:
 
 def _well_exposed(image: np.ndarray) -> float:
     """Share of the object's pixels of a crop [S, S, 4] that are neither black nor clipped."""
-    inside = image[..., 3] > 0.5
-    if not inside.any():
+    object_pixels = image[image[..., 3] > 0.5]
+    if not len(object_pixels):
         return 0.0
-    display = luminance(image[inside][:, :3] / image[inside][:, 3:])
+    display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
     return float(((display > 0.02) & (display < 0.98)).mean())
 
 

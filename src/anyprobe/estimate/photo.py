@@ -220,11 +220,10 @@ def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], s
     columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
     rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
     mask = mask[rows, columns]
-    window = np.empty((size, size, 4), dtype=np.float32)
-    for channel in range(3):
-        window[..., channel] = row_weights @ (values[rows, columns, channel] * mask) @ column_weights.T
-    window[..., 3] = row_weights @ mask @ column_weights.T
-    return window
+    planes = np.empty((4, *mask.shape), np.float32)
+    np.multiply(np.moveaxis(values[rows, columns], -1, 0), mask, out=planes[:3])
+    planes[3] = mask
+    return np.ascontiguousarray(np.moveaxis(row_weights @ planes @ column_weights.T, 0, -1))
 
 
 def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
@@ -255,8 +254,9 @@ def _resampling(start: float, side: float, size: int, length: int) -> tuple[slic
 
 def _exposure_warnings(colors: np.ndarray, name: str) -> tuple[str, ...]:
     """Object pixels [N, 3] that are nearly all black or all white carry no shading."""
-    if np.mean((colors <= 0.01).all(axis=1)) >= CLIPPED_SHARE:
+    red, green, blue = colors.T
+    if np.mean((red <= 0.01) & (green <= 0.01) & (blue <= 0.01)) >= CLIPPED_SHARE:
         return (f"{name}: the object is black almost everywhere; little can be estimated from it; expose longer",)
-    if np.mean((colors >= 0.99).all(axis=1)) >= CLIPPED_SHARE:
+    if np.mean((red >= 0.99) & (green >= 0.99) & (blue >= 0.99)) >= CLIPPED_SHARE:
         return (f"{name}: the object is white almost everywhere; little can be estimated from it; expose shorter",)
     return ()
