@@ -85,7 +85,7 @@ def main() -> None:
             SECTION.format(name=scene.name, inserted=scene.inserted, path=path.name, errors=errors(light, truth))
         )
         print(path, flush=True)
-    (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
+    (DOCS / "gallery.md").write_text("\n".join([*lines, TAIL]), encoding="utf-8")
 
 
 HEAD = """# Gallery
@@ -99,6 +99,15 @@ SECTION = """## {name}
 ![Photo, light, {inserted} sphere relit by the estimate and by the truth](gallery/{path})
 
 {errors}
+"""
+
+
+TAIL = """## Chrome with plausible detail
+
+![Photos; chrome spheres of the plain estimate, with detail, and of the truth; the maps of the three](detail.jpg)
+
+Ten scenes that no library has, as they came (`python -m research.detail_library.measure --pairs 10 --sheet docs/detail.jpg`). The
+light is the estimate's, the places are made up: [detail](detail.md).
 """
 
 

@@ -2,7 +2,7 @@
 
     python -m research.detail_library.measure DATA                          # our own library
     python -m research.detail_library.measure DATA --library DATA/hdri/train --mirrors
-    python -m research.detail_library.measure --pairs 6 --sheet docs/detail.jpg  # scenes no library has
+    python -m research.detail_library.measure --pairs 10 --sheet docs/detail.jpg  # scenes no library has
 
 DATA holds hdri/test and meshes/test; the pairs are those of `anyprobe evaluate`. Times are of the processor,
 all threads together.
