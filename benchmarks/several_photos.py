@@ -6,7 +6,7 @@ Each place has a map, a shape and a material; the camera goes round the object, 
 exposure and white balance locked. DATA: held-out maps and shapes of DATA/hdri/test and DATA/meshes/test, or with
 --left-out the training assets that no shipped weights learn from; without --data all are our own. With --room the
 photos show the light behind the object too, as walls so much farther than the camera, and three lights are compared:
-told nothing of it, each photo told its own, and all told what any shows. docs/inputs.md has the figures.
+of none of it given, of each photo given its own, and of all given what any shows. docs/inputs.md has the figures.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from anyprobe.evaluate.scoring import score
 
 MOST = 8
 COUNTS = (1, 2, 4, 8)
-ALONE, OWN, GATHERED = "not told", "each its own", "merged_surroundings"
+ALONE, OWN, GATHERED = "not given", "each its own", "merged"
 SHOWN = (
     "ldr_rmse",
     "ldr_ssim",
@@ -43,7 +43,7 @@ SHOWN = (
 
 
 def measure(store: AssetStore, places: int, arc_deg: float, room: float | None, estimator: Estimator) -> Iterator[dict]:
-    """One line a place, number of photos and what is told of the surroundings."""
+    """One line a place, number of photos and which surroundings are given."""
     rng, surroundings = np.random.default_rng(15), arc_deg == 360
     for number in range(places):
         place = draw_place(store, rng, MOST, arc_deg, room)
@@ -65,12 +65,12 @@ def measure(store: AssetStore, places: int, arc_deg: float, room: float | None, 
 
 
 def seen(photo: Photo) -> Photo:
-    """The photo, told that what it shows beside the object lights it; as it is where that is all black."""
+    """The photo, given what it shows beside the object; as it is where that is all black."""
     try:
-        crop_object(replace(photo, surroundings=True))
+        crop_object(replace(photo, surroundings_map=True))
     except InputError:
         return photo
-    return replace(photo, surroundings=True)
+    return replace(photo, surroundings_map=True)
 
 
 def main() -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.evaluate.metrics import color_angle_deg
+from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.filtering import blur_cap
-from anyprobe.light.temporal import OFFSET, FilterState, Smoothing, step
+from anyprobe.light.temporal import OFFSET, FilterState, Smoothing, encode, step
 from anyprobe.render.spheres import silver, sphere_normals
 
 HEIGHT, SPHERE = 16, 12
@@ -103,7 +104,7 @@ def test_young_average_is_the_mean_of_what_came(rng):
     """Without motion the first frames count alike, so that one bad start does not linger."""
     frames = [noisy(LEFT, rng) for _ in range(60)]
     state = run(frames, [1 / 30] * 60)[-1]
-    mean = np.log(np.array(frames) + OFFSET).mean(axis=0)
+    mean = encode(np.array(frames)).mean(axis=0)
     assert np.abs(state.steady - mean).std() < 3 * FRAME_NOISE / np.sqrt(60)
 
 
@@ -121,6 +122,21 @@ def test_cut_starts_anew_at_its_second_frame():
     np.testing.assert_allclose(states[30].radiance, LEFT, rtol=1e-4)
     np.testing.assert_allclose(states[31].radiance, other, rtol=1e-4)
     assert states[31].age_s == 0
+
+
+def test_light_sources_that_tremble_keep_their_power(rng):
+    """Each frame has the lamp, 8 degrees across, up to 5 degrees from its place: what is shown is as bright in all."""
+    d, areas = pixel_directions(64), pixel_solid_angles(64)[..., None]
+    frames = []
+    for offset in rng.uniform(-0.09, 0.09, size=(60, 2)):
+        toward = np.array([offset[0], 0.5 + offset[1], -1.0])
+        lamp = d @ (toward / np.linalg.norm(toward)) > np.cos(np.radians(4))
+        frames.append((0.3 + 300.0 * lamp[..., None] * np.ones(3)).astype(np.float32))
+    shown = run(frames, [1 / 30] * 60)[-1].radiance
+    powers = [float((one * areas).sum()) for one in frames]
+    assert float((shown * areas).sum()) == pytest.approx(np.mean(powers), rel=0.1)
+    light = find_dominant_light(shown)
+    assert light.irradiance.mean() > 0.7 * np.mean([find_dominant_light(one).irradiance.mean() for one in frames])
 
 
 def test_black_stays_black():

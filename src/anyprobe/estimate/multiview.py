@@ -11,29 +11,35 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import is_rotation
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.errors import InputError
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Crop, Photo
 from anyprobe.estimate.result import Info, Light
-from anyprobe.light.environment import integral
+from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-BRIGHT = 0.8
-"""Radiance above which light may be emitters; white is 1."""
-LEAST_FLUX = 0.01
-"""Of what is brighter, where power is given back to it: with less, their positions are unknown."""
+SOURCES = 3
+"""Light sources that several photos together have, at most."""
+VOTE = 12.0
+"""Sharpness of the cosine power with which each photo's light sources vote for a place."""
+REACH = np.cos(np.radians(40.0))
+"""Votes that belong to one light source lie within 40 degrees of it."""
+SOURCE_RADIUS = np.radians(4.0)
+"""Of a light source, as in the maps of single photos."""
+LEAST_POWER = 1e-3
+"""Luminance over the sphere below which there is no light source."""
 
 
 def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]) -> Float[np.ndarray, "H 2*H 3"]:
-    """The weighted geometric mean of maps, as much light in all as they have.
+    """The weighted geometric mean of what maps have up to white, and their light sources by vote.
 
-    A geometric mean drops an emitter that only one of the maps has, which is right where estimates err, but also
-    emitters that they place side by side. The power missing from the maps' own (geometric mean) is added to what is
-    brighter than BRIGHT, in proportion.
+    What is above white in all of them stays. The rest are small light sources that photos place side by side: a mean
+    would show each photo's own, dimmer. They vote for places, and their mean power goes there.
 
     Args:
         maps: [N, H, 2H, 3] linear radiance, all in one frame and one scale.
@@ -42,16 +48,33 @@ def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2
         [H, 2H, 3].
     """
     share = (weights / weights.sum(axis=0))[..., None]
-    mean = np.maximum(np.exp((share * np.log(maps + OFFSET)).sum(axis=0)) - OFFSET, 0.0)
-    power = np.exp(np.mean([np.log(max(_power(one), 1e-9)) for one in maps]))
-    bright = np.maximum(mean - BRIGHT, 0.0)
-    missing = max(power - _power(mean), 0.0)
-    return (mean + bright * (missing / max(_power(bright), LEAST_FLUX))).astype(np.float32)
+    up_to_white = maps / np.maximum(luminance(maps)[..., None], 1.0)
+    mean = np.maximum(np.exp((share * np.log(up_to_white + OFFSET)).sum(axis=0)) - OFFSET, 0.0)
+    above = maps - up_to_white
+    common = above.min(axis=0)
+    return (mean + common + _by_vote(above.mean(axis=0) - common)).astype(np.float32)
 
 
-def _power(radiance: np.ndarray) -> float:
-    """Luminance over the whole sphere."""
-    return float(luminance(np.asarray(integral(radiance))))
+def _by_vote(above: np.ndarray) -> np.ndarray:
+    """All photos' light sources [H, 2H, 3] gathered in a few, of the same power."""
+    d, solid_angles = pixel_directions(len(above)), pixel_solid_angles(len(above))
+    whole = left = luminance(above) * solid_angles
+    found, power = np.zeros_like(above), 0.0
+    for _ in range(SOURCES):
+        if left.sum() < LEAST_POWER:
+            break
+        votes = blur_cosine_power((left / solid_angles)[..., None], VOTE)[..., 0]
+        peak = d[np.unravel_index(np.argmax(votes), votes.shape)]
+        center = np.einsum("hw,hwc->c", left * np.maximum(d @ peak, 0.0) ** VOTE, d)
+        center /= np.linalg.norm(center)
+        mine = (left > 0) & (d @ center > REACH)
+        edge = (SOURCE_RADIUS - np.arccos(np.clip(d @ center, -1.0, 1.0))) * len(above) / np.pi
+        disc = np.clip(edge + 0.5, 0.0, 1.0)
+        color = (above * solid_angles[..., None] * mine[..., None]).sum(axis=(0, 1))
+        found += disc[..., None] * (color / (disc * solid_angles).sum())
+        power += float(left[mine].sum())
+        left = np.where(mine, 0.0, left)
+    return found * (whole.sum() / power) if power > 0 else found
 
 
 SURE = 2.0

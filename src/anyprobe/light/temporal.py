@@ -1,9 +1,11 @@
 """Lights of a video, kept still on a still scene and quick where the light changes.
 
 Two exponential averages of y = ln(L + 0.01): `fast` follows every frame, `steady` is what
-is shown and chases `fast`. How long steady's memory reaches depends on how far apart the two are, in
-units of the noise that the frames themselves show. One frame y, dt seconds after the last (|.| is the
-root mean square over the sphere and the three channels, a(T) = 1 - exp(-dt / T)):
+is shown and chases `fast`. Above white y goes on as a straight line: small light sources that frames place
+side by side keep their power, which averages of the logarithm would lose. How long steady's memory reaches
+depends on how far apart the two are, in units of the noise that the frames themselves show. One frame y, dt
+seconds after the last (|.| is the root mean square over the sphere and the three channels of differences of
+ln(L + 0.01), a(T) = 1 - exp(-dt / T)):
 
     |y - fast| > cut_level: hold this frame back; the second in a row starts anew. Else
     age    += dt
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
 
 OFFSET = 0.01
 """Added before the logarithm: what is much darker hardly lights anything, and black stays black."""
+SLOPE = np.float32(1.0 + OFFSET)
+WHITE = np.log(SLOPE)
+"""y of L = 1; from there on dL = SLOPE dy."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -90,7 +95,7 @@ class FilterState:
     @property
     def radiance(self) -> Float[np.ndarray, "H 2*H 3"]:
         """The light to show, [H, 2H, 3] linear."""
-        return np.maximum(np.exp(self.steady) - OFFSET, 0.0)
+        return np.maximum(np.exp(np.minimum(self.steady, WHITE)) - OFFSET, 0.0) + SLOPE * _above_white(self.steady)
 
 
 def step(
@@ -104,21 +109,21 @@ def step(
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
     """
     c = smoothing or Smoothing()
-    y = np.log(check_radiance(radiance, "frame's light") + np.float32(OFFSET))
+    y = encode(check_radiance(radiance, "frame's light"))
     if state is None:
         return FilterState(steady=y, fast=y, last=y)
     if not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
-    if _rms(y - state.fast) > c.cut_level:
+    if _apart(y, state.fast) > c.cut_level:
         return FilterState(steady=y, fast=y, last=y) if state.held else replace(state, held=True)
     age = state.age_s + dt_s
-    noise = difference = _rms(y - state.last) / np.sqrt(2.0)
+    noise = difference = _apart(y, state.last) / np.sqrt(2.0)
     if state.noise is not None:
         most = 3.0 * max(state.noise, c.least_noise)
         noise = state.noise + _gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
     lead = _gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
     fast = state.fast + np.float32(lead) * (y - state.fast)
-    spread = _rms(fast - state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
+    spread = _apart(fast, state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
     motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
     memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
     stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
@@ -143,8 +148,23 @@ def _gain(dt_s: float, time_s: float) -> float:
     return float(-np.expm1(-dt_s / time_s))
 
 
-def _rms(difference: np.ndarray) -> float:
-    """Root mean square over the sphere and the channels of [H, 2H, 3]."""
+def encode(radiance: np.ndarray) -> np.ndarray:
+    """y of L."""
+    return np.log(np.minimum(radiance, 1.0) + np.float32(OFFSET)) + np.maximum(radiance - 1.0, 0.0) / SLOPE
+
+
+def _above_white(y: np.ndarray) -> np.ndarray:
+    return np.maximum(y - WHITE, 0.0)
+
+
+def _logarithm(y: np.ndarray) -> np.ndarray:
+    """ln(L + OFFSET)."""
+    return np.minimum(y, WHITE) + np.log1p(_above_white(y))
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> float:
+    """Root mean square over the sphere and the channels of the difference of ln(L + OFFSET), of two y [H, 2H, 3]."""
+    difference = _logarithm(one) - _logarithm(other)
     weights = pixel_solid_angles(difference.shape[0])[:, 0].astype(np.float64)
     rows = np.square(difference, dtype=np.float64).mean(axis=(1, 2))
     return float(np.sqrt(rows @ weights / weights.sum()))

@@ -2,12 +2,14 @@
  * Lights of a video, kept still on a still scene and quick where the light changes.
  *
  * The filter of anyprobe.light.temporal, where its formula stands: two exponential averages of
- * y = ln(L + 0.01), of which the steady one is shown and chases the fast one.
+ * y = ln(L + 0.01), above white a straight line, of which the steady one is shown and chases the fast one.
  */
 
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 
 const OFFSET = 0.01;
+const SLOPE = 1 + OFFSET;
+const WHITE = Math.log(SLOPE);
 
 export const SMOOTHING = {
   stillS: 3,
@@ -38,7 +40,9 @@ function fresh(y) {
 export function step(state, radiance, dt, smoothing = SMOOTHING) {
   const c = smoothing;
   const y = new Float32Array(radiance.length);
-  for (let i = 0; i < y.length; i++) y[i] = Math.log(radiance[i] + OFFSET);
+  for (let i = 0; i < y.length; i++) {
+    y[i] = Math.log(Math.min(radiance[i], 1) + OFFSET) + Math.max(radiance[i] - 1, 0) / SLOPE;
+  }
   if (state === null) return fresh(y);
   if (rms(y, state.fast) > c.cutLevel) return state.held ? fresh(y) : { ...state, held: true };
   const ageS = state.ageS + dt;
@@ -65,7 +69,10 @@ export function step(state, radiance, dt, smoothing = SMOOTHING) {
 /** The light to show, linear radiance. */
 export function shown({ steady }) {
   const radiance = new Float32Array(steady.length);
-  for (let i = 0; i < radiance.length; i++) radiance[i] = Math.max(Math.exp(steady[i]) - OFFSET, 0);
+  for (let i = 0; i < radiance.length; i++) {
+    const y = steady[i];
+    radiance[i] = Math.max(Math.exp(Math.min(y, WHITE)) - OFFSET, 0) + Math.max(y - WHITE, 0) * SLOPE;
+  }
   return radiance;
 }
 
@@ -76,7 +83,10 @@ function approach(from, towards, share) {
   return moved;
 }
 
-/** Root mean square of a difference over the sphere and the channels. */
+/** ln(L + OFFSET) of a y. */
+const logarithm = (y) => (y > WHITE ? WHITE + Math.log1p(y - WHITE) : y);
+
+/** Root mean square over the sphere and the channels of the difference of ln(L + OFFSET), of two y. */
 function rms(a, b) {
   const weights = pixelSolidAngles(MAP_HEIGHT);
   const line = 2 * MAP_HEIGHT * 3;
@@ -85,7 +95,7 @@ function rms(a, b) {
   for (let row = 0; row < MAP_HEIGHT; row++) {
     let squares = 0;
     for (let i = row * line; i < (row + 1) * line; i++) {
-      const difference = a[i] - b[i];
+      const difference = logarithm(a[i]) - logarithm(b[i]);
       squares += difference * difference;
     }
     sum += (weights[row] * squares) / line;
