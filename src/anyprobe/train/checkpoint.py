@@ -65,12 +65,7 @@ def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict
 
 
 def resumed(
-    path: Path,
-    config: Any,
-    origin: dict[str, Any],
-    start: Path | None,
-    device: str = "cpu",
-    holds: tuple[str, ...] = ("nets",),
+    path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
 
@@ -115,10 +110,10 @@ def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
     )
 
 
-def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("nets",)) -> dict[str, Any]:
+def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
     """What save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
 
-    holds: names of which one has the weights.
+    holds: the name that has the weights.
 
     Raises:
         ModelError: no file, a damaged one, or none of a run.
@@ -132,8 +127,8 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("
             raise _no_checkpoint(path, "a damaged file") from error
     if not isinstance(stored, Mapping):
         raise _no_checkpoint(path, f"a {type(stored).__name__}")
-    if not any(isinstance(stored.get(name), Mapping) for name in holds):
-        raise _no_checkpoint(path, f"a file without {' or '.join(holds)}")
+    if not isinstance(stored.get(holds), Mapping):
+        raise _no_checkpoint(path, f"a file without {holds}")
     try:
         config = json.loads(stored["config"])
     except (KeyError, TypeError, ValueError) as error:
@@ -181,17 +176,17 @@ SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
 
 
-def save_init_weights(checkpoint: Path, path: Path) -> None:
-    """Keep a checkpoint's weights at path, large tensors as float16.
+def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
+    """Keep a checkpoint's weights, of this name in it, at path, large tensors as float16.
 
     Raises:
         InputError: path is the checkpoint.
         ModelError: no checkpoint, or a damaged one.
     """
-    stored = read_checkpoint(checkpoint, holds=("nets", "net"))
+    stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
     with atomic_path(path) as temporary:
-        torch.save(_halved(stored["nets"] if "nets" in stored else stored["net"]), temporary)
+        torch.save(_halved(stored[holds]), temporary)
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
