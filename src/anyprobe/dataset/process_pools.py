@@ -208,10 +208,9 @@ def run_ray(
 ) -> dict[Any, Any]:
     """Do every task on a cluster, one CPU each; result by task.
 
-    address: a cluster's, "auto" for the one this machine is a node of; None begins one here
-    with so many workers, which ends with this call. watch(task, finished(task)) reports
-    each task that is done. Tasks must not mind being done twice: a node that was given up
-    may still be at work.
+    address: a cluster's, "auto" for the one this machine is a node of; None begins one here with so many workers, which
+    ends with this call. watch(task, finished(task)) reports each task that is done. Tasks must not mind being done
+    twice: a node that was given up may still be at work.
 
     Raises:
         AnyprobeError: what a task raised; its other exceptions, and a task whose

@@ -1,7 +1,6 @@
 """Numbers for how far a picture or map p is from the true one g.
 
-Pure NumPy; every function computes in float64 and returns a Python float.
-Pictures are [H, W] or [H, W, C].
+Pure NumPy; every function computes in float64 and returns a Python float. Pictures are [H, W] or [H, W, C].
 """
 
 from __future__ import annotations
@@ -21,8 +20,7 @@ SSIM_RADIUS = 5
 def rmse(a: np.ndarray, b: np.ndarray, weights: np.ndarray | None = None) -> float:
     """sqrt( sum w (a - b)^2 / sum w ); without weights the plain mean over all numbers.
 
-    weights broadcast against a: for a map [H, 2H, 3] that is
-    pixel_solid_angles(H)[..., None], [H, 1, 1].
+    weights broadcast against a: for a map [H, 2H, 3] that is pixel_solid_angles(H)[..., None], [H, 1, 1].
     """
     squared = np.square(np.asarray(a, np.float64) - np.asarray(b, np.float64))
     if weights is None:
@@ -53,10 +51,9 @@ def ssim(a: np.ndarray, b: np.ndarray, data_range: float = 1.0, wrap_longitude: 
         (2 m_a m_b + C1) (2 c_ab + C2) / ((m_a^2 + m_b^2 + C1) (v_a + v_b + C2))
         C1 = (0.01 data_range)^2, C2 = (0.03 data_range)^2
 
-    with means m, variances v and covariance c under an 11 x 11 Gaussian of
-    sigma 1.5, the weights summing to 1 (no sample correction). Only windows that
-    lie in the picture count. wrap_longitude is for maps: the columns are continued
-    around and the rows by their edge, so that every pixel has a window.
+    with means m, variances v and covariance c under an 11 x 11 Gaussian of sigma 1.5, the weights summing to 1 (no
+    sample correction). Only windows that lie in the picture count. wrap_longitude is for maps: the columns are
+    continued around and the rows by their edge, so that every pixel has a window.
     """
     a, b = (np.asarray(image, np.float64) for image in (a, b))
     if a.shape != b.shape:

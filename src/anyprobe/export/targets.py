@@ -148,8 +148,7 @@ def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
 def write_blender(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.exr, <name>_ambient.exr and <name>.py.
 
-    A Sun's strength is the irradiance of a plane that faces it, as ours is; World strength 1 is
-    radiance as it is.
+    A Sun's strength is the irradiance of a plane that faces it, as ours is; World strength 1 is radiance as it is.
     """
     write_maps(light, folder, BLENDER, ".exr")
     (folder / f"{light.name}.py").write_text(template("blender_world.py", light), encoding="utf-8")

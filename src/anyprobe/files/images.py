@@ -53,9 +53,8 @@ class Pixels:
 def read_image(source: ImageSource, name: str | None = None) -> Pixels:
     """Read a photo from a path, bytes, a Pillow image or an array.
 
-    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float
-    display values in [0, 1]. An .exr holds linear radiance and goes through the
-    camera's response. Of an animation the first frame counts.
+    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. An .exr
+    holds linear radiance and goes through the camera's response. Of an animation the first frame counts.
 
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
