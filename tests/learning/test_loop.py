@@ -28,13 +28,7 @@ from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
 from anyprobe.train.checkpoint import init_weights_id, load_init_weights, mean_checkpoint, save_init_weights  # noqa: E402
-from anyprobe.train.config import (  # noqa: E402
-    LightConfig,
-    lift,
-    normals,
-    paper,
-    smoke,
-)
+from anyprobe.train.config import LightConfig, lift, normals, paper, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402

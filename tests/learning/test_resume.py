@@ -18,11 +18,7 @@ from anyprobe.dataset.asset_store import AssetStore  # noqa: E402
 from anyprobe.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.train import loop  # noqa: E402
-from anyprobe.train.checkpoint import (  # noqa: E402
-    agreed,
-    differing,
-    save_init_weights,
-)
+from anyprobe.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
 from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.dataloader import name_assets  # noqa: E402
 

@@ -27,21 +27,9 @@ from anyprobe.train.checkpoint import load_init_weights, save_init_weights  # no
 from research.mask_network import train as training  # noqa: E402
 from research.mask_network.__main__ import app as commands  # noqa: E402
 from research.mask_network.composites import GREY, Scene, draw_scene  # noqa: E402
-from research.mask_network.examples import (  # noqa: E402
-    PROMPTS,
-    SIZE,
-    Batch,
-    SceneSource,
-    ask,
-    retake,
-    unasked_target,
-)
+from research.mask_network.examples import PROMPTS, SIZE, Batch, SceneSource, ask, retake, unasked_target  # noqa: E402
 from research.mask_network.export import TOLERANCE, export_mask  # noqa: E402
-from research.mask_network.foregrounds import (  # noqa: E402
-    TexturePool,
-    ViewSource,
-    draw_pattern,
-)
+from research.mask_network.foregrounds import TexturePool, ViewSource, draw_pattern  # noqa: E402
 from research.mask_network.net import MaskNet  # noqa: E402
 from research.mask_network.train import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
 
