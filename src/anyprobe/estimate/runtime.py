@@ -9,7 +9,6 @@ from copy import copy
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import onnxruntime
@@ -20,9 +19,6 @@ from anyprobe.files.graphs import open_graph
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
 from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
-
-if TYPE_CHECKING:
-    from jaxtyping import Float
 
 ENGINES = ("onnxruntime", "openvino", "openvino-bf16", "cuda")
 DEFAULT_ENGINE = "onnxruntime"
@@ -137,10 +133,8 @@ class Outputs:
     normals: np.ndarray | None = None
     posterior: dict[str, float] | None = None
 
-    def with_map(
-        self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
-    ) -> Outputs:
-        """The same with another map, LDR and ln maps that are this one's, and its confidence."""
+    def with_map(self, radiance: np.ndarray, confidence: np.ndarray | None) -> Outputs:
+        """The same with another map [H, 2H, 3], LDR and ln maps that are this one's, and its confidence [H, 2H]."""
         return replace(
             self,
             radiance=radiance,
@@ -218,9 +212,9 @@ class Models:
 
     def __call__(
         self,
-        image: Float[np.ndarray, "128 128 4"],
+        image: np.ndarray,
         tan_half: float,
-        normals: Float[np.ndarray, "64 64 3"] | None = None,
+        normals: np.ndarray | None = None,
         surroundings: np.ndarray | None = None,
         material: Material | None = None,
     ) -> Outputs:
