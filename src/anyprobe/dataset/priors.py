@@ -143,8 +143,7 @@ def draw_colors(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Albedo and f0, [N, 3] each, of kinds [N].
 
-    Args:
-        rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
+    rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
     """
     count = len(kind)
     rank = rng.random(count) if rank is None else rank
@@ -188,8 +187,7 @@ def frame_level(seen: np.ndarray) -> np.ndarray:
 def metered_gain(object_mean, frame, weight, key):
     """From radiance to exposure units, [...]: the mean of object and frame is brought to the key.
 
-    Args:
-        object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
+    object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
     """
     power = FRAME_POWER
     mean = weight * np.maximum(object_mean, 1e-6) ** power + (1.0 - weight) * np.maximum(frame, 1e-6) ** power

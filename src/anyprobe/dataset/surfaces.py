@@ -192,9 +192,8 @@ def build_surfaces(
 ) -> SurfaceSet:
     """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given.
 
-    Args:
-        workers: processes that draw, 0 for this one; what is drawn does not depend on it.
-        watch: hears how many shapes of how many are drawn.
+    workers: processes that draw, 0 for this one; what is drawn does not depend on it.
+    watch: hears how many shapes of how many are drawn.
     """
     ids = ",".join(shape.id for shape in shapes)
     named = str(config).replace(", shadows=False", "")  # as before there were any: what is kept stays

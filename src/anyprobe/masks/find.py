@@ -78,8 +78,7 @@ def find_mask(
 
     Args: see Where.
 
-    Raises:
-        InvalidMask: with one line that says what to do; also when nothing is found.
+    Raises InvalidMask: with one line that says what to do; also when nothing is found.
     """
     shape = pixels.rgb.shape[:2]
     if callable(mask):

@@ -148,9 +148,8 @@ def lay_over(
 ) -> None:
     """Lay an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, which is changed.
 
-    Args:
-        picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
-        behind: whether the real object hides it.
+    picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
+    behind: whether the real object hides it.
     """
     height, width = photo.mask.shape
     shown = window.part(height, width)
@@ -279,11 +278,10 @@ class Stage:
     ) -> tuple[Part, np.ndarray]:
         """The rows and columns of the photo that object and shadow may change, and what it shows there, [R, C, 3].
 
-        Args:
-            radiance: [H, 2H, 3], camera frame, the photo's exposure units.
-            material: a name that material() takes, or a Material.
-            renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
-            shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
+        radiance: [H, 2H, 3], camera frame, the photo's exposure units.
+        material: a name that material() takes, or a Material.
+        renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
+        shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
         """
 
         def shaded() -> tuple[Part, np.ndarray]:
@@ -342,8 +340,7 @@ class Stage:
 def uses_mitsuba(renderer: str) -> bool:
     """Whether a renderer of RENDERERS is Mitsuba here and now.
 
-    Raises:
-        InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
+    Raises InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
     """
     if renderer not in RENDERERS:
         raise InputError(f"--renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")
