@@ -10,7 +10,7 @@ import socket
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -56,7 +56,8 @@ def run_local(
             for one in crew:
                 if one.task is None and waiting:
                     one.task = waiting.popleft()
-                    _try_send(one.pipe, one.task)
+                    with suppress(OSError):  # it died; the pipe says so when it is read
+                        one.pipe.send(one.task)
             ready = wait([one.pipe for one in crew])
             for one in [one for one in crew if one.pipe in ready]:
                 message = _receive(one.pipe)
@@ -139,13 +140,6 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, old)
-
-
-def _try_send(pipe: Connection, message: Any) -> None:
-    try:
-        pipe.send(message)
-    except OSError:  # it died; the pipe says so when it is read
-        pass
 
 
 def _receive(pipe: Connection) -> Any:

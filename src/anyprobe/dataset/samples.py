@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from PIL import Image
@@ -54,20 +53,6 @@ class AssetNote:
     id: str
     name: str
     licence: str
-
-
-class Renderer(Protocol):
-    """Recipes by number and the sample of each; opened anew in every process."""
-
-    count: int
-    maps: list[AssetNote]
-    shapes: list[AssetNote]
-
-    def recipe(self, index: int) -> Recipe:
-        """Recipe number index."""
-
-    def sample(self, recipe: Recipe) -> Sample:
-        """Its pair, the same bytes every time."""
 
 
 Report = Callable[[str], None] | None

@@ -181,8 +181,12 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
     """
     stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
+    halved = {
+        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
+        for name, value in stored[holds].items()
+    }
     with atomic_path(path) as temporary:
-        torch.save(_halved(stored[holds]), temporary)
+        torch.save(halved, temporary)
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
@@ -193,22 +197,13 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
         )
 
 
-def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    return {
-        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
-        for name, value in state.items()
-    }
-
-
 def load_init_weights(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
     fresh = nets.state_dict()
     kept = current_names(_read_init_weights(path)[0], fresh)
     kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
     try:
-        nets.load_state_dict(
-            {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
-        )
+        nets.load_state_dict(kept)
     except Exception as error:  # other names, other shapes, no weights at all
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
@@ -235,9 +230,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     kept = current_names(kept, nets)
     if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
         raise _not_of_this_run(other, "another network's")
-    mean = {
-        name: (value + kept[name].float()) / 2 if value.is_floating_point() else value for name, value in nets.items()
-    }
+    mean = {name: (value + kept[name]) / 2 if value.is_floating_point() else value for name, value in nets.items()}
     mean_with = {"start": init_weights_id(other), "pairs": pairs}
     torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
     return path
@@ -253,10 +246,7 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
     said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
     if not {"config", "steps", "pairs"} <= said.keys():
         raise ModelError(f"{graph}: expected a graph of `anyprobe weights`, got one that names no run")
-    nets = {
-        name: value.float() if value.is_floating_point() else value
-        for name, value in _read_init_weights(kept)[0].items()
-    }
+    nets, _ = _read_init_weights(kept)
     origin = {name: said[name] for name in ("start", "assets") if name in said}
     step, pairs = int(said["steps"]), int(said["pairs"])
     torch.save({"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}, path)
@@ -264,10 +254,11 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
 
 
 def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
-    """The weights that a file keeps, and how many pairs they have seen, if it says so."""
+    """The weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)
-        return (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+        weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+        return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
     except Exception as error:  # torch raises many kinds for a damaged file
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
