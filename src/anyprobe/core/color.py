@@ -31,8 +31,10 @@ def to_bytes(display: np.ndarray) -> np.ndarray:
 def xyz_from_rgb(chromaticities) -> np.ndarray:
     """Matrix [3, 3] from linear RGB to CIE XYZ, white at Y = 1.
 
-    chromaticities: [8], CIE x, y of red, green, blue and white; primaries may be imaginary.
-    Raises ValueError: the white does not lie between the primaries, or a number is not finite.
+    Args:
+        chromaticities: [8], CIE x, y of red, green, blue and white; primaries may be imaginary.
+    Raises:
+        ValueError: the white does not lie between the primaries, or a number is not finite.
     """
     values = np.asarray(chromaticities, dtype=np.float64)
     if values.shape != (8,) or not np.isfinite(values).all():

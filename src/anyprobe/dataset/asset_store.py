@@ -130,7 +130,8 @@ def load_left_out(data: Path) -> AssetStore:
 
     Maps with made-up light sources are not among them: choosing by them would favour the same invention.
 
-    Raises InputError: there are none.
+    Raises:
+        InputError: there are none.
     """
     everything, learned = (load_asset_store(data, "train", commercial_only=only) for only in (False, True))
     maps = [asset for key, asset in everything.maps.items() if key not in learned.maps and not asset.lifted]
@@ -183,8 +184,10 @@ class Credit:
 def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
     """The page, in Markdown, of all that load_asset_store takes of a data folder for weights that ship.
 
-    report: as of load_asset_store.
-    Raises InputError: as load_asset_store.
+    Args:
+        report: as of load_asset_store.
+    Raises:
+        InputError: as load_asset_store.
     """
     store = load_asset_store(data, "train", commercial_only=True, report=report)
     taken = {*store.maps, *store.shapes}

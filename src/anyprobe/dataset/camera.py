@@ -55,9 +55,10 @@ class Shot:
 def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     """Curve as in hdrcnn (Eilertsen et al. 2017); the exposure spans about two stops each way.
 
-    conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
-        world gives them. Both take the same numbers from one rng and agree in all else (recipes
-        that differ in this alone have other rngs: they are other pairs).
+    Args:
+        conditions: 0 for the paper's clean shot, without noise, blur and JPEG; 1 as the
+            world gives them. Both take the same numbers from one rng and agree in all else (recipes
+            that differ in this alone have other rngs: they are other pairs).
     """
     if conditions not in (0, 1):
         raise InputError(f"conditions: expected 0 (clean) or 1 (as the world gives them), got {conditions!r}")
@@ -168,13 +169,15 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
     The lens blurs light, before the curve clips it: a light source spreads as it does in a
     camera, brighter than white, and the object's rim takes from what is behind it.
 
-    radiance: [N, 3, S, S] of the objects in exposure units before white balance.
-    mask: [N, 1, S, S] bool, where the objects are in truth.
-    background: [N, 3, S, S] likewise; None for black, of which then nothing comes onto
-        the object: neither the blur nor JPEG knows of it.
-    grain: [N, 3, S, S], normal numbers of deviation 1 for the noise.
-    tone: the cameras' response; None: that of a single photo's curve.
-    Returns [N, 3, S, S] float32, whole numbers from 0 to 255; arrays of the same kind.
+    Args:
+        radiance: [N, 3, S, S] of the objects in exposure units before white balance.
+        mask: [N, 1, S, S] bool, where the objects are in truth.
+        background: [N, 3, S, S] likewise; None for black, of which then nothing comes onto
+            the object: neither the blur nor JPEG knows of it.
+        grain: [N, 3, S, S], normal numbers of deviation 1 for the noise.
+        tone: the cameras' response; None: that of a single photo's curve.
+    Returns:
+        [N, 3, S, S] float32, whole numbers from 0 to 255; arrays of the same kind.
     """
     xp = array_namespace(radiance)
     tone = tone or partial(response, curve=shots[0].curve)

@@ -97,10 +97,12 @@ def file_id(path: str | Path) -> str:
 def load_maps(folder: Path, *, commercial_only: bool = False, report: Report | None = None) -> list[MapAsset]:
     """Every map of a folder, normalised; `category` of the manifest says indoor or outdoor.
 
-    commercial_only: leave out what allows_commercial_use refuses.
-    report: called with one line for each file that cannot be used, and for those left out;
-        the others go on. Without it the first bad file raises.
-    Raises InputError: no folder, a damaged manifest, or no file that can be used.
+    Args:
+        commercial_only: leave out what allows_commercial_use refuses.
+        report: called with one line for each file that cannot be used, and for those left out;
+            the others go on. Without it the first bad file raises.
+    Raises:
+        InputError: no folder, a damaged manifest, or no file that can be used.
     """
 
     def load(path: Path, row: dict[str, str]) -> MapAsset:
@@ -223,7 +225,8 @@ Row = dict[str, str]
 def read_table(path: Path) -> tuple[list[str], list[Row]]:
     """Columns and rows of a manifest.csv, none if there is none; a short row's missing fields are empty.
 
-    Raises InputError: no table in UTF-8 with the column file.
+    Raises:
+        InputError: no table in UTF-8 with the column file.
     """
     if not path.is_file():
         return [], []

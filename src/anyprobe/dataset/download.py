@@ -91,7 +91,8 @@ class Client:
     def get_json(self, url: str) -> dict:
         """The JSON object at a URL.
 
-        Raises DownloadError: there is none, or the server does not answer.
+        Raises:
+            DownloadError: there is none, or the server does not answer.
         """
 
         def attempt() -> bytes:
@@ -117,8 +118,9 @@ class Client:
 
         Name the part after the MD5: then a file that changed is not mixed with its older self.
 
-        Raises DownloadError: it cannot be had, or has the wrong MD5 twice; the part is then gone.
-        OutputError: the disk refuses.
+        Raises:
+            DownloadError: it cannot be had, or has the wrong MD5 twice; the part is then gone.
+            OutputError: the disk refuses.
         """
         mismatches = 0
 

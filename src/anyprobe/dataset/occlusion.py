@@ -28,7 +28,8 @@ REACH = np.append(np.array(STEPS[1:]) / STEPS[:-1], 1.0)[:, None].astype(np.floa
 def hidden_cells(surface: Surface) -> np.ndarray:
     """[AZIMUTHS, SIDE, SIDE] uint8, ring e of an azimuth in bit e; zero off the object.
 
-    surface: of a square camera looking straight ahead, whose side is a multiple of SIDE.
+    Args:
+        surface: of a square camera looking straight ahead, whose side is a multiple of SIDE.
     """
     near, far = _points(surface)
     mask = np.isfinite(near[..., 0])

@@ -189,8 +189,9 @@ def _textured_radiance(
 ) -> np.ndarray:
     """Radiance [P, 3] of an object that is not quite uniform.
 
-    shading: the P pixels of the object, with the first material's alpha; shade_again: with another.
-    normals: [S, S, 3], zero off the object.
+    Args:
+        shading: the P pixels of the object, with the first material's alpha; shade_again: with another.
+        normals: [S, S, 3], zero off the object.
     """
     mask, kind = normals.any(axis=-1), rng.integers(3)
     if kind != 1:

@@ -279,7 +279,8 @@ def shade(
     places: lookup_coords, or the same compiled.
     hidden: what the surfaces hide from themselves, see dataset.occlusion; the first factor has none of it.
 
-    Returns radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
+    Returns:
+        radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
     """
     device = normals.device
     alpha = _column([lit.alpha for lit in chosen], device)

@@ -90,7 +90,8 @@ def choose(assets: Iterable[Asset], categories: Iterable[str] = (), limit: int =
 
     The order is that of a hash of the slug, so that a few are a fair sample, and a larger limit adds to a smaller one.
 
-    Raises InputError: none is left; the message names the categories there are.
+    Raises:
+        InputError: none is left; the message names the categories there are.
     """
     assets = list(assets)
     wanted = {category.strip().casefold() for category in categories}
@@ -138,7 +139,8 @@ class Library:
     def fetch(self, asset: Asset, watch: Watch = lambda done, total: None) -> Outcome:
         """Bring one asset into the folder.
 
-        Raises ServerBusy: ask for no other asset either.
+        Raises:
+            ServerBusy: ask for no other asset either.
         """
         split = split_of(asset.slug, self.test_share)
         try:

@@ -143,7 +143,8 @@ def draw_colors(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Albedo and f0, [N, 3] each, of kinds [N].
 
-    rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
+    Args:
+        rank: [N] in [0, 1), how bright each is among its kind; drawn if not given.
     """
     count = len(kind)
     rank = rng.random(count) if rank is None else rank
@@ -187,7 +188,8 @@ def frame_level(seen: np.ndarray) -> np.ndarray:
 def metered_gain(object_mean, frame, weight, key):
     """From radiance to exposure units, [...]: the mean of object and frame is brought to the key.
 
-    object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
+    Args:
+        object_mean: mean luminance of the object. frame: frame_level. weight, key: draw_metering.
     """
     power = FRAME_POWER
     mean = weight * np.maximum(object_mean, 1e-6) ** power + (1.0 - weight) * np.maximum(frame, 1e-6) ** power

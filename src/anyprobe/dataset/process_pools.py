@@ -45,7 +45,8 @@ def run_local(
 
     watch(task, n) hears of progress in this process, say(line) of workers that died.
 
-    Raises AnyprobeError: what a task raised, at once; its other exceptions and three deaths as WorkerFailed.
+    Raises:
+        AnyprobeError: what a task raised, at once; its other exceptions and three deaths as WorkerFailed.
     """
     waiting, results, deaths = deque(tasks), {}, Counter()
     crew: list[_Worker] = []
@@ -205,8 +206,9 @@ def run_ray(
     ends with this call. watch(task, finished(task)) reports each task that is done. Tasks must not mind being done
     twice: a node that was given up may still be at work.
 
-    Raises AnyprobeError: what a task raised; its other exceptions, and a task whose workers were lost three times, as
-    WorkerFailed.
+    Raises:
+        AnyprobeError: what a task raised; its other exceptions, and a task whose
+            workers were lost three times, as WorkerFailed.
     """
     ray = _connect(address, workers)
     try:

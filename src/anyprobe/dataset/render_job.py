@@ -191,7 +191,8 @@ def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Ma
     given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
     options go to make in this process.
 
-    Raises InputError: something lies in the folder, or the dataset was made by other settings or assets.
+    Raises:
+        InputError: something lies in the folder, or the dataset was made by other settings or assets.
     """
     folder = Path(os.path.abspath(folder))
     data = None if data is None else Path(os.path.abspath(data))

@@ -44,10 +44,11 @@ def photo_surroundings(
 ) -> torch.Tensor:
     """The map as far as a photo shows it, [B, 4, H, 2H]: display RGB times cover, and cover in [0, 1].
 
-    light: [B, 3, H, 2H] in the crop's frame and exposure units, with the photo's white balance.
-    mask: [B, 1, S, S] of the object in the crop, whose side takes in tan_half [B] to either side.
-    frames: [B, 4] of draw_frame; an empty one shows nothing.
-    tone: the cameras' response.
+    Args:
+        light: [B, 3, H, 2H] in the crop's frame and exposure units, with the photo's white balance.
+        mask: [B, 1, S, S] of the object in the crop, whose side takes in tan_half [B] to either side.
+        frames: [B, 4] of draw_frame; an empty one shows nothing.
+        tone: the cameras' response.
     """
     turns = np.broadcast_to(np.eye(3), (len(light), 3, 3))
     cover = _shown(light.shape[2], mask, tan_half, frames, turns)
@@ -68,8 +69,9 @@ def gather(
 
     Their cameras went round it; each shows the map a little off in its own way.
 
-    chosen: [B], which photos come with 1 to MOST_OTHERS others.
-    light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
+    Args:
+        chosen: [B], which photos come with 1 to MOST_OTHERS others.
+        light, mask, tan_half, tone: of photo_surroundings; the mask stands for the object as the others see it.
     """
     counts = rng.integers(1, MOST_OTHERS + 1, len(chosen)) * chosen
     for number in range(counts.max(initial=0)):

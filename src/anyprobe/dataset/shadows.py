@@ -16,7 +16,8 @@ def moved(hidden: torch.Tensor, old_from_new: torch.Tensor, offset: torch.Tensor
 
     Azimuths turn with the picture, to the nearest; that it is drawn out or gets deeper is left out.
 
-    old_from_new: [B, 2, 2], offset: [B, 2], in halves of the picture, x right, y up.
+    Args:
+        old_from_new: [B, 2, 2], offset: [B, 2], in halves of the picture, x right, y up.
     """
     size = hidden.shape[-1]
     across = (torch.arange(size, dtype=torch.float32) + 0.5) / size * 2 - 1
@@ -42,10 +43,12 @@ def shade_hidden(
 
     Hidden cells show the object itself, as bright as it is in the mean.
 
-    hidden: [B, AZIMUTHS, SIDE, SIDE] uint8.
-    normals: [B, 3, S, S]; wo: [B, S, S, 3]; alpha: [B].
-    radiance: [B, H, 2H, 3], the maps in the camera's frame; glow: [B, 3], the object's own mean radiance.
-    Returns factors [B, 3, S, S] of the diffuse and of the specular radiance.
+    Args:
+        hidden: [B, AZIMUTHS, SIDE, SIDE] uint8.
+        normals: [B, 3, S, S]; wo: [B, S, S, 3]; alpha: [B].
+        radiance: [B, H, 2H, 3], the maps in the camera's frame; glow: [B, 3], the object's own mean radiance.
+    Returns:
+        Factors [B, 3, S, S] of the diffuse and of the specular radiance.
     """
     count, size = len(normals), normals.shape[-1]
     d = torch.from_numpy(cell_directions()).to(normals.device)

@@ -73,8 +73,9 @@ def write_shard(folder: Path, shard: int, samples: Iterable[Sample]) -> ShardInd
     A shard that is already there loses its index first, so that at no moment an index
     stands beside a tar that it does not describe.
 
-    Raises OutputError: the folder cannot be written.
-    ValueError: two samples of one name, or a name that WebDataset would split elsewhere.
+    Raises:
+        OutputError: the folder cannot be written.
+        ValueError: two samples of one name, or a name that WebDataset would split elsewhere.
     """
     remove_shard(folder, shard, index_only=True)
     digest, offset = hashlib.sha256(), 0
@@ -111,7 +112,8 @@ def write_shard(folder: Path, shard: int, samples: Iterable[Sample]) -> ShardInd
 def write_durably(path: Path, text: str, *, new: bool = False) -> None:
     """Write a small file whole, and return once it will outlive a power cut.
 
-    Raises InputError: it is to be new, and there is one, for instance of a process that was a moment faster.
+    Raises:
+        InputError: it is to be new, and there is one, for instance of a process that was a moment faster.
     """
     with atomic_path(path) as temporary:
         with temporary.open("w", encoding="utf-8", newline="\n") as stream:
@@ -209,7 +211,8 @@ def is_done(folder: Path, shard: int) -> bool:
 def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
     """Samples of a tar in WebDataset's convention: the key ends at the first dot, parts stand together.
 
-    Raises InputError: not such a tar.
+    Raises:
+        InputError: not such a tar.
     """
     key, parts = None, {}
     seen = set()

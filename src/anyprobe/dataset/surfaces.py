@@ -192,8 +192,9 @@ def build_surfaces(
 ) -> SurfaceSet:
     """Rasterise shapes x elevation classes x views; kept in the folder cache when one is given.
 
-    workers: processes that draw, 0 for this one; what is drawn does not depend on it.
-    watch: hears how many shapes of how many are drawn.
+    Args:
+        workers: processes that draw, 0 for this one; what is drawn does not depend on it.
+        watch: hears how many shapes of how many are drawn.
     """
     ids = ",".join(shape.id for shape in shapes)
     named = str(config).replace(", shadows=False", "")  # as before there were any: what is kept stays

@@ -126,7 +126,8 @@ def locate(normals: np.ndarray) -> np.ndarray:
     The depth whose slopes are nearest to those that normals have, by least squares (Frankot and Chellappa 1988), and
     off the object nearest to the object's mean slope.
 
-    normals: [S, S, 3], camera frame, zero off the object.
+    Args:
+        normals: [S, S, 3], camera frame, zero off the object.
     """
     size = normals.shape[0]
     mask = normals.any(axis=-1)
@@ -166,7 +167,8 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
 def draw_factor(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A mild texture: what an object's reflectance is multiplied by, [S, S, 3], 1 in the mean and off the object.
 
-    normals: [S, S, 3], camera frame, zero off the object.
+    Args:
+        normals: [S, S, 3], camera frame, zero off the object.
     """
     mask, factor = normals.any(axis=-1), np.ones(normals.shape, np.float32)
     factor[mask] = factor_at(locate(normals)[mask], normals[mask], rng)
@@ -194,7 +196,8 @@ def draw_share(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
     Patches, what lies beyond a plane, or a band; SECOND_SHARE of the object, its border one pixel wide.
 
-    normals: [S, S, 3], camera frame, zero off the object.
+    Args:
+        normals: [S, S, 3], camera frame, zero off the object.
     """
     mask = normals.any(axis=-1)
     points, kind = locate(normals)[mask], rng.integers(3)
@@ -233,8 +236,10 @@ def paint_some(
 ) -> list[Material]:
     """Give a share of objects a texture, and a share a second material of the same alpha; some get both.
 
-    normals: [B, 3, S, S] of the objects.
-    Returns the materials; the f0 and albedo of those that are changed are [S, S, 3].
+    Args:
+        normals: [B, 3, S, S] of the objects.
+    Returns:
+        The materials; the f0 and albedo of those that are changed are [S, S, 3].
     """
     chosen = rng.random((len(materials), 2)) < (textured, two_materials)
     chosen &= normals.any(axis=(1, 2, 3))[:, None]  # a thin object, reshaped, may have left its picture

@@ -63,10 +63,11 @@ def blend(
 ) -> np.ndarray:
     """The estimate [h, 2h, 3] with the detail of a candidate: [rows, 2 rows, 3] float32, the same SH9.
 
-    codes: [H, 2H, 3] of library.Library.candidate.
-    candidate_from_estimate, ln_gain: of match.Match.
-    rows: a multiple of 64.
-    seen: [rows, 2 rows, 4] display values times cover, and cover, of what the photo shows around the object.
+    Args:
+        codes: [H, 2H, 3] of library.Library.candidate.
+        candidate_from_estimate, ln_gain: of match.Match.
+        rows: a multiple of 64.
+        seen: [rows, 2 rows, 4] display values times cover, and cover, of what the photo shows around the object.
     """
     small = reduced(estimate, MAP_HEIGHT)
     light, rest = split_dominant_light(small)

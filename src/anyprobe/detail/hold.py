@@ -31,7 +31,8 @@ def hold_match(
 ) -> HeldMatch:
     """What was held, or a new choice where there is none or the estimate has moved away; pure.
 
-    radiance: [H, 2H, 3] of this frame, all frames in one frame of reference; confidence: [H, 2H] or None.
+    Args:
+        radiance: [H, 2H, 3] of this frame, all frames in one frame of reference; confidence: [H, 2H] or None.
     """
     features = features_of(radiance)
     if held is not None and _apart(features, held.features) < MOVED:

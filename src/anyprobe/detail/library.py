@@ -80,7 +80,8 @@ def features_of(radiance: np.ndarray) -> np.ndarray:
 def encode(radiance: np.ndarray) -> bytes:
     """A map [H, 2H, 3] without its scale as a picture of its codes.
 
-    Raises InputError: next to no light.
+    Raises:
+        InputError: next to no light.
     """
     small = reduced(radiance, ROWS)
     weights = pixel_solid_angles(small.shape[0])
@@ -119,7 +120,8 @@ def decode() -> np.ndarray:
 def write_library(path: Path, pictures: Iterable[tuple[str, bytes]], signature: str = "") -> None:
     """Write the file of a library of names and pictures, see encode; the same pictures give the same bytes.
 
-    Raises InputError: no maps. OutputError: cannot be written.
+    Raises:
+        InputError: no maps. OutputError: cannot be written.
     """
     names, features, richness = [], [], []
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
@@ -150,7 +152,8 @@ def open_library(folder: str | Path | None = None) -> Library:
     A folder is read once (about a second for ten maps of 1,024 x 512) into a file of the user's cache, and again when
     its files change.
 
-    Raises InputError: no folder, or no map in it. OutputError: the cache cannot be written.
+    Raises:
+        InputError: no folder, or no map in it. OutputError: the cache cannot be written.
     """
     if folder is None:
         return _opened(Path(str(resources.files("anyprobe.detail") / "own.zip")), "")

@@ -47,7 +47,8 @@ class Match:
 def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Library, rank: int = 0) -> Match:
     """The candidate of a library that is the best but `rank` (modulo their number) for an estimate.
 
-    radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
+    Args:
+        radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
     """
     features = features_of(radiance)
     if confidence is None:
@@ -148,8 +149,9 @@ def seen_in_photo(rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float, rows: 
     """The map in the camera's frame as far as the photo shows it: [rows, 2 rows, 4] float32, display values times
     cover, and cover in [0, 1], which fades out towards the border and the object.
 
-    rgb: [H, W, 3] display values; mask: [H, W], 1 on the object.
-    long_fov_deg: field of view of the longer side.
+    Args:
+        rgb: [H, W, 3] display values; mask: [H, W], 1 on the object.
+        long_fov_deg: field of view of the longer side.
     """
     height, width = mask.shape
     focal = max(height, width) / 2 / np.tan(np.radians(long_fov_deg) / 2)

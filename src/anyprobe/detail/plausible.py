@@ -50,13 +50,15 @@ def add_detail(
 ) -> Detailed:
     """An estimate's map with the detail of a real place; the same input gives the same bits.
 
-    radiance: [H, 2H, 3] linear, in the photo's exposure units.
-    confidence: [H, 2H] in [0, 1]: how much each direction counts in the choice.
-    library: of library.open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
-    rows: one of SIZES.
-    seed: 0 takes the candidate that agrees best, 1 the next, and so on.
-    seen: [rows, 2 rows, 4] display values times cover, and cover, see detail.match.
-    Raises InvalidEnvironment, InputError: one line that says what to do.
+    Args:
+        radiance: [H, 2H, 3] linear, in the photo's exposure units.
+        confidence: [H, 2H] in [0, 1]: how much each direction counts in the choice.
+        library: of library.open_library, or a folder of .exr and .hdr maps; None: our own rooms, streets and studios.
+        rows: one of SIZES.
+        seed: 0 takes the candidate that agrees best, 1 the next, and so on.
+        seen: [rows, 2 rows, 4] display values times cover, and cover, see detail.match.
+    Raises:
+        InvalidEnvironment, InputError: one line that says what to do.
     """
     if rows not in SIZES:
         raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another")

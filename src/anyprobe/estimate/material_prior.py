@@ -52,12 +52,14 @@ def measure(
     covers a direction well gives it, the given map the rest. A clipped pixel marks where light above
     white may come from but not how much there is: that is the given map's.
 
-    radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
-    image: [S, S, 4], the crop: display RGB times mask, and mask.
-    normals: [S / 2, S / 2, 3] the true ones in the crop's frame, unit or zero.
-    tan_half: of half the angle that the crop's side takes in.
-    material: the mirror.
-    Returns the map [H, 2H, 3] float32, and the share [H, 2H] of each of its pixels that was measured.
+    Args:
+        radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
+        image: [S, S, 4], the crop: display RGB times mask, and mask.
+        normals: [S / 2, S / 2, 3] the true ones in the crop's frame, unit or zero.
+        tan_half: of half the angle that the crop's side takes in.
+        material: the mirror.
+    Returns:
+        the map [H, 2H, 3] float32, and the share [H, 2H] of each of its pixels that was measured.
     """
     height = radiance.shape[0]
     n, known = _twice(normals)
@@ -138,9 +140,11 @@ def use_material(
 
     A mirror whose normals are given too is measured where they are; all else gets TRUST of fit_gain's gain.
 
-    outputs, image, tan_half: of a crop, see estimate.runtime.Models.
-    given_normals: [64, 64, 3] as they were given, zero elsewhere; None for none.
-    Returns the answer, and what was done, for the sidecar.
+    Args:
+        outputs, image, tan_half: of a crop, see estimate.runtime.Models.
+        given_normals: [64, 64, 3] as they were given, zero elsewhere; None for none.
+    Returns:
+        the answer, and what was done, for the sidecar.
     """
     done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {"alpha": float(material.alpha)}
     if given_normals is not None and is_mirror(material):
@@ -166,12 +170,14 @@ def fit_gain(
 
     Compared by the mean display value: where the light is placed wrongly, single pixels say nothing.
 
-    radiance: [H, 2H, 3], the map in the crop's frame.
-    image: [S, S, 4], the crop: display RGB times mask, and mask.
-    normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
-    tan_half: of half the angle that the crop's side takes in.
-    material: of the object.
-    Returns [3] float32, within MAX_STOPS; ones where no pixel is the object's alone.
+    Args:
+        radiance: [H, 2H, 3], the map in the crop's frame.
+        image: [S, S, 4], the crop: display RGB times mask, and mask.
+        normals: [S / k, S / k, 3] in the crop's frame, unit, for a whole number k.
+        tan_half: of half the angle that the crop's side takes in.
+        material: of the object.
+    Returns:
+        [3] float32, within MAX_STOPS; ones where no pixel is the object's alone.
     """
     size = len(normals)
     small = image.reshape(size, len(image) // size, size, -1, 4).mean(axis=(1, 3))

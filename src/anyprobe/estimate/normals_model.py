@@ -65,8 +65,9 @@ class NormalsSpec:
 def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimator:
     """The estimator that a graph and the spec beside it are.
 
-    Raises InputError: no graph, no spec, or one that does not say what it must.
-    ModelError: a damaged graph, or one that the spec does not fit.
+    Raises:
+        InputError: no graph, no spec, or one that does not say what it must.
+        ModelError: a damaged graph, or one that the spec does not fit.
     """
     spec = _read_spec(path.with_suffix(".json"))
     frame = spec.frame()
@@ -133,9 +134,12 @@ def estimated_normals(
     The estimator is shown a window around the object, as a camera that looks at its centre would; what it answers is
     turned back.
 
-    rgb: [H, W, 3] display values. mask: [H, W] in [0, 1]. long_fov_deg: of the photo's longer side.
-    Returns [H, W, 3] float32, unit on the object, zero elsewhere.
-    Raises InputError: the answer has another shape, or normals near the outline do not point outwards.
+    Args:
+        rgb: [H, W, 3] display values. mask: [H, W] in [0, 1]. long_fov_deg: of the photo's longer side.
+    Returns:
+        [H, W, 3] float32, unit on the object, zero elsewhere.
+    Raises:
+        InputError: the answer has another shape, or normals near the outline do not point outwards.
     """
     x0, y0, x1, y1 = object_box(mask)
     side = max(x1 - x0, y1 - y0)

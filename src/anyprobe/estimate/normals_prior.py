@@ -46,10 +46,13 @@ def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
     solid angle 2 pi (1 - cos phi) gives phi, its mean ray c. With c at distance 1 the sphere has the radius
     sin phi, the ray meets it at s = d.c - sqrt(sin^2 phi - (1 - (d.c)^2)), and n = (s d - c) / sin phi.
 
-    mask: [H, W] in [0, 1], 1 on the sphere.
-    long_fov_deg: field of view of the photo's longer side.
-    Returns [H, W, 3] float32 in the camera's frame, unit, zero beside the sphere.
-    Raises InputError: the outline is no sphere's.
+    Args:
+        mask: [H, W] in [0, 1], 1 on the sphere.
+        long_fov_deg: field of view of the photo's longer side.
+    Returns:
+        [H, W, 3] float32 in the camera's frame, unit, zero beside the sphere.
+    Raises:
+        InputError: the outline is no sphere's.
     """
     focal = max(mask.shape) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     solid_angle, axis = 0.0, np.zeros(3)
@@ -133,12 +136,15 @@ def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal:
 def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
     """A normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
 
-    source: float [H, W, 3] (array, .npy, .exr), or a picture (file, its bytes, uint8 or uint16 array) of
-        (n + 1) / 2. Zero (in pictures black, middle grey, white or transparent) where they are not known.
-    shape: (height, width) of the upright photo.
-    Returns [H, W, 3] float32, unit or zero.
-    Raises InputError: no normals, a picture of something else, another size, or another frame: most of them look away
-    from the camera.
+    Args:
+        source: float [H, W, 3] (array, .npy, .exr), or a picture (file, its bytes, uint8 or uint16 array) of
+            (n + 1) / 2. Zero (in pictures black, middle grey, white or transparent) where they are not known.
+        shape: (height, width) of the upright photo.
+    Returns:
+        [H, W, 3] float32, unit or zero.
+    Raises:
+        InputError: no normals, a picture of something else, another size, or another frame: most of them look away from
+            the camera.
     """
     values, name, from_picture = _read(source)
     if values.shape != (*shape, 3):

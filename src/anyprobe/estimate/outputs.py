@@ -59,8 +59,10 @@ SUFFIXES = (".exr", ".hdr", ".json", ".png")
 def write_results(photo: Photo, light: Light, folder: Path, stem: str) -> dict[str, Path]:
     """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones.
 
-    Returns suffix without dot -> path.
-    Raises OutputError: the folder cannot be made or written; what was there stays as it was.
+    Returns:
+        Suffix without dot -> path.
+    Raises:
+        OutputError: the folder cannot be made or written; what was there stays as it was.
     """
     with atomic_files(folder) as scratch:
         for kind in ("exr", "hdr", "json"):

@@ -35,8 +35,7 @@ def cut_out(photo: Photo, *, first: bool) -> Crop:
 def window(surroundings_map: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
     """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
-    world_from_crop: [3, 3].
-    gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
+    world_from_crop: [3, 3]. gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
     """
     radiance, clipped, cover = radiance_of(surroundings_map)
     layers = [cover, surroundings_map[..., 4:]]

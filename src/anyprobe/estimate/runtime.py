@@ -35,7 +35,8 @@ def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, 
     openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
     (docs/conventions.md says by how much); the others compute in float32. cuda is ONNX Runtime on an NVIDIA GPU.
 
-    Raises InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
+    Raises:
+        InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
     """
     if engine == "cuda":
         session = _open_cuda(path)
@@ -219,12 +220,13 @@ class Models:
     ) -> Outputs:
         """Run on a crop.
 
-        image: [128, 128, 4], display RGB times mask, and mask.
-        tan_half: tangent of half the angle that the crop's side takes in.
-        normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
-        surroundings: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings;
-            None: nothing.
-        material: of the object; None: not known. The paper's chain has no use for these three.
+        Args:
+            image: [128, 128, 4], display RGB times mask, and mask.
+            tan_half: tangent of half the angle that the crop's side takes in.
+            normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
+            surroundings: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings;
+                None: nothing.
+            material: of the object; None: not known. The paper's chain has no use for these three.
         """
         if self.stages == LIFT_STAGES:
             return self._lift(lift_inputs(image, tan_half, normals, surroundings, material))

@@ -49,10 +49,12 @@ PLAIN = 2.0 / 255.0
 def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> np.ndarray:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
-    source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
-        An .exr or .hdr holds linear radiance in the photo's exposure units.
-    above_white: of an .exr or .hdr what is above white too, [64, 128, 5]; else it is white.
-    Raises InputError: not a panorama, or nothing known in it.
+    Args:
+        source: picture twice as wide as high, transparent where nothing is known; path, bytes, Pillow image or array.
+            An .exr or .hdr holds linear radiance in the photo's exposure units.
+        above_white: of an .exr or .hdr what is above white too, [64, 128, 5]; else it is white.
+    Raises:
+        InputError: not a panorama, or nothing known in it.
     """
     try:
         linear = read_linear(source, MAX_PIXELS)
@@ -121,10 +123,12 @@ def visible_surroundings(
 ) -> np.ndarray | None:
     """The map in the crop's frame as far as the photo shows it beside the object.
 
-    rgb: [H, W, 3], the photo's display values.
-    long_fov_deg: of its longer side.
-    image, tan_half: of the crop, see estimate.photo.Crop.
-    Returns [64, 128, 4] float32, display RGB times cover, and cover in [0, 1]; None where the photo shows one colour.
+    Args:
+        rgb: [H, W, 3], the photo's display values.
+        long_fov_deg: of its longer side.
+        image, tan_half: of the crop, see estimate.photo.Crop.
+    Returns:
+        [64, 128, 4] float32, display RGB times cover, and cover in [0, 1]; None where the photo shows one colour.
     """
     height, width = rgb.shape[:2]
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)

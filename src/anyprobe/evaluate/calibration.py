@@ -87,7 +87,8 @@ def figures(sums: np.ndarray, constant: float) -> dict:
     The constant is the share of all pixels that are right, over all pairs: an oracle, unknown beforehand.
     It has no calibration error there, but in a group; it ranks nothing, so its AUC is 0.5.
 
-    sums: [5, FINE] by bins of the claim: weight, and weight times claimed, right, squared error and surprise.
+    Args:
+        sums: [5, FINE] by bins of the claim: weight, and weight times claimed, right, squared error and surprise.
     Returns:
         claimed, right: means.
         error: mean of |claimed - right| over ten bins (ECE). brier: mean of (claimed - right)^2.
@@ -140,7 +141,8 @@ def right_of(ldr: np.ndarray, true_ldr: np.ndarray) -> np.ndarray:
 def fit_logit(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
     """Slope and offset of the logit that make confidences as likely as can be (Platt 1999), by Newton's method.
 
-    confidence in [0, 1], right (bool) and weight, of one shape.
+    Args:
+        confidence in [0, 1], right (bool) and weight, of one shape.
     """
     logit = to_logit(confidence.ravel().astype(np.float64))
     rows = np.stack([logit, np.ones_like(logit)])  # [2, N]

@@ -159,9 +159,10 @@ _TEXTURE_2D, _MISC_CUBE, _OPAQUE = 3, 0x4, 3
 def write_dds_cube(path: Path, size: int, levels: list[np.ndarray], dxgi_format: int) -> None:
     """Write mips, the largest first, as every face's whole chain in turn: +X -X +Y -Y +Z -Z.
 
-    size: side of the largest face.
-    levels: [6, ...] arrays of the format's own numbers: [6, S, S, 4] float16 for
-        DXGI_R16G16B16A16_FLOAT, [6, blocks, 16] uint8 for DXGI_BC6H_UF16.
+    Args:
+        size: side of the largest face.
+        levels: [6, ...] arrays of the format's own numbers: [6, S, S, 4] float16 for
+            DXGI_R16G16B16A16_FLOAT, [6, blocks, 16] uint8 for DXGI_BC6H_UF16.
     """
     packed = dxgi_format == DXGI_BC6H_UF16
     pitch = levels[0][0].nbytes if packed else size * 8

@@ -74,8 +74,9 @@ def prepare(
 
     A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera covers both.
 
-    Raises InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
-    InvalidEnvironment: not a map.
+    Raises:
+        InputError: not a rotation, an exposure beyond 30 stops, a name that no file can have.
+        InvalidEnvironment: not a map.
     """
     if not name or name.startswith(".") or name != Path(name).name or "\\" in name or not name.isprintable():
         raise InputError(f"name: expected a file name without its suffix, got {name!r}; rename the map")
@@ -205,7 +206,8 @@ MAP_FROM_CAMERA = "map_from_camera"
 def read_with_origin(path: Path) -> tuple[np.ndarray, dict[str, Any], np.ndarray]:
     """A map with the front in its centre, the .json beside it, and the map_from_camera of either.
 
-    Raises InvalidEnvironment: no such file, or not an environment map. InputError: of check_front.
+    Raises:
+        InvalidEnvironment: no such file, or not an environment map. InputError: of check_front.
     """
     radiance = read_radiance(path)
     check_front(path)
@@ -227,7 +229,8 @@ def check_front(path: Path) -> None:
 
     Its header says so, of an older .hdr the .json beside it. A map that nothing is known of passes.
 
-    Raises InputError: the map would be a quarter or half turn off.
+    Raises:
+        InputError: the map would be a quarter or half turn off.
     """
     wanted = f"{path}: expected a map with the front in its centre"
     advice = "take the file that estimate wrote"
@@ -245,7 +248,8 @@ def check_front(path: Path) -> None:
 def map_from_camera(path: Path) -> np.ndarray:
     """The rotation [3, 3] from the photo's camera to the frame of a map, by its header, of an older .hdr by the .json.
 
-    Raises InputError: what is said is no rotation.
+    Raises:
+        InputError: what is said is no rotation.
     """
     header = map_attributes(path)
     given = (header if "frame" in header else said_beside(path)).get(MAP_FROM_CAMERA)

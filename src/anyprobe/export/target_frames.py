@@ -99,7 +99,8 @@ class Frame:
     def roll(self, radiance: np.ndarray) -> np.ndarray:
         """Our map [H, 2H, 3] as the target reads it.
 
-        Raises InvalidEnvironment: a quarter of the width is not a whole number of columns.
+        Raises:
+            InvalidEnvironment: a quarter of the width is not a whole number of columns.
         """
         width = radiance.shape[1]
         if width * self.quarters % 4:

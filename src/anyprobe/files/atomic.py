@@ -32,7 +32,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     The temporary file is a hidden sibling with the same suffix, because encoders choose the format by it, and is made
     by the writer, so that it gets the usual permissions. Missing folders are made. A symbolic link is written through.
 
-    Raises OutputError: the folder cannot be made, or the file cannot be written.
+    Raises:
+        OutputError: the folder cannot be made, or the file cannot be written.
     """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem[:60]}-{secrets.token_hex(4)}{target.suffix}")
@@ -59,7 +60,8 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     Older files of the same names are replaced; if any move fails they come back, and none of the new ones stays. What a
     run that was killed has left behind is put back and removed. Missing folders are made.
 
-    Raises OutputError: the folder cannot be made or written; its message never names the scratch folder.
+    Raises:
+        OutputError: the folder cannot be made or written; its message never names the scratch folder.
     """
     folder, scratch = Path(folder), ""
     try:

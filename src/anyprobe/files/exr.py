@@ -57,10 +57,11 @@ Window = tuple[np.ndarray, np.ndarray]
 class ExrHeader:
     """What a file's header holds.
 
-    display, data: windows of the first part.
-    attributes: raw values of the first part by name: type, bytes.
-    decoded: pixels of all parts together; more than four channels count as more pixels, since all are decoded.
-    plain: the header's bytes with the NEEDED attributes alone, as long as they were.
+    Attributes:
+        display, data: windows of the first part.
+        attributes: raw values of the first part by name: type, bytes.
+        decoded: pixels of all parts together; more than four channels count as more pixels, since all are decoded.
+        plain: the header's bytes with the NEEDED attributes alone, as long as they were.
     """
 
     display: Window
@@ -207,9 +208,10 @@ def read_channels(
 ) -> tuple[ExrHeader, dict[str, np.ndarray]]:
     """The header and every channel of the first part by name, [H, W] of the data window, as they are stored.
 
-    source: a path, or the file's bytes.
-    fault: class of the error to raise.
-    max_pixels: refused above, before pixels are decoded, see ExrHeader.decoded.
+    Args:
+        source: a path, or the file's bytes.
+        fault: class of the error to raise.
+        max_pixels: refused above, before pixels are decoded, see ExrHeader.decoded.
     """
     try:
         data = source if isinstance(source, bytes) else read_regular(source, name, fault)
@@ -241,9 +243,11 @@ def read_exr(
 
     A data window smaller than the display window is set into it, black around.
 
-    source, fault, max_pixels: of read_channels.
-    rec709: turn light of other chromaticities to linear Rec. 709; else the numbers as stored.
-    Returns [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
+    Args:
+        source, fault, max_pixels: of read_channels.
+        rec709: turn light of other chromaticities to linear Rec. 709; else the numbers as stored.
+    Returns:
+        [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
     """
     header, found = read_channels(source, name, fault, max_pixels)
     order = "RGB" if all(key in found for key in "RGB") else "YYY"

@@ -19,9 +19,11 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
     Its threads sleep as soon as they have nothing to do. Spinning, as is the default, they take their cores from
     what comes between two graphs: a whole call took up to 2.6 times as long.
 
-    threads: cores for the graph; None: all there are. A power of two up to MOST_THREADS is used, so that the
-        result is the same to the last bit whatever the number.
-    Raises ModelError: it cannot be read.
+    Args:
+        threads: cores for the graph; None: all there are. A power of two up to MOST_THREADS is used, so that the
+            result is the same to the last bit whatever the number.
+    Raises:
+        ModelError: it cannot be read.
     """
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3

@@ -63,9 +63,10 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> Image.Image:
 
     Image.open would warn of pictures that are large; how large they may be is judged here.
 
-    Raises UnknownPicture: it cannot be read.
-    InvalidPhoto: decoding it would take too long.
-    MissingExtra: a HEIC photo without its reader installed.
+    Raises:
+        UnknownPicture: it cannot be read.
+        InvalidPhoto: decoding it would take too long.
+        MissingExtra: a HEIC photo without its reader installed.
     """
     head = stream.read(16)
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:

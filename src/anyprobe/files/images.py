@@ -32,13 +32,14 @@ ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 class Pixels:
     """A picture as it is displayed.
 
-    rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1]; a read-only view of one
-        channel where the picture is grey.
-    alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
-    long_fov_deg: field of view of the longer side from EXIF, or None.
-    exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
-    name: what messages call the picture.
-    warnings: one line each, for the user.
+    Attributes:
+        rgb: [H, W, 3] float32, display values (sRGB primaries, camera-coded) in [0, 1]; a read-only view of one
+            channel where the picture is grey.
+        alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
+        long_fov_deg: field of view of the longer side from EXIF, or None.
+        exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
+        name: what messages call the picture.
+        warnings: one line each, for the user.
     """
 
     rgb: np.ndarray
@@ -55,8 +56,9 @@ def read_image(source: ImageSource, name: str | None = None) -> Pixels:
     Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. An .exr
     holds linear radiance and goes through the camera's response. Of an animation the first frame counts.
 
-    Raises InvalidPhoto: not an image, damaged, too small, too large, NaN.
-    MissingExtra: a HEIC photo without its reader installed.
+    Raises:
+        InvalidPhoto: not an image, damaged, too small, too large, NaN.
+        MissingExtra: a HEIC photo without its reader installed.
     """
     if isinstance(source, np.ndarray):
         return _from_array(source, name or "array")

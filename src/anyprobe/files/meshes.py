@@ -40,7 +40,8 @@ _OBJ_ZERO = re.compile(rb"^f[^\n]*[ \t]0+(?=[/\s])", re.MULTILINE)
 def read_mesh(path: str | Path) -> Mesh:
     """A PLY, OBJ, GLB, STL or OFF file as one Mesh in the unit sphere.
 
-    Raises InvalidMesh: the file is absent, damaged, cut, too large or holds no triangles to see.
+    Raises:
+        InvalidMesh: the file is absent, damaged, cut, too large or holds no triangles to see.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -162,7 +163,8 @@ DATA_URI = "data:"
 def read_gltf(path: Path, name: str) -> dict:
     """A .gltf document whose triangles can be packed.
 
-    Raises InvalidMesh: not glTF 2, compressed, or more than MAX_FACES triangles.
+    Raises:
+        InvalidMesh: not glTF 2, compressed, or more than MAX_FACES triangles.
     """
     try:
         document = json.loads(path.read_bytes())
@@ -190,7 +192,8 @@ def buffer_paths(document: dict) -> list[str]:
 def pack_glb(document: dict, buffers: Mapping[str, bytes], name: str) -> bytes:
     """One GLB from a document of read_gltf and the buffers that buffer_paths names.
 
-    Raises InvalidMesh: the document asks for bytes that are not there.
+    Raises:
+        InvalidMesh: the document asks for bytes that are not there.
     """
     try:
         return _pack(document, buffers)

@@ -40,7 +40,8 @@ def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: st
 
     what: it should be, for messages.
 
-    Raises fault: something else is there, or nothing, or it may not be read.
+    Raises:
+        fault: something else is there, or nothing, or it may not be read.
     """
     try:
         mode = os.stat(path).st_mode
@@ -78,7 +79,8 @@ def utf8_path(path: str | os.PathLike[str]) -> Iterator[str]:
 
     The other is a symbolic link of the same suffix, in a folder of its own for as long as the block lasts.
 
-    Raises OutputError: no link can be made.
+    Raises:
+        OutputError: no link can be made.
     """
     name = os.fspath(path)
     try:

@@ -122,9 +122,11 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     world: 3 x 3, 3 x 4 or 4 x 4 numbers, row by row; only its rotation counts. The lens is that of "fl_x" and "w" (and
     "h"; pixels), or of "camera_angle_x" (radians), an entry's own or the whole file's.
 
-    photos: how many photos the poses are for, where that is known: far too many poses are then refused unread.
-    Raises InputError: another content, a matrix that is no rotation, a lens that is none, or too many of them; names
-    which, and the file.
+    Args:
+        photos: how many photos the poses are for, where that is known: far too many poses are then refused unread.
+    Raises:
+        InputError: another content, a matrix that is no rotation, a lens that is none, or too many of them; names
+            which, and the file.
     """
     try:
         content = json.loads(data.decode("utf-8"))

@@ -52,8 +52,10 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
     Other primaries that the file names (an .exr's chromaticities, a .hdr's PRIMARIES) are turned
     to Rec. 709, their white to its own; a colour outside of Rec. 709 is cut at 0.
 
-    max_pixels: refused above, before pixels are decoded.
-    Raises InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
+    Args:
+        max_pixels: refused above, before pixels are decoded.
+    Raises:
+        InvalidEnvironment: the file is absent, damaged, not HDR, not H x 2H, too large or of impossible primaries.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -76,8 +78,10 @@ def read_radiance(path: str | os.PathLike[str], max_pixels: int = MAX_MAP_PIXELS
 def read_linear(source: object, max_pixels: int) -> np.ndarray | None:
     """The radiance of an .exr or .hdr of any shape, path or bytes, known by its first bytes; None for any other.
 
-    Returns [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
-    Raises InputError: damaged, too large, NaN.
+    Returns:
+        [H, W, 4] float32: linear Rec. 709 >= 0 times cover, and cover in [0, 1], 1 where the file has no A.
+    Raises:
+        InputError: damaged, too large, NaN.
     """
     if isinstance(source, str | os.PathLike):
         name = Path(source).name
@@ -111,7 +115,8 @@ def write_hdr(
 
     Each pixel keeps 8 bits of its largest channel: the error is at most 1/255 of it.
 
-    attributes: stored in the header as comments that begin with "anyprobe:" + key.
+    Args:
+        attributes: stored in the header as comments that begin with "anyprobe:" + key.
     """
     write_hdr_picture(path, check_radiance(radiance), attributes)
 
@@ -142,8 +147,9 @@ def write_exr(
     envmap says latitude-longitude and no more: OpenEXR would have +Z in the centre column, our map has
     what its "anyprobe:frame" says (docs/conventions.md).
 
-    half: 16-bit floats, clamped at 65504; else 32-bit, exact.
-    attributes: stored in the header as strings named "anyprobe:" + key.
+    Args:
+        half: 16-bit floats, clamped at 65504; else 32-bit, exact.
+        attributes: stored in the header as strings named "anyprobe:" + key.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.

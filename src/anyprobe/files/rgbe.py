@@ -159,8 +159,9 @@ def least_bytes(width: int) -> int:
 def decode_row(data: bytes, at: int, width: int) -> tuple[np.ndarray, int]:
     """The row [W, 4] uint8 of a file that begins at byte `at`, run-length coded or flat, and where the next row begins.
 
-    Raises EOFError: cut, or runs that do not end with the row.
-    ValueError: the run-length coding of the 1980s.
+    Raises:
+        EOFError: cut, or runs that do not end with the row.
+        ValueError: the run-length coding of the 1980s.
     """
     if width not in RLE_WIDTHS or data[at : at + 4] != _start(width):
         flat = np.frombuffer(data[at : at + 4 * width], dtype=np.uint8)

@@ -47,9 +47,11 @@ def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any
 
     An emitter in a room covers many pixels of one brightness, and few of them would leave nearly all of it.
 
-    patch: [H * 2H] int, the patch of every pixel.
-    Returns rest [H, 2H, 3]; directions, the middles of the emitters, and power [K, 3]; spread [K]: what their sizes add
-    to alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
+    Args:
+        patch: [H * 2H] int, the patch of every pixel.
+    Returns:
+        rest [H, 2H, 3]; directions, the middles of the emitters, and power [K, 3]; spread [K]: what their sizes
+        add to alpha^2, WIDENING (1 - r), r the length of an emitter's mean direction.
     """
     xp = array_namespace(radiance)
     height = radiance.shape[0]
@@ -177,12 +179,13 @@ def build_pyramid(
 ) -> Pyramid:
     """Unfold a map [H, 2H, 3] and average it down level by level to 4 x 4.
 
-    radiance: NumPy array or torch tensor.
-    side: texels along level 0; 256 holds a 256 x 512 map.
-    supersample: subsamples along a texel of level 0.
-    emitters: how many of the brightest pixels become emitters. A pyramid with emitters is for
-        shading; lookup alone does not see them.
-    patches: emitters are whole patches instead, of patches x patches on the unfolded sphere.
+    Args:
+        radiance: NumPy array or torch tensor.
+        side: texels along level 0; 256 holds a 256 x 512 map.
+        supersample: subsamples along a texel of level 0.
+        emitters: how many of the brightest pixels become emitters. A pyramid with emitters is for
+            shading; lookup alone does not see them.
+        patches: emitters are whole patches instead, of patches x patches on the unfolded sphere.
     """
     xp = array_namespace(radiance)
     directions = power = spread = None
@@ -224,8 +227,10 @@ def lookup(pyramid: Pyramid, d, lod):
 def lookup_rgb(pyramid: Pyramid, x, y, z, lod):
     """The same with directions and colours in components, which a compiler turns into vector code.
 
-    x, y, z, lod: one shape.
-    Returns red, green, blue: the same shape.
+    Args:
+        x, y, z, lod: one shape.
+    Returns:
+        red, green, blue: the same shape.
     """
     xp = array_namespace(x)
     level = xp.clip(xp.round(lod), 0, pyramid.num_levels - 1)

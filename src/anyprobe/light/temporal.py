@@ -94,9 +94,10 @@ def step(
 ) -> FilterState:
     """The state after one more frame; pure.
 
-    state: of the last frame, None for the first.
-    radiance: [H, 2H, 3] of this frame, all frames in one frame of reference and one size.
-    dt_s: seconds since the last frame, > 0; may differ from frame to frame.
+    Args:
+        state: of the last frame, None for the first.
+        radiance: [H, 2H, 3] of this frame, all frames in one frame of reference and one size.
+        dt_s: seconds since the last frame, > 0; may differ from frame to frame.
     """
     c = smoothing or Smoothing()
     y = np.log(check_radiance(radiance, "frame's light") + np.float32(OFFSET))

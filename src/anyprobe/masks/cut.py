@@ -64,10 +64,11 @@ def cut_out(
 ) -> Cut | None:
     """One object near a rough mask, or None where nothing is.
 
-    rgb: [H, W, 3] display values in [0, 1].
-    cover: [h, w] in [0, 1] of the same extent: how likely each pixel is the object's.
-    on, off: clicks x, y on the object and beside it, in pixels of rgb.
-    box: x0, y0, x1, y1 that the object is inside of.
+    Args:
+        rgb: [H, W, 3] display values in [0, 1].
+        cover: [h, w] in [0, 1] of the same extent: how likely each pixel is the object's.
+        on, off: clicks x, y on the object and beside it, in pixels of rgb.
+        box: x0, y0, x1, y1 that the object is inside of.
     """
     window = _window(cover, rgb.shape[:2], on)
     if window is None:

@@ -25,9 +25,11 @@ EXR_CHANNELS = ("Z", "V", "Y", "R")
 def read_depth(source: DepthSource) -> np.ndarray:
     """A depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
 
-    source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits (sensors write millimetres), or
-        an .exr with a channel Z, V, Y or R: of it the display window, zero where it holds no data.
-    Raises InvalidMask: not a depth image.
+    Args:
+        source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits (sensors write millimetres), or
+            an .exr with a channel Z, V, Y or R: of it the display window, zero where it holds no data.
+    Raises:
+        InvalidMask: not a depth image.
     """
     if isinstance(source, np.ndarray):
         values, name = source, "depth"
@@ -63,9 +65,10 @@ def mask_from_depth(
 
     A depth image of another size but the same view is read at the nearest pixel.
 
-    source: see read_depth.
-    shape: (height, width) of the upright photo.
-    near, far: at least one; without near everything measured up to far, without far everything from near on.
+    Args:
+        source: see read_depth.
+        shape: (height, width) of the upright photo.
+        near, far: at least one; without near everything measured up to far, without far everything from near on.
     """
     if near is None and far is None:
         raise InvalidMask(

@@ -78,7 +78,8 @@ def find_mask(
 
     Args: see Where.
 
-    Raises InvalidMask: with one line that says what to do; also when nothing is found.
+    Raises:
+        InvalidMask: with one line that says what to do; also when nothing is found.
     """
     shape = pixels.rgb.shape[:2]
     if callable(mask):

@@ -23,9 +23,10 @@ def draw_prompts(
     BOX_LEVEL inside the box; there, around each click on the object, the larger of it and a
     Gaussian of height 1; a Gaussian of height 1 is taken off around each click off it.
 
-    on: x, y of clicks on the object, in pixels of this picture; pixel i covers [i, i + 1).
-    off: likewise beside it.
-    box: x0, y0, x1, y1 around it; a pixel is inside by its centre.
+    Args:
+        on: x, y of clicks on the object, in pixels of this picture; pixel i covers [i, i + 1).
+        off: likewise beside it.
+        box: x0, y0, x1, y1 around it; a pixel is inside by its centre.
     """
     centre = np.arange(size) + 0.5
     hint = np.zeros((size, size), np.float32)

@@ -122,8 +122,9 @@ class MaskNetwork:
     ) -> Proposal:
         """The object of a photo [H, W, 3].
 
-        on, off: clicks x, y on the object and beside it, in pixels; box: x0, y0, x1, y1 around it.
-        again: look at a small object a second time, closer.
+        Args:
+            on, off: clicks x, y on the object and beside it, in pixels; box: x0, y0, x1, y1 around it.
+            again: look at a small object a second time, closer.
         """
         height, width = rgb.shape[:2]
         whole = Letterbox.around((0, 0), (width, height))

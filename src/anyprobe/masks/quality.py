@@ -102,8 +102,9 @@ def examine(
 ) -> Evidence:
     """Ask again in other ways, and look at the mask itself.
 
-    rgb: [H, W, 3] display values in [0, 1]. proposal: the rough mask; cut: what was cut out there.
-    on, off, box: the prompts that gave it, in pixels.
+    Args:
+        rgb: [H, W, 3] display values in [0, 1]. proposal: the rough mask; cut: what was cut out there.
+        on, off, box: the prompts that gave it, in pixels.
     """
     scale = min(1.0, LOOK_PX / max(rgb.shape[:2]))
     if scale < 1.0:

@@ -32,9 +32,10 @@ def refine(rgb: np.ndarray, cover: np.ndarray, radius: float = RADIUS, epsilon: 
     In every window the mask becomes the linear function of colour that fits cover best, so
     that it keeps inside and outside and takes the photo's edge between them.
 
-    rgb: [H, W, 3] display values in [0, 1].
-    cover: [h, w] in [0, 1], of any size and the same extent: a network's answer.
-    radius: of the window in longer sides of the photo; epsilon: see EPSILON.
+    Args:
+        rgb: [H, W, 3] display values in [0, 1].
+        cover: [h, w] in [0, 1], of any size and the same extent: a network's answer.
+        radius: of the window in longer sides of the photo; epsilon: see EPSILON.
     """
     height, width = rgb.shape[:2]
     scale = min(1.0, LONG_PX / max(height, width))

@@ -21,8 +21,10 @@ def grow(mask: np.ndarray) -> np.ndarray:
 def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which 4-connected part each pixel belongs to.
 
-    inside: [H, W] bool.
-    Returns labels [H, W] int, 0 outside, parts numbered from 1; sizes [N + 1] in pixels, sizes[0] of what is outside.
+    Args:
+        inside: [H, W] bool.
+    Returns:
+        labels [H, W] int, 0 outside, parts numbered from 1; sizes [N + 1] in pixels, sizes[0] of what is outside.
     """
     rows, starts, stops = _runs(inside)
     parent = np.arange(len(rows))

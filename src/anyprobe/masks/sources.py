@@ -46,8 +46,9 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     are flattened, which removes the noise of JPEG around black and white and keeps soft edges, with the half level in
     place. Of an .exr the luminance is the mask as it is stored: it is linear and has no such noise.
 
-    source: anything read_image takes, or a boolean or 0/1 array.
-    shape: (height, width) of the photo after its EXIF rotation.
+    Args:
+        source: anything read_image takes, or a boolean or 0/1 array.
+        shape: (height, width) of the photo after its EXIF rotation.
     """
     if isinstance(source, np.ndarray) and (source.dtype == bool or _is_binary(source)):
         source = source.astype(np.uint8) * 255
@@ -109,9 +110,10 @@ def _is_exr(source: MaskPicture) -> bool:
 def mask_from_function(segment: MaskFunction, rgb: np.ndarray) -> np.ndarray:
     """Ask a segmenter of the caller's own.
 
-    segment: gets the upright photo [H, W, 3] uint8 and returns its mask [H, W]: bool, 0/1,
-        uint8, or float in [0, 1]; axes of length 1 around it do not matter.
-    rgb: [H, W, 3] display values in [0, 1].
+    Args:
+        segment: gets the upright photo [H, W, 3] uint8 and returns its mask [H, W]: bool, 0/1,
+            uint8, or float in [0, 1]; axes of length 1 around it do not matter.
+        rgb: [H, W, 3] display values in [0, 1].
     """
     answer = segment(to_bytes(rgb))
     if not isinstance(answer, np.ndarray):

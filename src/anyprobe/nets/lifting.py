@@ -90,7 +90,8 @@ def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
 def lift(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
     """Splat values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
 
-    Returns [N, C + 1, height, 2 height]: sums of weight x value, and of the weights.
+    Returns:
+        [N, C + 1, height, 2 height]: sums of weight x value, and of the weights.
     """
     carried = torch.cat([values * weight, weight], dim=1).flatten(2)
     sums = torch.zeros(*carried.shape[:2], height * 2 * height, dtype=carried.dtype, device=carried.device)

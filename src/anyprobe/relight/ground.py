@@ -122,9 +122,11 @@ class View:
 def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     """The photo's camera over its ground, and the pitch taken.
 
-    pitch_deg: how far the camera looks down. Unless given it is level, or looks down just enough
-        to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
-    Raises InputError: the base would lie at or above the horizon.
+    Args:
+        pitch_deg: how far the camera looks down. Unless given it is level, or looks down just enough
+            to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
+    Raises:
+        InputError: the base would lie at or above the horizon.
     """
     height, width = photo.mask.shape
     long_fov_deg = UNKNOWN_LENS_DEG if photo.fov_source == "default" else photo.long_fov_deg

@@ -149,8 +149,9 @@ def lay_over(
 ) -> None:
     """Lay an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, which is changed.
 
-    picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
-    behind: whether the real object hides it.
+    Args:
+        picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
+        behind: whether the real object hides it.
     """
     height, width = photo.mask.shape
     shown = window.part(height, width)
@@ -278,10 +279,11 @@ class Stage:
     ) -> tuple[Part, np.ndarray]:
         """The rows and columns of the photo that object and shadow may change, and what it shows there, [R, C, 3].
 
-        radiance: [H, 2H, 3], camera frame, the photo's exposure units.
-        material: a name that material() takes, or a Material.
-        renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
-        shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
+        Args:
+            radiance: [H, 2H, 3], camera frame, the photo's exposure units.
+            material: a name that material() takes, or a Material.
+            renderer: of RENDERERS; "auto" takes Mitsuba where it is installed.
+            shadow, drawn: what shadow(radiance) and draw(...) gave, where they are at hand.
         """
 
         def shaded() -> tuple[Part, np.ndarray]:
@@ -340,7 +342,8 @@ class Stage:
 def uses_mitsuba(renderer: str) -> bool:
     """Whether a renderer of RENDERERS is Mitsuba here and now.
 
-    Raises InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
+    Raises:
+        InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
     """
     if renderer not in RENDERERS:
         raise InputError(f"--renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")

@@ -116,7 +116,8 @@ class Ground:
 def open_mitsuba():
     """The module `mitsuba`, its variant llvm_ad_rgb set.
 
-    Raises MissingExtra: Mitsuba or an LLVM that fits is not installed.
+    Raises:
+        MissingExtra: Mitsuba or an LLVM that fits is not installed.
     """
     if not mitsuba_runs():
         raise MissingExtra(f"mitsuba (and LLVM {OLDEST_LLVM} or newer, libllvm19)", "relight", "path tracing")
@@ -157,9 +158,10 @@ def trace_mesh(
 ) -> np.ndarray:
     """render.picture.draw_mesh by paths: the same arguments and the same [S, S, 4].
 
-    material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
-    ground: what it stands on; it lights the mesh and is mirrored in it, but is not in the picture.
-    num_paths: a pixel, rounded up to a power of two.
+    Args:
+        material: its albedo may also be [F, 3, 3], at the corners of the mesh's faces.
+        ground: what it stands on; it lights the mesh and is mirrored in it, but is not in the picture.
+        num_paths: a pixel, rounded up to a power of two.
     """
     mi = open_mitsuba()
     alone = {"type": "scene", "mesh": _shape(mi, mesh, material)}

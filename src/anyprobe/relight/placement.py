@@ -88,11 +88,13 @@ def place_beside(
 ) -> Placement:
     """Stand a mesh (+Y up) on the ground of a photo.
 
-    size: its height over that of the real object, which stands where its mask's lower border is.
-    at: x, y of its foot [px], where it stands as large as asked; unless given it stands beside the real
-        object, the lowest that is seen of both on one row, and is made smaller until it fits.
-    turn_deg: about its vertical axis.
-    Raises InputError: nothing of the ground is seen at that pixel.
+    Args:
+        size: its height over that of the real object, which stands where its mask's lower border is.
+        at: x, y of its foot [px], where it stands as large as asked; unless given it stands beside the real
+            object, the lowest that is seen of both on one row, and is made smaller until it fits.
+        turn_deg: about its vertical axis.
+    Raises:
+        InputError: nothing of the ground is seen at that pixel.
     """
     box, (x, row) = object_box(photo.mask), contact_of(photo.mask)
     depth = -view.on_ground(x, row)[2]
@@ -145,8 +147,9 @@ def find_spot(
 ) -> tuple[Spot, Side]:
     """Where an object fits, and on which side of the real one.
 
-    row: on which both stand. behind: row of the ground behind the real object. most_behind: the share of what
-        was asked that is tried there.
+    Args:
+        row: on which both stand. behind: row of the ground behind the real object. most_behind: the share of what
+            was asked that is tried there.
     """
     edge = MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge

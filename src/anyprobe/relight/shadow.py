@@ -35,7 +35,8 @@ LEAST_COSINE = 0.05
 def sample_sky(radiance: np.ndarray, up: np.ndarray, count: int = NUM_DIRECTIONS) -> tuple[np.ndarray, np.ndarray]:
     """Directions above the ground with density L cos.
 
-    radiance: [H, 2H, 3]. up: [3], in the map's frame.
+    Args:
+        radiance: [H, 2H, 3]. up: [3], in the map's frame.
     Returns:
         directions: [N, 3]. weights: [N, 3], each direction's share of the ground's irradiance a
         channel; they sum to 1, and to 0 where a channel is black.

@@ -124,10 +124,12 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
     Samples below the horizon (n.wi <= 0) weigh zero in Eq. 4 and are left out of Eq. 5's mean. All vectors are kept in
     components [P, S]: compiled, one loop over samples without memory between its parts.
 
-    n, wo: [P, 3].
-    alpha: scalar or [P, 1].
-    u: [S, 2].
-    Returns irradiance, S1, Ss: [P, 3] each.
+    Args:
+        n, wo: [P, 3].
+        alpha: scalar or [P, 1].
+        u: [S, 2].
+    Returns:
+        irradiance, S1, Ss: [P, 3] each.
     """
     xp = array_namespace(n, wo, u)
     n_dot_wo = xp.clip(dot(n, wo), 1e-4, None)  # seen at 90 degrees: no 0/0

@@ -71,8 +71,9 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
 def waved(mesh: Mesh, pushes: np.ndarray, waves: np.ndarray, phases: np.ndarray) -> Mesh:
     """The mesh with every point moved by x -> x + sum of pushes sin(waves . x + phases), back in the unit sphere.
 
-    pushes, waves: [K, 3]; phases: [K]. Where the |push| |wave| sum to less than one nothing is turned
-        inside out: the map's Jacobian I + push wave^T cos(...) can always be inverted.
+    Args:
+        pushes, waves: [K, 3]; phases: [K]. Where the |push| |wave| sum to less than one nothing is turned
+            inside out: the map's Jacobian I + push wave^T cos(...) can always be inverted.
     """
     x = mesh.positions.astype(np.float64)
     angles = x @ waves.T + phases  # [V, K]

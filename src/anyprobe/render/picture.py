@@ -35,7 +35,8 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
         terms: [S, S, 6 or 9]: S1, Ss, Dd of reflectance_normals(S); emitters in the last alone.
         world_from_view: [3, 3], +Z of the view towards the eye.   n, wo: [P, 3], world.   alpha: [P, 1].
         table: albedo_table() as an array of the same kind.
-    Returns [P, 3] each.
+    Returns:
+        [P, 3] each.
     """
     xp = array_namespace(n, terms)
     in_view = (n @ world_from_view, wo @ world_from_view)
@@ -86,8 +87,9 @@ def radiance_by_maps(
     The maps are seen from the middle of all wo: the further one is from it, the less they hold
     (tests/physics/test_by_maps.py: 0.9 % of the mean under a sky and a sun, where none is further than 15 degrees).
 
-    u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.
-    size: of the maps, [size, size]. wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
+    Args:
+        u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.
+        size: of the maps, [size, size]. wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
     """
     xp = array_namespace(n, wo, u)
 
@@ -135,10 +137,12 @@ def draw_mesh(
     A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their
     normals: by itself, or where that is as good by reflectance maps.
 
-    camera: in the mesh's frame.
-    radiance: [H, 2H, 3] linear, in the same frame; more than LIGHT_ROWS rows are averaged down.
-    Returns [S, S, 4] float32: linear radiance in the map's units, 0 where nothing is, and coverage in [0, 1]. The
-    radiance is the object's own, not multiplied by the coverage.
+    Args:
+        camera: in the mesh's frame.
+        radiance: [H, 2H, 3] linear, in the same frame; more than LIGHT_ROWS rows are averaged down.
+    Returns:
+        [S, S, 4] float32: linear radiance in the map's units, 0 where nothing is, and coverage in [0, 1].
+        The radiance is the object's own, not multiplied by the coverage.
     """
     size = camera.size
     fine = see(mesh, replace(camera, size=size * supersample))

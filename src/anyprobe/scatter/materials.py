@@ -107,10 +107,12 @@ def given_material(
 ) -> Material | None:
     """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
 
-    name: one of MATERIALS; None with an albedo or a roughness is MATTE.
-    albedo: linear, one number or three, in (0, 1]; replaces the named material's.
-    roughness: 0.1 to 1; replaces the named material's.
-    Raises InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
+    Args:
+        name: one of MATERIALS; None with an albedo or a roughness is MATTE.
+        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
+        roughness: 0.1 to 1; replaces the named material's.
+    Raises:
+        InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
     """
     if name is None and albedo is None and roughness is None:
         return None
@@ -140,7 +142,8 @@ def as_material(
 ) -> Material | None:
     """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
 
-    Raises InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
+    Raises:
+        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
     """
     if not isinstance(material, Material | str | None):
         raise InputError(

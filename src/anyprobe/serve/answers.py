@@ -31,7 +31,8 @@ MASK_TYPES = {"image/png": "png", JSON: "json"}
 def choose_type(request: Request, types: dict[str, str]) -> str:
     """The media type to answer in: ?format= by suffix, else the best of Accept.
 
-    Raises HTTPException: 406, none of those can be had.
+    Raises:
+        HTTPException: 406, none of those can be had.
     """
     suffix = request.query_params.get("format")
     if suffix is not None:

@@ -47,13 +47,14 @@ def create_app(
 ) -> FastAPI:
     """The application around networks that are open already.
 
-    estimator: shared by all workers; its own threads times limits.workers should be the cores.
-    page: the built page; None leaves the API alone.
-    hosts: names a browser may call this server by; others get 400, so that a foreign name
-        pointed at this machine opens nothing.
-    addresses: whether it may be called by any IP address besides.
-    token: asked for by all addresses but /healthz; None: nothing is asked for.
-    origins: pages of other origins that may use the API; none by default.
+    Args:
+        estimator: shared by all workers; its own threads times limits.workers should be the cores.
+        page: the built page; None leaves the API alone.
+        hosts: names a browser may call this server by; others get 400, so that a foreign name
+            pointed at this machine opens nothing.
+        addresses: whether it may be called by any IP address besides.
+        token: asked for by all addresses but /healthz; None: nothing is asked for.
+        origins: pages of other origins that may use the API; none by default.
     """
     limits = limits or Limits()
     pool = WorkerPool(limits)

@@ -157,7 +157,8 @@ def write_certificate(folder: Path, hosts: Sequence[str]) -> tuple[Path, Path]:
 
     Browsers warn once, since no authority signed it; the traffic is encrypted all the same.
 
-    Returns Paths of certificate and key, PEM; the key is readable by its owner alone.
+    Returns:
+        Paths of certificate and key, PEM; the key is readable by its owner alone.
     """
     try:
         from cryptography import x509

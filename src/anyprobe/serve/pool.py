@@ -23,16 +23,17 @@ Answer = TypeVar("Answer")
 class Limits:
     """Bounds that keep memory flat and answers prompt.
 
-    max_bytes: largest body of a request; beyond it 413.
-    max_pixels: largest photo or mask, judged by its header before it is decoded; beyond it 413.
-    workers: photos computed at the same time.
-    waiting: requests that may wait for a worker, read bodies included; beyond them 429.
-    upload_s: seconds in which a body must have arrived; later it is 408.
-    grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
-    retry_after_s: what a 429 asks for.
-    quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
-    decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
-    decode_mb: memory for that, beyond the idle process's own; beyond it 422.
+    Attributes:
+        max_bytes: largest body of a request; beyond it 413.
+        max_pixels: largest photo or mask, judged by its header before it is decoded; beyond it 413.
+        workers: photos computed at the same time.
+        waiting: requests that may wait for a worker, read bodies included; beyond them 429.
+        upload_s: seconds in which a body must have arrived; later it is 408.
+        grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
+        retry_after_s: what a 429 asks for.
+        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
+        decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
+        decode_mb: memory for that, beyond the idle process's own; beyond it 422.
     """
 
     max_bytes: int = 32 * 2**20
@@ -68,7 +69,8 @@ class Job:
     def step(self) -> None:
         """Called between the steps of the work.
 
-        Raises Cancelled: the client no longer waits for the answer.
+        Raises:
+            Cancelled: the client no longer waits for the answer.
         """
         if self._gone.is_set():
             raise Cancelled
@@ -116,7 +118,8 @@ class WorkerPool:
     async def place(self) -> AsyncIterator[None]:
         """Hold a place in the queue: from before the body is read until the answer is made.
 
-        Raises Busy: there is none.
+        Raises:
+            Busy: there is none.
         """
         if self._is_full() and not await self._make_room():
             raise Busy
@@ -147,7 +150,8 @@ class WorkerPool:
     async def upload(self, received: Callable[[], int]) -> AsyncIterator[None]:
         """Time in which a body arrives; received: bytes so far.
 
-        Raises HTTPException: 408, it was too slow, or others needed its place.
+        Raises:
+            HTTPException: 408, it was too slow, or others needed its place.
         """
         try:
             async with asyncio.timeout(self._limits.upload_s) as timeout:
@@ -182,7 +186,8 @@ class WorkerPool:
 
         The place is held until a started step has ended, so that clients that leave and come again cannot pile up work.
 
-        Raises Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
+        Raises:
+            Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
         """
         job = Job()
         future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, job)

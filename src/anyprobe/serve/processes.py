@@ -61,7 +61,8 @@ class Lane:
     def call(self, task: str, *arguments: Any) -> Any:
         """What serve.tasks's function of that name returns; blocks until then.
 
-        Raises AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended.
+        Raises:
+            AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended.
         """
         with self._lock:
             worker = self._idle.pop() if self._idle else None

@@ -42,21 +42,22 @@ QUICK_BYTES = 16 * 2**20
 class Upload:
     """A photo and what was given with it.
 
-    photo: the file's bytes, as sent.
-    name: file name without folders, for messages; "photo" where none came.
-    mask: bytes of a mask picture; normals: of a picture of the object's normals, or "sphere";
-    surroundings: of a panorama in the camera's frame, or "photo".
-    box: X0, Y0, X1, Y1 in pixels of the upright photo.
-    clicks: x, y on the object, in pixels of the upright photo.
-    clicks_off: likewise beside it.
-    fov_deg: field of view of the longer side.
-    material: name of the object's; albedo: its linear albedo, one number or three.
-    confidence: bytes of a map that says how much each direction of a map counts.
-    detail: of detail.plausible.DETAILS; size: rows of the map with it, None for the default.
-    emitters: how the light sources are asked for, of estimate.runtime.EMITTERS.
-    include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
-    exposure: stops that an export is brightened by.
-    world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
+    Attributes:
+        photo: the file's bytes, as sent.
+        name: file name without folders, for messages; "photo" where none came.
+        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "sphere";
+        surroundings: of a panorama in the camera's frame, or "photo".
+        box: X0, Y0, X1, Y1 in pixels of the upright photo.
+        clicks: x, y on the object, in pixels of the upright photo.
+        clicks_off: likewise beside it.
+        fov_deg: field of view of the longer side.
+        material: name of the object's; albedo: its linear albedo, one number or three.
+        confidence: bytes of a map that says how much each direction of a map counts.
+        detail: of detail.plausible.DETAILS; size: rows of the map with it, None for the default.
+        emitters: how the light sources are asked for, of estimate.runtime.EMITTERS.
+        include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
+        exposure: stops that an export is brightened by.
+        world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
     """
 
     photo: bytes
@@ -126,7 +127,8 @@ def mask(upload: Upload, max_pixels: int, as_json: bool) -> dict[str, Any] | byt
 def upright(upload: Upload, max_pixels: int) -> tuple[bytes, float | None]:
     """A photo of any known format as PNG, upright, sRGB, at most PAGE_LONG_PX long.
 
-    Returns the picture, and the field of view of its longer side [degrees] where its EXIF has it.
+    Returns:
+        The picture, and the field of view of its longer side [degrees] where its EXIF has it.
     """
     _check_pixels(upload, max_pixels)
     pixels = read_image(upload.photo, "photo")

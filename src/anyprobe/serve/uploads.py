@@ -58,8 +58,11 @@ async def take_unread(request: Request) -> None:
 async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any]) -> Upload:
     """Read a photo and its options; options of the form win over those of the address.
 
-    address: what serve.openapi says of it; what it does not name is refused. Raises HTTPException: 408 too slow.
-    InputError: no photo came, or an option that is unknown, given twice or cannot be read.
+    Args:
+        address: what serve.openapi says of it; what it does not name is refused.
+    Raises:
+        HTTPException: 408 too slow.
+        InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
     name, mask, normals, surroundings, confidence = "photo", b"", b"", b"", b""
     async with _read_form(request, pool, max_files=4) as form:
@@ -96,8 +99,9 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
 async def read_views(request: Request, pool: WorkerPool) -> Views:
     """Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
 
-    Raises HTTPException: 408 too slow.
-    InputError: no photos or too many, no poses or not theirs, or an option that is unknown or cannot be read.
+    Raises:
+        HTTPException: 408 too slow.
+        InputError: no photos or too many, no poses or not theirs, or an option that is unknown or cannot be read.
     """
     async with _read_form(request, pool, max_files=2 * MOST_PHOTOS + 1) as form:
         photos = [await read_part(part, "photo") for part in form.getlist("photo")]
@@ -149,7 +153,8 @@ def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray
 async def _read_form(request: Request, pool: WorkerPool, max_files: int) -> AsyncIterator[FormData]:
     """The request's form, an empty one where it has another body; what is read within is timed too.
 
-    Raises HTTPException: 408 too slow.
+    Raises:
+        HTTPException: 408 too slow.
     """
     form = FormData()
     try:

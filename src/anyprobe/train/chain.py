@@ -177,9 +177,10 @@ def hdr_loss(
 ) -> torch.Tensor:
     """Mean squared error of ln radiance, weighted by solid angle and 0.1 + gamma (Eq. 8).
 
-    estimate, target: [B, 3, H, 2H].
-    shown: display values [B, 3, H, 2H], of which gamma is.
-    solid_angle: [1, 1, H, 1].
+    Args:
+        estimate, target: [B, 3, H, 2H].
+        shown: display values [B, 3, H, 2H], of which gamma is.
+        solid_angle: [1, 1, H, 1].
     """
     gamma = blend_weight(shown.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
     weight = solid_angle * (0.1 + gamma)

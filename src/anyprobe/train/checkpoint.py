@@ -37,8 +37,9 @@ def check_goes_on(path: Path, stored: Mapping[str, Any], config: Any) -> None:
 
     stored: of read_checkpoint. config: a run's configuration, a dataclass with `steps`.
 
-    Raises InputError: naming the first setting that differs.
-    ModelError: it was kept without what the next step needs.
+    Raises:
+        InputError: naming the first setting that differs.
+        ModelError: it was kept without what the next step needs.
     """
     if "optimizer" not in stored:
         raise ModelError(
@@ -68,7 +69,8 @@ def resumed(
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
 
-    Raises InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
+    Raises:
+        InputError, ModelError: of read_checkpoint and check_goes_on, or an origin that differs.
     """
     if start is not None:
         origin["start"] = init_weights_id(start)
@@ -113,7 +115,8 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
 
     holds: the name that has the weights.
 
-    Raises ModelError: no file, a damaged one, or none of a run.
+    Raises:
+        ModelError: no file, a damaged one, or none of a run.
     """
     if not path.is_file():
         raise ModelError(f"{path}: expected a run's checkpoint, found none; train first")
@@ -176,8 +179,9 @@ SMALL = 1024
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
     """Keep a checkpoint's weights, of this name in it, at path, large tensors as float16.
 
-    Raises InputError: path is the checkpoint.
-    ModelError: no checkpoint, or a damaged one.
+    Raises:
+        InputError: path is the checkpoint.
+        ModelError: no checkpoint, or a damaged one.
     """
     stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
@@ -223,7 +227,8 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     Where a run began from other, what both have learned stays and much of what is each one's chance goes (Wortsman et
     al. 2022, Model soups).
 
-    Raises ModelError: no checkpoint, or other holds another network's weights.
+    Raises:
+        ModelError: no checkpoint, or other holds another network's weights.
     """
     stored = read_checkpoint(checkpoint)
     (kept, pairs), nets = _read_init_weights(other), stored["nets"]
@@ -239,7 +244,8 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
 def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
     """A checkpoint at path, for export alone, of kept weights, with what a graph exported from them says of their run.
 
-    Raises ModelError: no weights, or no graph of an export.
+    Raises:
+        ModelError: no weights, or no graph of an export.
     """
     from onnx import load
 

@@ -58,8 +58,9 @@ def stream(open_source: Callable[[], PairSource], steps: range, workers: int) ->
 
     Workers share nothing but the step's number; up to PairConfig.lanes of them shade nothing twice.
 
-    open_source: picklable; gives the source, on the CPU.
-    workers: processes of one thread each; 0 makes the batches here, on this process's threads.
+    Args:
+        open_source: picklable; gives the source, on the CPU.
+        workers: processes of one thread each; 0 makes the batches here, on this process's threads.
     """
     made = _Steps(open_source, steps)
     if workers == 0:
@@ -177,8 +178,8 @@ class ShardSource:
     def __init__(self, folder: Path, data: Path | None, config: PairConfig, device: str = "cpu") -> None:
         """folder: of `anyprobe data render`; data: the assets it was rendered from, None where all were procedural.
 
-        Raises InputError: no dataset of objects, none of its shards finished, fewer pairs than a batch, or other
-        assets.
+        Raises:
+            InputError: no dataset of objects, none of its shards finished, fewer pairs than a batch, or other assets.
         """
         plan = read_plan(folder)
         if plan["kind"] != "object":

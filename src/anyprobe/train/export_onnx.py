@@ -119,7 +119,8 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
 def export(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
     """Write the graphs of a run and return each one's largest difference from torch.
 
-    Raises ModelError: a graph disagrees with its network by more than TOLERANCE.
+    Raises:
+        ModelError: a graph disagrees with its network by more than TOLERANCE.
     """
     nets = load_nets(checkpoint)
     stored = read_checkpoint(checkpoint)
@@ -244,9 +245,13 @@ def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
 def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
     """Write a graph of export_onnx.export again, with the same inputs, outputs and contract, but for "computes".
 
-    examples: its inputs by name, as many as there are; the ranges are theirs. Returns how much its steps change the
-    map: mean difference of display values on some of the examples. Raises ModelError: no example, a graph without the
-    convolutions of EXACT, or one that its steps change by more than INT8_TOLERANCE.
+    Args:
+        examples: its inputs by name, as many as there are; the ranges are theirs.
+    Returns:
+        How much its steps change the map: mean difference of display values on some of the examples.
+    Raises:
+        ModelError: no example, a graph without the convolutions of EXACT, or one that its steps change by more than
+            INT8_TOLERANCE.
     """
     import onnx
     from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static

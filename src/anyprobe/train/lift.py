@@ -24,8 +24,9 @@ from anyprobe.nets.light_net import LightNet, LightPrediction
 def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | float = 1.0) -> torch.Tensor:
     """Mean of 1 - cos(error) over the object's inner pixels.
 
-    normals: unit [N, 3, 64, 64].
-    where: [N, 1, 64, 64], 0 where pixels do not count.
+    Args:
+        normals: unit [N, 3, 64, 64].
+        where: [N, 1, 64, 64], 0 where pixels do not count.
     """
     true = F.avg_pool2d(batch.normals, 2)
     inside = (F.avg_pool2d(batch.photo[:, 3:], 2) > 0.99).float() * where

@@ -105,16 +105,19 @@ def train(
 
     Started by torchrun, its processes train together (ProcessGroup).
 
-    data: folder with hdri/train and meshes/train; None trains on procedural assets.
-    runs: the checkpoint, log.csv, pictures and TensorBoard events go to runs/<config.name>.
-    workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
-        so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
-    stop_after: stop (with a checkpoint) once this many steps are done in all.
-    pairs: the batches, when they are at hand already, for instance rendered ones.
-    start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
-    Returns the checkpoint's path.
-    Raises InputError: a device that is not there, or a checkpoint of another run (train.checkpoint).
-    ModelError: a damaged checkpoint, or weights of another network.
+    Args:
+        data: folder with hdri/train and meshes/train; None trains on procedural assets.
+        runs: the checkpoint, log.csv, pictures and TensorBoard events go to runs/<config.name>.
+        workers: processes that draw shapes and make pairs ahead of this one; each has lit materials of its own,
+            so that a run goes on exactly with as many as it began with. 0: this process makes its pairs.
+        stop_after: stop (with a checkpoint) once this many steps are done in all.
+        pairs: the batches, when they are at hand already, for instance rendered ones.
+        start: weights to begin from, of train.checkpoint; a run that goes on may name those that it began from.
+    Returns:
+        The checkpoint's path.
+    Raises:
+        InputError: a device that is not there, or a checkpoint of another run (train.checkpoint).
+        ModelError: a damaged checkpoint, or weights of another network.
     """
     warnings.filterwarnings("ignore", message="Dynamo detected a call to a `functools.lru_cache`")
     processes = ProcessGroup(device)
@@ -193,7 +196,8 @@ class ProcessGroup:
         """As torchrun's RANK and WORLD_SIZE say; a team of one without them.
 
         kind: of the device that every process trains on, "cpu" or "cuda"; `device` is this process's own.
-        Raises InputError: another kind, or one that this machine does not have.
+        Raises:
+            InputError: another kind, or one that this machine does not have.
         """
         if kind not in BACKENDS:
             raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")

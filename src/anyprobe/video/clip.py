@@ -54,7 +54,8 @@ def _av():
 def open_clip(path: Path) -> Clip:
     """Look at a video's header.
 
-    Raises InputError: absent, or not a video. MissingExtra: PyAV is not installed.
+    Raises:
+        InputError: absent, or not a video. MissingExtra: PyAV is not installed.
     """
     av = _av()
     if not path.is_file():
@@ -91,7 +92,8 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
     Packets that cannot be decoded are left out; damaged gets the index of the frame before which each
     was. A file that is cut off ends early.
 
-    Raises InputError: not one picture can be decoded, because of its codec, say.
+    Raises:
+        InputError: not one picture can be decoded, because of its codec, say.
     """
     av = _av()
     index, first_s, last_s = 0, None, -1.0

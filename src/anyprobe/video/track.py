@@ -99,7 +99,8 @@ def forget_progress(folder: Path) -> None:
 def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     """What a run left, None if nothing.
 
-    Raises InputError: it was left by a run with other settings, or is damaged.
+    Raises:
+        InputError: it was left by a run with other settings, or is damaged.
     """
     path = folder / STATE
     if not path.is_file():
