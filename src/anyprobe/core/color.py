@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, UInt8
 
 REC709 = (0.2126, 0.7152, 0.0722)
 
@@ -21,14 +26,14 @@ def luminance(rgb):
     return REC709[0] * rgb[..., 0] + REC709[1] * rgb[..., 1] + REC709[2] * rgb[..., 2]
 
 
-def to_bytes(display: np.ndarray) -> np.ndarray:
+def to_bytes(display: Float[np.ndarray, ...]) -> UInt8[np.ndarray, ...]:
     """Display values in [0, 1] to uint8, rounded."""
     values = np.clip(np.asarray(display), 0.0, 1.0)
     values = np.multiply(values, 255.0, out=values if isinstance(values, np.ndarray) else None)  # photos are large
     return np.round(values, out=values if isinstance(values, np.ndarray) else None).astype(np.uint8)
 
 
-def xyz_from_rgb(chromaticities) -> np.ndarray:
+def xyz_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
     """Matrix [3, 3] from linear RGB to CIE XYZ, white at Y = 1.
 
     Args:
@@ -50,7 +55,7 @@ def xyz_from_rgb(chromaticities) -> np.ndarray:
     return primaries * shares
 
 
-def rec709_from_rgb(chromaticities) -> np.ndarray:
+def rec709_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
     """Matrix [3, 3] from linear RGB to linear Rec. 709, white to white (Bradford); raises as xyz_from_rgb.
 
     Exactly the identity where the chromaticities are those of Rec. 709.

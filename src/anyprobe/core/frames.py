@@ -6,8 +6,13 @@ Directions point away from the surface; the last axis holds x, y, z.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from array_api_compat import array_namespace
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def dot(a, b):
@@ -47,25 +52,25 @@ def world_from_local(v, n):
     return v[..., 0:1] * t + v[..., 1:2] * b + v[..., 2:3] * n
 
 
-def rotation_x(angle: float) -> np.ndarray:
+def rotation_x(angle: float) -> Float[np.ndarray, "3 3"]:
     """Active rotation about +X by angle [radians], [3, 3]; positive tips -Z towards +Y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
-def rotation_y(angle: float) -> np.ndarray:
+def rotation_y(angle: float) -> Float[np.ndarray, "3 3"]:
     """Active rotation about +Y by angle [radians], [3, 3]; positive turns -Z towards -X."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def rotation_z(angle: float) -> np.ndarray:
+def rotation_z(angle: float) -> Float[np.ndarray, "3 3"]:
     """Active rotation about +Z by angle [radians], [3, 3]; positive turns +X towards +Y."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
-def world_from_camera(yaw: float, elevation: float, roll: float = 0.0) -> np.ndarray:
+def world_from_camera(yaw: float, elevation: float, roll: float = 0.0) -> Float[np.ndarray, "3 3"]:
     """Rotation of a camera that looks at the origin from yaw and elevation [radians].
 
     yaw 0, elevation 0 stands at +Z and looks along -Z; a positive elevation raises the camera, so that it looks down.
@@ -73,12 +78,12 @@ def world_from_camera(yaw: float, elevation: float, roll: float = 0.0) -> np.nda
     return rotation_y(yaw) @ rotation_x(-elevation) @ rotation_z(roll)
 
 
-def rotation_of(numbers) -> np.ndarray:
+def rotation_of(numbers) -> Float[np.ndarray, "3 3"]:
     """world_from_camera [3, 3] of yaw, elevation and perhaps roll [degrees], or of nine numbers row by row."""
     return np.reshape(numbers, (3, 3)) if len(numbers) == 9 else world_from_camera(*np.radians(numbers))
 
 
-def turn_towards(direction: np.ndarray) -> np.ndarray:
+def turn_towards(direction: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
     """The shortest rotation that carries -Z to the unit vector direction, [3, 3].
 
     This is how a camera is turned from the optical axis towards an object away

@@ -5,8 +5,13 @@ u = 0.5 + atan2(x, -z) / 2 pi and v = acos(y) / pi; pixel centres at (i + 0.5) /
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from array_api_compat import array_namespace
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def direction_to_uv(d):
@@ -26,14 +31,14 @@ def uv_to_direction(uv):
     return xp.stack([sin_theta * xp.sin(phi), xp.cos(theta), -sin_theta * xp.cos(phi)], axis=-1)
 
 
-def pixel_directions(height: int) -> np.ndarray:
+def pixel_directions(height: int) -> Float[np.ndarray, "H 2*H 3"]:
     """Direction of every pixel centre, [H, 2H, 3]."""
     u = (np.arange(2 * height) + 0.5) / (2 * height)
     v = (np.arange(height) + 0.5) / height
     return uv_to_direction(np.stack(np.meshgrid(u, v), axis=-1)).astype(np.float32)
 
 
-def pixel_solid_angles(height: int) -> np.ndarray:
+def pixel_solid_angles(height: int) -> Float[np.ndarray, "H 1"]:
     """Solid angle [sr] of a pixel of each row, [H, 1]; exact band integral: the sum is 4 pi to rounding.
 
     (phi step) x (cos of the upper edge - cos of the lower edge); the midpoint rule sin(theta) dtheta dphi misses it.

@@ -5,11 +5,16 @@ The local frame has n = +Z. Densities and inverses are in tests/support/warps.py
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from array_api_compat import array_namespace
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
-def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+
+def hammersley(count: int, shift: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "count 2"]:
     """Low-discrepancy points u [count, 2] in [0, 1)^2, moved by shift with wrap-around."""
     index = np.arange(count, dtype=np.uint32)
     bits = (index << 16) | (index >> 16)

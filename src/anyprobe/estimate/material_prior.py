@@ -7,6 +7,8 @@ level and colour at which the object, rendered with it, is as bright as its phot
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from PIL import Image
 
@@ -20,6 +22,9 @@ from anyprobe.render.integrate import PATCHES, shade, shading_pyramid
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import schlick_weight
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SMOOTH = 0.1
 """Largest alpha of a mirror: its lobe is a pixel or three of the map wide."""
@@ -44,7 +49,11 @@ def is_mirror(material: Material) -> bool:
 
 
 def measure(
-    radiance: np.ndarray, image: np.ndarray, normals: np.ndarray, tan_half: float, material: Material
+    radiance: Float[np.ndarray, "H 2*H 3"],
+    image: Float[np.ndarray, "S S 4"],
+    normals: Float[np.ndarray, "S//2 S//2 3"],
+    tan_half: float,
+    material: Material,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Replace what the object mirrors of a map by what its photo shows of it.
 
@@ -134,7 +143,11 @@ set (research.limits)."""
 
 
 def use_material(
-    outputs: Outputs, image: np.ndarray, tan_half: float, material: Material, given_normals: np.ndarray | None
+    outputs: Outputs,
+    image: np.ndarray,
+    tan_half: float,
+    material: Material,
+    given_normals: Float[np.ndarray, "64 64 3"] | None,
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
@@ -164,8 +177,12 @@ def _list(values: np.ndarray) -> list[float]:
 
 
 def fit_gain(
-    radiance: np.ndarray, image: np.ndarray, normals: np.ndarray, tan_half: float, material: Material
-) -> np.ndarray:
+    radiance: Float[np.ndarray, "H 2*H 3"],
+    image: Float[np.ndarray, "S S 4"],
+    normals: Float[np.ndarray, "S//k S//k 3"],
+    tan_half: float,
+    material: Material,
+) -> Float[np.ndarray, " 3"]:
     """The gain of each channel at which the object, rendered with the map, is as bright as its photo.
 
     Compared by the mean display value: where the light is placed wrongly, single pixels say nothing.

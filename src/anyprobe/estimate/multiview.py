@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +19,16 @@ from anyprobe.light.environment import integral
 from anyprobe.light.temporal import OFFSET
 from anyprobe.scatter.materials import Material
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 BRIGHT = 0.8
 """Radiance above which light may be emitters; white is 1."""
 LEAST_FLUX = 0.01
 """Of what is brighter, where power is given back to it: with less, their positions are unknown."""
 
 
-def fuse(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def fuse(maps: Float[np.ndarray, "N H 2*H 3"], weights: Float[np.ndarray, "N H 2*H"]) -> Float[np.ndarray, "H 2*H 3"]:
     """The weighted geometric mean of maps, as much light in all as they have.
 
     A geometric mean drops an emitter that only one of the maps has, which is right where estimates err, but also

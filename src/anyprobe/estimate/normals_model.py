@@ -17,6 +17,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -25,6 +26,9 @@ from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.check import object_box
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 NormalsEstimator = Callable[[np.ndarray], np.ndarray]
 """From a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's frame."""
@@ -128,7 +132,7 @@ def _read_spec(path: Path) -> NormalsSpec:
 
 def estimated_normals(
     estimator: NormalsEstimator, rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float
-) -> np.ndarray:
+) -> Float[np.ndarray, "H W 3"]:
     """Normals of a photo's object, in the camera's frame.
 
     The estimator is shown a window around the object, as a camera that looks at its centre would; what it answers is

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import open_regular
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 
@@ -39,7 +43,7 @@ FACING = 0.6
 """Share of the normals that must look towards the camera; else their axes are another frame's."""
 
 
-def normals_from_outline(mask: np.ndarray, long_fov_deg: float) -> np.ndarray:
+def normals_from_outline(mask: Float[np.ndarray, "H W"], long_fov_deg: float) -> Float[np.ndarray, "H W 3"]:
     """Normals of an object that is a sphere, from its outline alone.
 
     A pinhole sees a sphere of angular radius phi around the axis c in all rays d with d.c >= cos phi: the outline's
@@ -133,7 +137,7 @@ def _box_of_cone(axis: np.ndarray, radius: float, shape: tuple[int, int], focal:
     return spans[0], spans[1]
 
 
-def read_normals(source: NormalsSource, shape: tuple[int, int]) -> np.ndarray:
+def read_normals(source: NormalsSource, shape: tuple[int, int]) -> Float[np.ndarray, "H W 3"]:
     """A normal map of the photo, in the camera's frame (+X right, +Y up, +Z towards the camera).
 
     Args:

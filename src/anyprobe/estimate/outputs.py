@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -17,13 +18,16 @@ from anyprobe.masks.prompts import Point
 from anyprobe.masks.refine import box_mean
 from anyprobe.render.spheres import sphere_images
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 EXPOSURES_EV = (-2.0, 0.0, 2.0)
 ROW = 256
 SPHERE = 128
 GAP = 8
 
 
-def draw_preview(photo: Photo, light: Light) -> np.ndarray:
+def draw_preview(photo: Photo, light: Light) -> Float[np.ndarray, "H W 3"]:
     """Display picture [H, W, 3] in [0, 1]: two rows, photo | its mask shown | spheres over three maps."""
     picture = _fit(photo.rgb, ROW)
     shown = draw_overlay(picture, _fit(photo.mask, ROW))

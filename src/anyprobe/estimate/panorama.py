@@ -8,6 +8,7 @@ What is shown counts as infinitely far, as all light does here.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from anyprobe.estimate.photo import Crop, Photo, crop_object
 from anyprobe.estimate.runtime import PHOTO_SIZE
 from anyprobe.estimate.surroundings import CLIPPED, LEAST_COVER, over, radiance_of, surroundings_of
 from anyprobe.light.environment import rotate
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SHARED = 30
 """Pixels that two windows must share before one is compared with the other."""
@@ -32,10 +36,10 @@ def cut_out(photo: Photo, *, first: bool) -> Crop:
     return crop_object(photo if own else replace(photo, surroundings_map=None), PHOTO_SIZE)
 
 
-def window(surroundings_map: np.ndarray, world_from_crop: np.ndarray, gain: float = 1.0) -> np.ndarray:
+def window(surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0) -> np.ndarray:
     """A photo's surroundings, see estimate.surroundings, as a panorama of the world.
 
-    world_from_crop: [3, 3]. gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
+    gain: that brings the photo to the panorama's exposure; made darker, clipped pixels carry no information.
     """
     radiance, clipped, cover = radiance_of(surroundings_map)
     layers = [cover, surroundings_map[..., 4:]]
@@ -67,12 +71,12 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
 
 
 def seen_from(
-    panorama: np.ndarray, world_from_crop: np.ndarray, own: np.ndarray | None, gain: float = 1.0
+    panorama: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], own: np.ndarray | None, gain: float = 1.0
 ) -> np.ndarray:
     """What is known of a photo's map, see estimate.surroundings, in its crop's frame.
 
-    world_from_crop: [3, 3]. own: the same by the photo itself, which counts where it shows something; None: it shows
-        nothing. gain: of window; where it makes the panorama darker, clipped pixels there carry no information.
+    own: the same by the photo itself, which counts where it shows something; None: it shows nothing. gain: of window;
+        where it makes the panorama darker, clipped pixels there carry no information.
     """
     turned = rotate(panorama, world_from_crop.T)
     cover, measured = np.clip(turned[..., 3:4], 0.0, 1.0), np.clip(turned[..., 4:], 0.0, 1.0)

@@ -24,6 +24,8 @@ from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
 
 if TYPE_CHECKING:
+    from jaxtyping import Float
+
     from anyprobe.detail.library import Library
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
@@ -173,7 +175,7 @@ class Light:
         model = map_attributes(path).get("model")
         return cls(radiance=radiance, map_from_camera=turn, info={"model": model} if model else {})
 
-    def sh9(self) -> np.ndarray:
+    def sh9(self) -> Float[np.ndarray, "9 3"]:
         """Radiance in nine real spherical harmonics, [9, 3]; order and signs of WebXR and three.js."""
         return project(self.radiance)
 
@@ -181,7 +183,7 @@ class Light:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
 
-    def rotate(self, rotation: np.ndarray) -> Light:
+    def rotate(self, rotation: Float[np.ndarray, "3 3"]) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.
@@ -228,7 +230,9 @@ class Light:
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
 
-    def render(self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any) -> np.ndarray:
+    def render(
+        self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
+    ) -> Float[np.ndarray, "S S 4"]:
         """A mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
 
         mesh: a Mesh, a shape's name ("sphere", "vase") or a mesh file. material: a Material or a name ("gold").

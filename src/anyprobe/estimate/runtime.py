@@ -9,6 +9,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import onnxruntime
@@ -19,6 +20,9 @@ from anyprobe.files.graphs import open_graph
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
 from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 ENGINES = ("onnxruntime", "openvino", "openvino-bf16", "cuda")
 DEFAULT_ENGINE = "onnxruntime"
@@ -133,8 +137,10 @@ class Outputs:
     normals: np.ndarray | None = None
     posterior: dict[str, float] | None = None
 
-    def with_map(self, radiance: np.ndarray, confidence: np.ndarray | None) -> Outputs:
-        """The same with another map [H, 2H, 3], LDR and ln maps that are this one's, and its confidence [H, 2H]."""
+    def with_map(
+        self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
+    ) -> Outputs:
+        """The same with another map, LDR and ln maps that are this one's, and its confidence."""
         return replace(
             self,
             radiance=radiance,
@@ -212,9 +218,9 @@ class Models:
 
     def __call__(
         self,
-        image: np.ndarray,
+        image: Float[np.ndarray, "128 128 4"],
         tan_half: float,
-        normals: np.ndarray | None = None,
+        normals: Float[np.ndarray, "64 64 3"] | None = None,
         surroundings: np.ndarray | None = None,
         material: Material | None = None,
     ) -> Outputs:

@@ -9,6 +9,8 @@ channel is the share of the cover that is measured above white too: a display va
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from PIL import Image, ImageFilter
 
@@ -21,6 +23,9 @@ from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import ImageSource, read_image
 from anyprobe.files.radiance import read_linear
 from anyprobe.light.environment import MAP_HEIGHT, rotate
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 PHOTO = "photo"
 """In place of a panorama: take the photo's own surroundings."""
@@ -46,7 +51,7 @@ PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> np.ndarray:
+def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 4"]:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
@@ -83,9 +88,10 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
     return np.dstack([pixels.rgb * cover[..., None], cover])
 
 
-def surroundings_of(radiance: np.ndarray, cover: np.ndarray, measured: np.ndarray | None = None) -> np.ndarray:
-    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured [H, 2H, 1]: its share with
-    values above white."""
+def surroundings_of(
+    radiance: Float[np.ndarray, "H 2*H 3"], cover: Float[np.ndarray, "H 2*H 1"], measured: np.ndarray | None = None
+) -> Float[np.ndarray, "H 2*H 3"]:
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its share with values above white."""
     display = response(radiance)
     if measured is None:
         return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)
@@ -110,7 +116,7 @@ def over(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
     return upper + (1 - upper[..., 3:4]) * lower
 
 
-def turned(surroundings: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray:
+def turned(surroundings: np.ndarray, camera_from_crop: Float[np.ndarray, "3 3"]) -> np.ndarray:
     """Surroundings [64, 128, 4 or 5] of the camera's frame in the crop's."""
     most = np.inf if surroundings.shape[-1] == LINEAR else 1.0
     found = np.clip(rotate(surroundings, camera_from_crop.T), 0.0, most).astype(np.float32)
@@ -119,8 +125,12 @@ def turned(surroundings: np.ndarray, camera_from_crop: np.ndarray) -> np.ndarray
 
 
 def visible_surroundings(
-    rgb: np.ndarray, long_fov_deg: float, camera_from_crop: np.ndarray, image: np.ndarray, tan_half: float
-) -> np.ndarray | None:
+    rgb: Float[np.ndarray, "H W 3"],
+    long_fov_deg: float,
+    camera_from_crop: Float[np.ndarray, "3 3"],
+    image: np.ndarray,
+    tan_half: float,
+) -> Float[np.ndarray, "64 128 4"] | None:
     """The map in the crop's frame as far as the photo shows it beside the object.
 
     Args:

@@ -17,13 +17,16 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.export.exported_light import ExportedLight, template
 from anyprobe.files.radiance import HALF_MAX, write_hdr_picture
+
+if TYPE_CHECKING:
+    from jaxtyping import Float, Float16, UInt8
 
 FACES = ("px", "nx", "py", "ny", "pz", "nz")
 
@@ -37,7 +40,7 @@ READS = 1 << 18
 """Reads of the map at once, some 300 bytes each."""
 
 
-def face_directions(size: int) -> np.ndarray:
+def face_directions(size: int) -> Float[np.ndarray, "6 S S 3"]:
     """Unit directions c of the texels' centres, [6, S, S, 3]."""
     return np.stack([_directions(face, slice(None), size) for face in range(6)])
 
@@ -47,7 +50,7 @@ def face_size(height: int) -> int:
     return min(1024, 1 << max(0, (height - 1).bit_length()))
 
 
-def cube_faces(radiance: np.ndarray, size: int) -> np.ndarray:
+def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.ndarray, "H 2*H 3"]:
     """Our map [H, 2H, 3] on six faces [6, S, S, 3] float32, every texel an average over its square."""
     faces = np.empty((6, size, size, 3), np.float32)
     rows = max(1, READS // (SUPERSAMPLE**2 * size))
@@ -71,7 +74,7 @@ def _directions(face: int, rows: slice, size: int) -> np.ndarray:
     return c / np.linalg.norm(c, axis=-1, keepdims=True)
 
 
-def box_mips(faces: np.ndarray) -> list[np.ndarray]:
+def box_mips(faces: Float[np.ndarray, "6 S S 3"]) -> list[np.ndarray]:
     """The faces [6, S, S, 3] and their halves down to 1 x 1; S a power of two."""
     levels = [faces]
     while levels[-1].shape[1] > 1:
@@ -80,7 +83,7 @@ def box_mips(faces: np.ndarray) -> list[np.ndarray]:
     return levels
 
 
-def clipped_share(faces: np.ndarray, limit: float) -> float:
+def clipped_share(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> float:
     """Share of the energy of faces [6, S, S, 3] that lies above limit, weighted by solid angle."""
     size = faces.shape[1]
     a = (np.arange(size) + 0.5) / size * 2 - 1
@@ -90,7 +93,7 @@ def clipped_share(faces: np.ndarray, limit: float) -> float:
     return lost / energy if energy > 0 else 0.0
 
 
-def to_half_rgba(faces: np.ndarray, limit: float) -> np.ndarray:
+def to_half_rgba(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> Float16[np.ndarray, "6 S S 4"]:
     """[6, S, S, 3] to [6, S, S, 4] float16, clamped, alpha 1."""
     rgba = np.ones((*faces.shape[:3], 4), np.float16)
     rgba[..., :3] = np.minimum(faces, limit)
@@ -185,7 +188,7 @@ WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64]
 """Sixty-fourths of the second endpoint, from the format's definition."""
 
 
-def encode_bc6h(faces: np.ndarray) -> np.ndarray:
+def encode_bc6h(faces: Float[np.ndarray, "6 S S 3"]) -> UInt8[np.ndarray, "6 blocks 16"]:
     """Faces [6, S, S, 3] >= 0 to blocks [6, ceil(S/4)^2, 16] uint8, row by row.
 
     A face smaller than a block is repeated to fill it.

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_rad
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SCALE = (
     "relative: linear Rec. 709 radiance in the photo's exposure units times 2^exposure_ev; "
@@ -63,10 +66,10 @@ class ExportedLight:
 
 
 def prepare(
-    radiance: np.ndarray,
+    radiance: Float[np.ndarray, "H 2*H 3"],
     name: str,
     *,
-    world_from_camera: np.ndarray | None = None,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
 ) -> ExportedLight:
@@ -219,7 +222,7 @@ def origin_beside(path: Path) -> dict[str, Any]:
     return origin_of(said_beside(path)) | origin_turned(map_from_camera(path))
 
 
-def origin_turned(turn: np.ndarray) -> dict[str, Any]:
+def origin_turned(turn: Float[np.ndarray, "3 3"]) -> dict[str, Any]:
     """What an export's origin says of a map that was turned by [3, 3] since the estimate; nothing if it was not."""
     return {} if np.allclose(turn, np.eye(3)) else {MAP_FROM_CAMERA: numbers(turn)}
 
@@ -245,7 +248,7 @@ def check_front(path: Path) -> None:
         raise InputError(f"{wanted}, got one with {frame[frame.index('u = ') :]}; {advice}")
 
 
-def map_from_camera(path: Path) -> np.ndarray:
+def map_from_camera(path: Path) -> Float[np.ndarray, "3 3"]:
     """The rotation [3, 3] from the photo's camera to the frame of a map, by its header, of an older .hdr by the .json.
 
     Raises:

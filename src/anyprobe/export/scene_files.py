@@ -15,7 +15,7 @@ import io
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -35,6 +35,9 @@ from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
 from anyprobe.render.picture import LIGHT_ROWS
 
+if TYPE_CHECKING:
+    from jaxtyping import Float, UInt8
+
 RGBD_MAX = 255.0
 """Largest value that RGBD holds: colour 1 over alpha 1 / 255."""
 
@@ -50,7 +53,7 @@ LARGEST_SIDE = 256
 NUM_SAMPLES = 256
 
 
-def pack_rgbd(values: np.ndarray) -> np.ndarray:
+def pack_rgbd(values: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 4"]:
     """Linear [..., 3] to RGBD [..., 4] uint8: value = (rgb / 255)^2.2 / (a / 255), clamped at 255."""
     values = np.minimum(values, RGBD_MAX)
     largest = np.maximum(values.max(axis=-1), 1e-6)
@@ -59,7 +62,7 @@ def pack_rgbd(values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.round(rgb * 255.0), alpha[..., None]], axis=-1).astype(np.uint8)
 
 
-def prefiltered(radiance: np.ndarray, size: int) -> list[np.ndarray]:
+def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.ndarray]:
     """Mips [6, S, S, 3] of our map from size down to 16, roughness 0 to 1 in even steps.
 
     Each is the mean of L over GGX half vectors about its direction, seen from there (n = wo). The
@@ -175,7 +178,7 @@ def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {"usd": {"dome_light_pole": "+Y", "dominant_light_prim": "/Light/Main"}}
 
 
-def pointing_away(towards: np.ndarray) -> list[list[float]]:
+def pointing_away(towards: Float[np.ndarray, " 3"]) -> list[list[float]]:
     """Rows of USD's matrix (row vectors) that turns -Z, where a DistantLight shines, from a light at [3]."""
     z = np.asarray(towards, dtype=np.float64)
     z /= np.linalg.norm(z)
@@ -203,7 +206,7 @@ def pack_usdz(path: Path, files: list[Path]) -> None:
             archive.writestr(entry, file.read_bytes())
 
 
-def pole_to_pole(radiance: np.ndarray) -> np.ndarray:
+def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
     """The map [H, 2H, 3] in 2H + 1 rows that lie at i / 2H, first and last on the poles.
 
     Mitsuba's rows lie at i / (rows - 1), ours at (i + 0.5) / H. Read between ours and held

@@ -18,11 +18,15 @@ v = acos(up) / pi and row 0 is up in all of them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.errors import InvalidEnvironment
 from anyprobe.light.harmonics import COSINE_LOBE, K
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 ODD_IN_Z = (2, 5, 7)
 """z, yz and xz: they change sign when z does."""
@@ -31,7 +35,7 @@ ODD_IN_Y = (1, 4, 5)
 """y, xy and yz."""
 
 
-def webxr(coefficients: np.ndarray) -> np.ndarray:
+def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, 27]:
     """Radiance, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
 
     XRLightEstimate.sphericalHarmonicsCoefficients, three.js LightProbe.sh.fromArray, and ARCore's
@@ -40,17 +44,17 @@ def webxr(coefficients: np.ndarray) -> np.ndarray:
     return coefficients.reshape(27)
 
 
-def planar(coefficients: np.ndarray) -> np.ndarray:
+def planar(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, 27]:
     """Radiance, channel after channel: [9, 3] -> [27] r0 r1 ... r8 g0 ... (ARKit)."""
     return coefficients.T.reshape(27)
 
 
-def irradiance(coefficients: np.ndarray) -> np.ndarray:
+def irradiance(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
     """A_l L_i: E(n) = sum of these times Y_i(n), [9, 3]."""
     return coefficients * COSINE_LOBE[:, None]
 
 
-def gltf(coefficients: np.ndarray) -> np.ndarray:
+def gltf(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
     """irradiance() with the signs of EXT_lights_image_based as Babylon.js reads them, [9, 3].
 
     It asks for (-x, y, z) with the signs of Condon and Shortley, which is ours with y turned round.
@@ -60,7 +64,7 @@ def gltf(coefficients: np.ndarray) -> np.ndarray:
     return turned
 
 
-def polynomial(coefficients: np.ndarray) -> np.ndarray:
+def polynomial(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
     """A_l K_i L_i / pi: E(n) / pi = c0 + c1 y + c2 z + c3 x + c4 xy + ..., [9, 3].
 
     The polynomials are those of anyprobe.light.harmonics, 3z^2 - 1 and x^2 - y^2 among them.
@@ -69,7 +73,7 @@ def polynomial(coefficients: np.ndarray) -> np.ndarray:
     return coefficients * (COSINE_LOBE * K / np.pi)[:, None]
 
 
-def unity(coefficients: np.ndarray) -> np.ndarray:
+def unity(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "3 9"]:
     """SphericalHarmonicsL2[channel, i]: polynomial() with z turned round, [3, 9]."""
     turned = polynomial(coefficients)
     turned[list(ODD_IN_Z)] *= -1
@@ -92,11 +96,11 @@ class Frame:
     u: str
     v: str
 
-    def from_ours(self, d: np.ndarray) -> np.ndarray:
+    def from_ours(self, d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
         """Directions [..., 3] in our axes to the target's."""
         return np.asarray(d) @ np.asarray(self.axes, dtype=np.float64).T
 
-    def roll(self, radiance: np.ndarray) -> np.ndarray:
+    def roll(self, radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
         """Our map [H, 2H, 3] as the target reads it.
 
         Raises:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from anyprobe.export.exported_light import (
 )
 from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame, planar, unity, webxr
 from anyprobe.files.atomic import atomic_files
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 
 ARKIT_NEUTRAL = 1000.0
 """ARKit's lumens of a neutrally lit scene; our radiance 1 stands for it."""
@@ -78,7 +82,7 @@ def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     return {"arkit": {"lumens_of_radiance_1": ARKIT_NEUTRAL}}
 
 
-def correlated_temperature(rgb: np.ndarray) -> float:
+def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
     """Temperature [K] of the black body whose colour is nearest in CIE 1960 u, v, from 1000 to 15000.
 
     Black bodies by Krystek 1985. Coloured light has one too, however far from it: a green emitter some 6000 K.
@@ -96,7 +100,7 @@ def correlated_temperature(rgb: np.ndarray) -> float:
     return float(t[np.argmin((u - 4.0 * x / total) ** 2 + (v - 6.0 * y / total) ** 2)])
 
 
-def sun_rotation(towards: np.ndarray) -> tuple[float, float]:
+def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
     """Pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
     x, y, z = -np.asarray(towards, dtype=np.float64)
     return float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
@@ -214,12 +218,12 @@ TARGETS = {
 
 
 def export(
-    radiance: np.ndarray,
+    radiance: Float[np.ndarray, "H 2*H 3"],
     target: str,
     folder: str | Path,
     stem: str = "light",
     *,
-    world_from_camera: np.ndarray | None = None,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
 ) -> list[Path]:

@@ -9,6 +9,7 @@ light is what they have more than their surroundings, L - L_ring with L_ring the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cap
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float
 
 BLUR_RADIUS = np.radians(5.0)
 """Radius of the cap [radians]; a source narrower than that is one lobe, not several."""
@@ -42,7 +46,7 @@ class DominantLight:
     confidence: float
 
 
-def dilate(mask: np.ndarray) -> np.ndarray:
+def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
     """Grow a mask [H, 2H] by one pixel up, down, left and right on the sphere.
 
     The columns wrap around, and a pole row that is touched is taken whole: all of its pixels meet at the pole.
@@ -59,7 +63,7 @@ def dilate(mask: np.ndarray) -> np.ndarray:
     return grown
 
 
-def connected(mask: np.ndarray, row: int, column: int) -> np.ndarray:
+def connected(mask: Bool[np.ndarray, "H 2*H"], row: int, column: int) -> Bool[np.ndarray, "H 2*H"]:
     """The part of a mask [H, 2H] that is connected to one of its pixels on the sphere."""
     region = np.zeros_like(mask)
     region[row, column] = True
@@ -91,7 +95,7 @@ def _find_lobe(bright: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(mask[np.ix_(rows, columns)] for mask in (lobe, source, surroundings))
 
 
-def find_dominant_light(radiance: np.ndarray) -> DominantLight:
+def find_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> DominantLight:
     """The brightest lobe of a map [H, 2H, 3] as a directional light.
 
         E = sum over the lobe of (L - L_ring) cos(delta) dw, delta from the light's direction
@@ -103,7 +107,7 @@ def find_dominant_light(radiance: np.ndarray) -> DominantLight:
     return split_dominant_light(radiance)[0]
 
 
-def split_dominant_light(radiance: np.ndarray) -> tuple[DominantLight, np.ndarray]:
+def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[DominantLight, np.ndarray]:
     """The dominant light and the map [H, 2H, 3] without it, for renderers that are given both.
 
     What the dominant light counts is taken out, no more: its pixels become L_ring, so that on a

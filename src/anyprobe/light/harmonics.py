@@ -13,8 +13,12 @@ and Hanrahan 2001). Order 2 may turn negative opposite a strong light: nothing h
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 K = np.array(
     [
@@ -32,7 +36,7 @@ COSINE_LOBE = np.array([np.pi, *[2 * np.pi / 3] * 3, *[np.pi / 4] * 5])
 """A_l of max(0, cos): pi, 2 pi / 3, pi / 4."""
 
 
-def sh_basis(d: np.ndarray) -> np.ndarray:
+def sh_basis(d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 9"]:
     """Y_i at unit directions: [..., 3] -> [..., 9]."""
     x, y, z = d[..., 0], d[..., 1], d[..., 2]
     polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y]
@@ -57,7 +61,7 @@ def _pixel_integrals(height: int) -> tuple[np.ndarray, np.ndarray]:
     return np.diff(rows, axis=1), np.diff(columns, axis=1)
 
 
-def project(radiance: np.ndarray) -> np.ndarray:
+def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
     """Radiance coefficients [9, 3] of a map [H, 2H, 3]: L_i = sum over pixels of L times the pixel's integral of Y_i.
 
     Exact for a map that is constant over each pixel: uniform radiance 1 gives L_0 = 2 sqrt(pi) = 3.5449077 alone.
@@ -80,11 +84,11 @@ def project(radiance: np.ndarray) -> np.ndarray:
     return (np.stack(parts) * K[:, None]).astype(np.float32)
 
 
-def evaluate(coefficients: np.ndarray, d: np.ndarray) -> np.ndarray:
+def evaluate(coefficients: Float[np.ndarray, "9 3"], d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
     """Radiance of order 2, sum of L_i Y_i(d): [9, 3] and [..., 3] -> [..., 3]."""
     return sh_basis(d) @ coefficients
 
 
-def irradiance(coefficients: np.ndarray, n: np.ndarray) -> np.ndarray:
+def irradiance(coefficients: Float[np.ndarray, "9 3"], n: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
     """E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
     return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])

@@ -28,11 +28,15 @@ what was before a clear move is left in steady (the share stale) than is let be.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 OFFSET = 0.01
 """Added before the logarithm: what is much darker hardly lights anything, and black stays black."""
@@ -84,13 +88,13 @@ class FilterState:
     spread: float = 0.0
 
     @property
-    def radiance(self) -> np.ndarray:
+    def radiance(self) -> Float[np.ndarray, "H 2*H 3"]:
         """The light to show, [H, 2H, 3] linear."""
         return np.maximum(np.exp(self.steady) - OFFSET, 0.0)
 
 
 def step(
-    state: FilterState | None, radiance: np.ndarray, dt_s: float, smoothing: Smoothing | None = None
+    state: FilterState | None, radiance: Float[np.ndarray, "H 2*H 3"], dt_s: float, smoothing: Smoothing | None = None
 ) -> FilterState:
     """The state after one more frame; pure.
 

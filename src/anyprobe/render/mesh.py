@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.errors import InvalidMesh
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 CREASE_DEG = 40.0
 """Faces that meet at a sharper angle do not share their normals."""
@@ -68,7 +72,9 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     )
 
 
-def waved(mesh: Mesh, pushes: np.ndarray, waves: np.ndarray, phases: np.ndarray) -> Mesh:
+def waved(
+    mesh: Mesh, pushes: Float[np.ndarray, "K 3"], waves: Float[np.ndarray, "K 3"], phases: Float[np.ndarray, " K"]
+) -> Mesh:
     """The mesh with every point moved by x -> x + sum of pushes sin(waves . x + phases), back in the unit sphere.
 
     Args:
@@ -107,7 +113,9 @@ def check_triangles(positions: np.ndarray, faces: np.ndarray, name: str) -> None
         raise InvalidMesh(f"{name}: expected finite vertices, got NaN or infinity; repair the mesh first")
 
 
-def corner_normals(positions: np.ndarray, faces: np.ndarray, crease_deg: float = CREASE_DEG) -> np.ndarray:
+def corner_normals(
+    positions: np.ndarray, faces: np.ndarray, crease_deg: float = CREASE_DEG
+) -> Float[np.ndarray, "F 3 3"]:
     """Angle-weighted normals [F, 3, 3], averaged over the faces of a vertex within the crease angle."""
     corners = positions[faces]  # [F, 3, 3]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

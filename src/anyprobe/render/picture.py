@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from array_api_compat import array_namespace
@@ -26,6 +26,9 @@ from anyprobe.render.reflectance import lookup_coords, read_map, reflectance_nor
 from anyprobe.render.surface import Camera, see
 from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import albedo_table
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tuple:
@@ -127,11 +130,11 @@ LIGHT_ROWS = 256
 def draw_mesh(
     mesh: Mesh,
     camera: Camera,
-    radiance: np.ndarray,
+    radiance: Float[np.ndarray, "H 2*H 3"],
     material: Material,
     num_samples: int = NUM_SAMPLES,
     supersample: int = SUPERSAMPLE,
-) -> np.ndarray:
+) -> Float[np.ndarray, "S S 4"]:
     """The mesh as the camera sees it; distant light, nothing shadows anything.
 
     A pixel's coverage is that of supersample^2 points; it is shaded once, with the mean of their

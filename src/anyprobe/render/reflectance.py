@@ -8,6 +8,7 @@ equally. One such map serves every shape of that material under that light by a 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from array_api_compat import array_namespace
@@ -16,6 +17,9 @@ from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import corners
 from anyprobe.scatter.microfacet import directional_albedo
 
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
 LIMIT = 0.995
 """The rim's angle as a share of 90 degrees: at 90 nothing is seen."""
 ALBEDO_FLOOR = 1e-3
@@ -23,7 +27,7 @@ ALBEDO_FLOOR = 1e-3
 
 
 @lru_cache(maxsize=8)
-def reflectance_normals(size: int) -> np.ndarray:
+def reflectance_normals(size: int) -> Float[np.ndarray, "S S 3"]:
     """The normal of every pixel, [S, S, 3]; outside the disc the rim's normal."""
     x = (np.arange(size) + 0.5) / size * 2 - 1
     right, up = np.meshgrid(x, -x)

@@ -7,6 +7,7 @@ the mirror sphere shows the whole sphere of directions.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 SPHERE_SIZE = 64
 SILVER_ALPHA = 0.3
@@ -56,13 +60,13 @@ def _picture(values: np.ndarray, size: int) -> np.ndarray:
     return picture
 
 
-def diffuse(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+def diffuse(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
     """A Lambert sphere of albedo 1, Lo = E(n) / pi: [H, 2H, 3] -> [S, S, 3]."""
     _, uv_normal, _ = _lookups(size)
     return _picture(bilinear(irradiance_map(reduced(radiance)), uv_normal) / np.pi, size)
 
 
-def silver(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+def silver(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
     """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
     wo, _, _ = _lookups(size)
@@ -72,12 +76,12 @@ def silver(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
     return _picture(SILVER_F0 * s1 + (1 - SILVER_F0) * ss, size)
 
 
-def mirror(radiance: np.ndarray, size: int = SPHERE_SIZE) -> np.ndarray:
+def mirror(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
     """A perfect mirror, f0 1: Lo = L(reflect(wo, n)), [H, 2H, 3] -> [S, S, 3]."""
     _, _, uv_mirror = _lookups(size)
     return _picture(bilinear(radiance, uv_mirror), size)
 
 
-def sphere_images(radiance: np.ndarray, size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:
+def sphere_images(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:
     """The three spheres by name, [S, S, 3] each, linear radiance."""
     return {"diffuse": diffuse(radiance, size), "silver": silver(radiance, size), "mirror": mirror(radiance, size)}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from anyprobe.core.frames import turn_towards
 from anyprobe.render.mesh import Mesh
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 CRACKS = 0.01
 """Share of an object's pixels that may show the back of a face without its being turned to the eye: through the
@@ -47,7 +51,7 @@ class Surface:
     exit: np.ndarray
 
 
-def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0.0)) -> Float[np.ndarray, "S S 3"]:
     """wo [S, S, 3] of every pixel: from the point towards the eye, camera frame."""
     x = ((np.arange(size) + 0.5) / size * 2 - 1) * tan_half
     right, up = np.meshgrid(center[0] + x, center[1] - x)
@@ -56,12 +60,12 @@ def pixel_rays(tan_half: float, size: int, center: tuple[float, float] = (0.0, 0
 
 
 def frame_object(
-    mesh: Mesh, world_from_camera: np.ndarray, fov_deg: float, margin: float = 1.1, size: int = 128
+    mesh: Mesh, world_from_camera: Float[np.ndarray, "3 3"], fov_deg: float, margin: float = 1.1, size: int = 128
 ) -> Camera:
     """Stand off so that the unit sphere fills fov_deg, turn to the object and crop to it.
 
-    The window is what a crop of a photo is: its centre is the centre of the object's bounding box, its side margin
-    times the box's longer side. world_from_camera: [3, 3].
+    The window is what a crop of a photo is: its centre is the centre of the object's
+    bounding box, its side margin times the box's longer side.
     """
     distance = 1.0 / np.sin(np.radians(fov_deg) / 2)
     position = world_from_camera @ np.array([0.0, 0.0, distance])

@@ -9,12 +9,16 @@ f0 E1 + (1 - f0) Es, two numbers of n.wo and alpha alone (Karis 2013 keeps them 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from array_api_compat import array_namespace
 
 from anyprobe.core.latlong import corners
 from anyprobe.core.sampling import ggx_visible_normal_xyz, hammersley
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
 
 
 def ggx_distribution(n_dot_h, alpha):
@@ -53,7 +57,7 @@ SAMPLES = 512
 
 
 @lru_cache(maxsize=1)
-def albedo_table() -> np.ndarray:
+def albedo_table() -> Float[np.ndarray, "ROUGHNESSES COSINES 2"]:
     """E1 and Es, [ROUGHNESSES, COSINES, 2] float32.
 
     Half vectors follow the normals that the eye sees; what is left is G / G1 of each.
