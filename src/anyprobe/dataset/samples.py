@@ -15,6 +15,7 @@ from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
 from anyprobe.dataset.recipe import Recipe, full_plan
 from anyprobe.errors import InputError
+from anyprobe.files.images import png_bytes
 
 CONDITIONS = ("clean", "world")
 
@@ -112,9 +113,9 @@ def encode_pair(pair: Pair) -> Sample:
     return Sample(
         key=pair.recipe.key,
         parts={
-            "photo.png": _png(pair.photo),
-            "irradiance.png": _png(pair.irradiance),
-            NORMALS: _png(encode_normals(pair.normals)),
+            "photo.png": png_bytes(pair.photo),
+            "irradiance.png": png_bytes(pair.irradiance),
+            NORMALS: png_bytes(encode_normals(pair.normals)),
             "json": _json(pair, fields),
         },
         groups=("specular" if pair.specular else "diffuse", _place(pair)),
@@ -139,7 +140,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
     np.save(array, np.ascontiguousarray(pair.ln_radiance, np.float16))
     return Sample(
         key=pair.recipe.key,
-        parts={"ldr.png": _png(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
+        parts={"ldr.png": png_bytes(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
         groups=(_place(pair),),
     )
 
@@ -165,12 +166,6 @@ def same(name: str, first: bytes, second: bytes) -> bool:
     if isinstance(a, dict) or isinstance(b, dict):
         return a == b
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
-
-
-def _png(image: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(image)).save(stream, format="PNG")
-    return stream.getvalue()
 
 
 def _json(pair: Pair | MapPair, more: dict) -> bytes:

@@ -27,7 +27,7 @@ from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.depth import DepthSource
-from anyprobe.masks.pointing import Clicks
+from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import Albedo, Material, as_material

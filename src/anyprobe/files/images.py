@@ -12,7 +12,7 @@ import struct
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import ExifTags, Image, ImageCms, ImageOps
@@ -91,6 +91,13 @@ def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
     with atomic_path(path) as temporary:
         level = FAST_PNG if image.size > MANY_VALUES else USUAL_PNG
         Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG", compress_level=level)
+
+
+def png_bytes(picture: np.ndarray, **settings: Any) -> bytes:
+    """uint8 [H, W], [H, W, 3] or [H, W, 4] as PNG; settings: Pillow's."""
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(stream, format="PNG", **settings)
+    return stream.getvalue()
 
 
 def picture_bytes(image: np.ndarray) -> np.ndarray:

@@ -11,8 +11,8 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.detail.blend import blend
-from anyprobe.detail.hold import exposed_match, hold_match
 from anyprobe.detail.library import Library
+from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window

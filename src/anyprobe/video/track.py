@@ -12,8 +12,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from anyprobe.detail.hold import HeldMatch
-from anyprobe.detail.match import Match
+from anyprobe.detail.match import HeldMatch, Match
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
