@@ -243,10 +243,10 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
         ("weights", "to", "mask", "--mean-map", "a.exr"),
     ],
 )
-def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch):
+def test_the_mask_network_is_refused_whatever_is_asked_of_it(asked, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     refused = CliRunner().invoke(app, list(asked))
-    assert str(refused.exception).startswith(f"{asked[2] if asked[0] == 'train' else asked[3]}: expected a run")
+    assert str(refused.exception).startswith("run 'mask': expected a run that estimates light")
     assert not list(tmp_path.iterdir())
 
 

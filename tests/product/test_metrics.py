@@ -23,6 +23,7 @@ def test_rmse_is_a_sum_or_a_square():
 def test_psnr_uses_the_wrong_peak():
     a, b = np.zeros((4, 4)), np.full((4, 4), 0.1)
     assert psnr(a, b) == pytest.approx(20.0)
+    assert psnr(a, b, peak=10.0) == pytest.approx(40.0)
     assert psnr(b, b) == math.inf
 
 

@@ -22,10 +22,10 @@ def rmse(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sqrt(np.square(np.asarray(a, np.float64) - np.asarray(b, np.float64)).mean()))
 
 
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    """20 log10( 1 / rmse(a, b) ) [dB], of values up to 1; infinite for equal pictures."""
+def psnr(a: np.ndarray, b: np.ndarray, peak: float = 1.0) -> float:
+    """20 log10( peak / rmse(a, b) ) [dB]; infinite for equal pictures."""
     error = rmse(a, b)
-    return 20.0 * math.log10(1.0 / error) if error > 0 else math.inf
+    return 20.0 * math.log10(peak / error) if error > 0 else math.inf
 
 
 def _window_mean(image: np.ndarray) -> np.ndarray:
