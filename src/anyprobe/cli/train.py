@@ -44,6 +44,7 @@ def train(
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
     """Train a chain of networks; resumes exactly."""
+    _refuse_mask(run)
     need_torch("training")
     from anyprobe.train import loop
     from anyprobe.train.config import RUNS as NAMED
@@ -51,7 +52,6 @@ def train(
 
     if steps is not None and dry_run is not None:
         raise InputError(f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out")
-    _refuse_mask(run)
     if run not in NAMED:
         raise InputError(f"run {run!r}: expected one of {', '.join(NAMED)}")
     chosen = NAMED[run]()

@@ -8,7 +8,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
@@ -220,13 +220,7 @@ def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Ma
             f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
             f"{len(renderer.shapes)} shapes give, got {pairs}"
         )
-    plan = {
-        **_versions(),
-        **settings,
-        "pairs": pairs,
-        "maps": [asdict(one) for one in renderer.maps],
-        "shapes": [asdict(one) for one in renderer.shapes],
-    }
+    plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
     # loading the assets took a while: another process may have begun a dataset here
     shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
     return job
@@ -255,7 +249,7 @@ def check_versions(folder: Path, plan: Mapping) -> None:
 def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
     for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
         names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
-        got = {one.id: one.name for one in notes}
+        got = {one["id"]: one["name"] for one in notes}
         for key in sorted(names.keys() ^ got.keys()):
             name = names.get(key) or got[key]
             expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)

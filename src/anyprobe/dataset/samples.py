@@ -47,15 +47,6 @@ class Sample:
     groups: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class AssetNote:
-    """What dataset.json says of a map or shape."""
-
-    id: str
-    name: str
-    licence: str
-
-
 Report = Callable[[str], None] | None
 
 
@@ -192,5 +183,6 @@ def _place(pair: Pair | MapPair) -> str:
     return "indoor" if pair.indoor else "outdoor"
 
 
-def _notes(assets: Mapping) -> list[AssetNote]:
-    return [AssetNote(id=i, name=assets[i].name, licence=assets[i].licence) for i in sorted(assets)]
+def _notes(assets: Mapping) -> list[dict[str, str]]:
+    """What dataset.json says of maps or shapes."""
+    return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]
