@@ -82,20 +82,6 @@ class Estimator:
         other.models, other.emitters = self.models.with_emitters(emitters), emitters
         return other
 
-    def with_settings(
-        self,
-        *,
-        emitters: str,
-        segmenter: str | Segmenter | None,
-        detail: str,
-        size: int,
-        detail_library: str | Path | None,
-    ) -> Estimator:
-        """The same open networks with all else as __init__ takes it."""
-        other = self.with_emitters(emitters)
-        other._set(segmenter, detail, size, detail_library)
-        return other
-
     def __call__(
         self,
         source: ImageSource,
@@ -340,9 +326,8 @@ def estimate(
             surroundings: of Estimator.__call__, which also lists what is raised.
         model, emitters, segmenter, detail, size, detail_library: of Estimator.
     """
-    estimator = _shared(model).with_settings(
-        emitters=emitters, segmenter=segmenter, detail=detail, size=size, detail_library=detail_library
-    )
+    estimator = _shared(model).with_emitters(emitters)
+    estimator._set(segmenter, detail, size, detail_library)
     return estimator(
         source,
         mask=mask,

@@ -149,9 +149,9 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
             image = image.convert("RGB")
         values = _color_values(image)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
-            f"{name}: expected a whole image, got a damaged or unusual one ({_one_line(error)}); "
-            "save it again as PNG or JPEG"
+            f"{name}: expected a whole image, got a damaged or unusual one ({reason}); save it again as PNG or JPEG"
         ) from error
     del image  # its pixels; they are in values now
     pixels = _from_array(values, name)
@@ -247,7 +247,3 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         display = display[..., :3].copy()
     rgb = np.broadcast_to(display, (*display.shape[:2], 3)) if display.shape[2] == 1 else display
     return Pixels(rgb=rgb, alpha=alpha, long_fov_deg=None, name=name)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:120] or type(error).__name__
