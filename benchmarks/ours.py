@@ -12,8 +12,8 @@ from sphere import View
 
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import Pyramid
-from anyprobe.render.integrate import shading_pyramid
-from anyprobe.render.picture import PLAIN, Kernels, radiance_by_maps
+from anyprobe.render.integrate import compile_kernel, shading_pyramid
+from anyprobe.render.picture import SHADERS, radiance_by_maps
 from anyprobe.scatter.materials import Material
 
 COUNTS = (4, 8, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512)
@@ -74,10 +74,10 @@ class OurRenderer:
     """Shades the sphere's points; compiled once for every way that is timed."""
 
     def __init__(self, compiled: bool = True) -> None:
-        self._timed = PLAIN
+        self._timed = SHADERS
         if compiled:
             torch._dynamo.config.recompile_limit = 256  # one for each way
-            self._timed = Kernels.compiled()
+            self._timed = tuple(map(compile_kernel, SHADERS))
         self._map: torch.Tensor | None = None
         self._pyramids: dict[float, Pyramid] = {}
 
@@ -104,7 +104,7 @@ class OurRenderer:
 
         timed: by the compiled kernels if there are any.
         """
-        kernels = self._timed if timed else PLAIN
+        kernels = self._timed if timed else SHADERS
         n, wo = torch.from_numpy(view.n), torch.from_numpy(view.wo)
         u = torch.from_numpy(hammersley(way.samples))
         u_diffuse = torch.from_numpy(hammersley(way.diffuse_samples)) if way.diffuse_samples else None
@@ -116,15 +116,15 @@ class OurRenderer:
         def by_maps() -> torch.Tensor:
             with torch.no_grad():
                 return radiance_by_maps(
-                    pyramid, n, wo, material, u, u_diffuse, size=way.size, wide=wide, kernels=kernels
+                    pyramid, n, wo, material, u, u_diffuse, size=way.size, wide=wide, shaders=kernels
                 )
 
         def by_points() -> torch.Tensor:
             with torch.no_grad():
-                _, specular, grazing = kernels.specular(pyramid, n, wo, alpha, u)
+                _, specular, grazing = kernels[0](pyramid, n, wo, alpha, u)
                 radiance = f0 * specular + (1.0 - f0) * grazing
                 if u_diffuse is not None:
-                    diffuse = kernels.diffuse(wide, n, wo, u_diffuse)
+                    diffuse = kernels[1](wide, n, wo, u_diffuse)
                     radiance = radiance + albedo * (1.0 - f0) * diffuse
                 return radiance
 

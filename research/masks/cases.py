@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.files.images import read_image
-from anyprobe.masks.quality import deepest_point
 from anyprobe.masks.sources import mask_from_file
 
 BOX_MARGIN = 0.04
@@ -87,3 +86,21 @@ def _manifest(folder: Path) -> dict[str, dict[str, str]]:
 
 def _numbers(text: str) -> tuple[float, ...]:
     return tuple(float(part) for part in text.split(","))
+
+
+def deepest_point(mask: np.ndarray) -> tuple[float, float]:
+    """x, y of the point of a mask [H, W] that is furthest from everything outside, to a 64th of the longer side."""
+    height, width = mask.shape
+    step = max(1, round(max(height, width) / 64))
+    inside = np.pad(mask[step // 2 :: step, step // 2 :: step] > 0.5, 1)
+    if not inside.any():
+        rows, columns = np.nonzero(mask > 0.5)
+        return float(columns[0]) + 0.5, float(rows[0]) + 0.5
+    last = inside
+    while inside.any():
+        last = inside
+        inside = inside.copy()
+        inside[1:-1, 1:-1] &= last[:-2, 1:-1] & last[2:, 1:-1] & last[1:-1, :-2] & last[1:-1, 2:]
+    rows, columns = np.nonzero(last)
+    middle = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
+    return (columns[middle] - 1) * step + step // 2 + 0.5, (rows[middle] - 1) * step + step // 2 + 0.5

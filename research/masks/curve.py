@@ -15,7 +15,7 @@ import typer
 
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.masks.propose import MaskNetwork, resize
-from anyprobe.train.mask_run import export_mask
+from research.mask_network.export import export_mask
 from research.masks.cases import Case, iou, photo_cases
 from research.masks.scenes import rendered_cases
 from research.masks.scoring import PROMPTS
@@ -41,11 +41,11 @@ def curve(
 
 
 def _networks(checkpoints: list[Path]) -> Iterator[tuple[str, MaskNetwork]]:
-    yield "shipped", MaskNetwork(threads=1)
+    yield "shipped", MaskNetwork()
     for path in checkpoints:
         with tempfile.TemporaryDirectory() as folder:
             export_mask(path, Path(folder))
-            yield path.stem, MaskNetwork(Path(folder) / "mask.onnx", threads=1)
+            yield path.stem, MaskNetwork(Path(folder) / "mask.onnx")
 
 
 def _figures(network: MaskNetwork, cases: list[Case], prompt: str) -> str:

@@ -8,10 +8,10 @@ import numpy as np
 
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.mask_scenes.composites import draw_scene
-from anyprobe.dataset.mask_scenes.examples import cover_box, inside_click, unasked_target
-from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
+from research.mask_network.composites import draw_scene
+from research.mask_network.examples import cover_box, inside_click, unasked_target
+from research.mask_network.foregrounds import TexturePool, ViewSource
 from research.masks.cases import Case, make_case
 
 SIZE = 480

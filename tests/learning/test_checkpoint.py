@@ -1,7 +1,7 @@
 """A checkpoint that cannot be read, or is of another network, is one clear line wherever it is asked for."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import pytest
 
@@ -10,12 +10,10 @@ pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.nets.mask_net import MaskNet  # noqa: E402
 from anyprobe.train.checkpoint import load_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.export_onnx import export  # noqa: E402
 from anyprobe.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
-from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, train_mask  # noqa: E402
 
 CONFIG = smoke(normals())
 
@@ -77,7 +75,7 @@ def test_another_networks_weights_are_one_clear_line(tmp_path):
         with pytest.raises(ModelError, match=rf"with {first} \[.*\], got none") as error:
             ask()
         assert is_one_short_line(error)
-    net = MaskNet()
+    net = make_learner(CONFIG, "cpu").nets
     weights = net.state_dict()
     name = next(iter(weights))
     with pytest.raises(ModelError, match=rf"with {name} .*, got \[3\]"):
@@ -92,22 +90,6 @@ def test_a_run_of_another_release_says_so(tmp_path):
     torch.save({**stored, "config": json.dumps(asdict(CONFIG) | {"model": "older"})}, path)
     with pytest.raises(ModelError, match="expected a run of this release, got one of older"):
         load_nets(path)
-
-
-def test_the_mask_networks_checkpoint_too(tmp_path):
-    config = replace(MaskRunConfig(), name="mask")
-    path = tmp_path / "mask" / "checkpoint.pt"
-    path.parent.mkdir()
-    weights = MaskNet().state_dict()
-    stored = {"step": 1, "config": json.dumps(asdict(config)), "optimizer": {}}
-    torch.save(stored | {"net": {"other": torch.zeros(1)}}, path)
-    for ask in (lambda: load_mask_net(path), lambda: train_mask(config, data=None, runs=tmp_path)):
-        with pytest.raises(ModelError, match=f"with {next(iter(weights))} .*, got none"):
-            ask()
-    with pytest.raises(ModelError, match="got a file without nets"):
-        export(path, tmp_path / "to")
-    save_init_weights(path, tmp_path / "start.pt")
-    assert set(torch.load(tmp_path / "start.pt", weights_only=True)) == {"other"}
 
 
 def test_what_is_kept_never_takes_the_runs_place(tmp_path):

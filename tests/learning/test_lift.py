@@ -10,23 +10,14 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
 
-from anyprobe.core.latlong import (  # noqa: E402
-    bilinear,
-    direction_to_uv,
-    pixel_directions,
-    pixel_solid_angles,
-)
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
 from anyprobe.nets.lifting import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
-from anyprobe.nets.light_net import (  # noqa: E402
-    LightNet,
-    _close,
-    _wrap,
-)
+from anyprobe.nets.light_net import LightNet, _close, _wrap  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.scatter.materials import MATERIALS, material_input  # noqa: E402
 from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402

@@ -28,13 +28,7 @@ from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
 from anyprobe.train.checkpoint import init_weights_id, load_init_weights, mean_checkpoint, save_init_weights  # noqa: E402
-from anyprobe.train.config import (  # noqa: E402
-    LightConfig,
-    lift,
-    normals,
-    paper,
-    smoke,
-)
+from anyprobe.train.config import LightConfig, lift, normals, paper, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
@@ -249,10 +243,10 @@ def test_a_run_begins_from_kept_weights(run, two_steps, tmp_path):
         ("weights", "to", "mask", "--mean-map", "a.exr"),
     ],
 )
-def test_an_option_that_would_do_nothing_is_refused(asked, tmp_path, monkeypatch):
+def test_the_mask_network_is_refused_whatever_is_asked_of_it(asked, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     refused = CliRunner().invoke(app, list(asked))
-    assert str(refused.exception).startswith(f"{asked[2] if asked[0] == 'train' else asked[3]}: expected a run")
+    assert str(refused.exception).startswith("run 'mask': expected a run that estimates light")
     assert not list(tmp_path.iterdir())
 
 

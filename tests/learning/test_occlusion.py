@@ -9,14 +9,7 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.dataset import surfaces as surfaces_module  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.occlusion import (  # noqa: E402
-    AZIMUTHS,
-    RINGS,
-    SIDE,
-    cell_directions,
-    hidden_cells,
-    mirrored,
-)
+from anyprobe.dataset.occlusion import AZIMUTHS, RINGS, SIDE, cell_directions, hidden_cells, mirrored  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.shadows import moved, shade_hidden  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402

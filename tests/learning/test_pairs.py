@@ -19,14 +19,7 @@ from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
 from anyprobe.dataset.pairs import GIVEN_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.priors import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
-from anyprobe.dataset.surfaces import (  # noqa: E402
-    NUM_ELEVATIONS,
-    SurfaceConfig,
-    SurfaceSet,
-    build_surfaces,
-    drawn_part,
-    see_views,
-)
+from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces, drawn_part, see_views  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.reflectance import normal_to_reflectance_xy, reflectance_normals  # noqa: E402

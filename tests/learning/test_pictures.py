@@ -20,12 +20,7 @@ from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.train import loop  # noqa: E402
-from anyprobe.train.config import (  # noqa: E402
-    lift,
-    normals,
-    paper,
-    smoke,
-)
+from anyprobe.train.config import lift, normals, paper, smoke  # noqa: E402
 from anyprobe.train.logger import side_by_side  # noqa: E402
 from anyprobe.train.loop import LEARNERS, make_learner, train  # noqa: E402
 

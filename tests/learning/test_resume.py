@@ -16,18 +16,11 @@ from support.some_batch import some_batch  # noqa: E402
 
 from anyprobe.dataset.asset_store import AssetStore  # noqa: E402
 from anyprobe.dataset.catalog import MapAsset  # noqa: E402
-from anyprobe.dataset.mask_scenes.examples import Batch  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.masks.propose import SIZE  # noqa: E402
-from anyprobe.train import loop, mask_run  # noqa: E402
-from anyprobe.train.checkpoint import (  # noqa: E402
-    agreed,
-    differing,
-    save_init_weights,
-)
+from anyprobe.train import loop  # noqa: E402
+from anyprobe.train.checkpoint import agreed, differing, save_init_weights  # noqa: E402
 from anyprobe.train.config import normals, smoke  # noqa: E402
 from anyprobe.train.dataloader import name_assets  # noqa: E402
-from anyprobe.train.mask_run import MaskRunConfig, train_mask  # noqa: E402
 
 CONFIG = smoke(normals(), 4)
 PAIRS = SimpleNamespace(batch=lambda step: some_batch())
@@ -166,32 +159,3 @@ def test_a_setting_that_is_not_stored_had_its_default():
 def test_what_is_known_of_a_run_stays_known(tmp_path):
     assert agreed(tmp_path, {}, {"processes": 2}) == {"processes": 2}
     assert agreed(tmp_path, {"processes": 2, "start": None}, {"processes": 2}) == {"processes": 2, "start": None}
-
-
-def test_the_mask_run_is_guarded_alike(tmp_path, monkeypatch):
-    config = mask_run.smoke(MaskRunConfig(), 3)
-
-    def examples(step):
-        image = torch.rand((2, 5, SIZE, SIZE), generator=torch.Generator().manual_seed(step))
-        return Batch(photo=image[:, :3], prompt=image[:, 3:], mask=(image[:, 3:] > 0.5).float())
-
-    at_hand = SimpleNamespace(batch=examples)
-
-    def ask(config=config, scenes=at_hand, **settings):
-        return train_mask(config, data=None, runs=tmp_path, scenes=scenes, **settings)
-
-    path = ask(stop_after=2)
-    assert torch.load(path, weights_only=True)["origin"] == {"start": None}
-    with pytest.raises(InputError, match=f"scenes.seed {config.scenes.seed}, as the run began, got 4"):
-        ask(replace(config, scenes=replace(config.scenes, seed=4)))
-    with pytest.raises(InputError, match="at least the 2 that are done, got 1"):
-        ask(replace(config, steps=1))
-    with pytest.raises(ModelError, match="got no file"):
-        ask(start=tmp_path / "none.pt")
-    changed(path, origin={"start": None, "assets": "9 maps"})
-    monkeypatch.setattr(mask_run, "load_assets", lambda light, data: some_store("0a"))
-    with pytest.raises(InputError, match="expected --data with 9 maps, as the run began, got 1 maps"):
-        ask(scenes=None)
-    changed(path, optimizer=None)
-    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
-        ask()

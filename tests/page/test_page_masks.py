@@ -10,10 +10,10 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.files.images import read_image  # noqa: E402
 from anyprobe.masks.find import find_mask  # noqa: E402
+from research.mask_network.foregrounds import TexturePool, ViewSource  # noqa: E402
 from research.masks.cases import iou  # noqa: E402
 from research.masks.scenes import drawn_cases  # noqa: E402
 

@@ -189,7 +189,7 @@ def test_emitters_are_drawn_or_spread(work, command, photo_path):
 def test_weights_that_need_pairs_say_so(work, command, option):
     assert f"{option}: expected --data with assets" in command("weights", "to", "lift", option).complaint
     refused = command("weights", "to", "mask", option, "--data", "data").complaint
-    assert f"{option}: expected a run that estimates light, got mask" in refused
+    assert "run 'mask': expected a run that estimates light" in refused
 
 
 def test_folder_without_photos(work, command):

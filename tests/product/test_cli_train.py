@@ -20,10 +20,10 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
     [
         (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
-        (("train", "mask", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
+        (("train", "mask"), "in a clone, with python -m research.mask_network"),
         (("train", "lift", "--init-weights", "none.pt"), "none.pt: expected weights of this run"),
         (("weights", "o", "lift", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
-        (("weights", "o", "mask", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
+        (("weights", "o", "mask"), "in a clone, with python -m research.mask_network"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "checkpoint, found none; train first"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"), "--pairs 2000: expected at most the 1000"),

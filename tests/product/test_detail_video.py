@@ -14,8 +14,8 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import sphere_frame, write_clip, write_masks
 
 from anyprobe.core.frames import rotation_y
-from anyprobe.detail.hold import exposed_match, hold_match
 from anyprobe.detail.library import open_library
+from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power
@@ -139,7 +139,7 @@ def test_a_stopped_run_goes_on_with_the_place_that_it_held(begin, tmp_path, monk
     again = begin(tmp_path / "stopped")
     assert again.progress.next_index == 3
     chosen = []
-    monkeypatch.setattr("anyprobe.detail.hold.find_match", lambda *given: chosen.append(given))
+    monkeypatch.setattr("anyprobe.detail.match.find_match", lambda *given: chosen.append(given))
     again(lambda done: None)
     assert not chosen
     assert results(tmp_path / "stopped") == results(tmp_path / "whole")

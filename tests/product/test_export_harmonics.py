@@ -11,10 +11,9 @@ from support.two_phase import probe_directions, two_phase
 from anyprobe.core.color import REC709_CHROMATICITIES, xyz_from_rgb
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.export.engines import correlated_temperature
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.target_frames import irradiance, planar, polynomial, unity, webxr
-from anyprobe.export.targets import export
+from anyprobe.export.targets import correlated_temperature, export
 from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import irradiance as irradiance_at
 from anyprobe.light.harmonics import project, sh_basis

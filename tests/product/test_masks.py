@@ -18,8 +18,7 @@ from anyprobe.masks import find
 from anyprobe.masks.cut import Cut, cut_out, tidy
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
-from anyprobe.masks.pointing import check_clicks
-from anyprobe.masks.prompts import BOX_LEVEL, draw_prompts
+from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, Proposal, keep_large_parts, shared_network
 from anyprobe.masks.quality import DOUBTFUL, Evidence, _apart, examine
 from anyprobe.masks.refine import box_mean, refine, resize

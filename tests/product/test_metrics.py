@@ -20,19 +20,6 @@ def test_rmse_is_a_sum_or_a_square():
     assert rmse(np.zeros(4), np.array([2.0, 0, 0, 0])) == pytest.approx(1.0)
 
 
-def test_rmse_weights_by_row(rng):
-    """Solid angles: an error at the pole counts less; a factor on the weights changes nothing."""
-    weights = pixel_solid_angles(8)[..., None]
-    a, pole, equator = (np.zeros((8, 16, 3)) for _ in range(3))
-    pole[0], equator[4] = 1, 1
-    expected = math.sqrt(16 * float(weights[0, 0, 0]) / (4 * np.pi))
-    assert rmse(a, pole, weights) == pytest.approx(expected, rel=1e-5)
-    assert rmse(a, pole, weights) < rmse(a, equator, weights)
-    b = rng.random((8, 16, 3))
-    assert rmse(a, b, 7 * weights) == pytest.approx(rmse(a, b, weights))
-    assert rmse(a, b, np.ones((1, 1, 1))) == pytest.approx(rmse(a, b))
-
-
 def test_psnr_uses_the_wrong_peak():
     a, b = np.zeros((4, 4)), np.full((4, 4), 0.1)
     assert psnr(a, b) == pytest.approx(20.0)
@@ -41,21 +28,20 @@ def test_psnr_uses_the_wrong_peak():
 
 
 @pytest.mark.parametrize("shape", [(40, 33), (24, 48, 3), (11, 11, 3)])
-@pytest.mark.parametrize("data_range", [1.0, 4.0])
-def test_ssim_is_not_the_published_one(rng, shape, data_range):
+def test_ssim_is_not_the_published_one(rng, shape):
     metrics = pytest.importorskip("skimage.metrics", reason="scikit-image is a development dependency")
-    a = rng.random(shape) * data_range
-    b = np.clip(0.7 * a + 0.3 * rng.random(shape) * data_range, 0, data_range)
+    a = rng.random(shape)
+    b = np.clip(0.7 * a + 0.3 * rng.random(shape), 0, 1)
     expected = metrics.structural_similarity(
         a,
         b,
         gaussian_weights=True,
         sigma=1.5,
         use_sample_covariance=False,
-        data_range=data_range,
+        data_range=1.0,
         channel_axis=-1 if len(shape) == 3 else None,
     )
-    assert ssim(a, b, data_range) == pytest.approx(expected, abs=1e-6)
+    assert ssim(a, b) == pytest.approx(expected, abs=1e-6)
 
 
 def test_ssim_limits(rng):
@@ -64,15 +50,6 @@ def test_ssim_limits(rng):
     assert ssim(a, 1 - a) < 0
     flat = np.full((16, 16), 0.5)
     assert ssim(flat, 0 * flat) == pytest.approx(1e-4 / (0.25 + 1e-4))  # means alone differ
-
-
-def test_ssim_of_a_map_has_a_seam(rng):
-    """Wrapped, the measure does not care where the map is cut; unwrapped it does."""
-    a, b = rng.random((32, 64, 3)), rng.random((32, 64, 3))
-    b[:, :4] = a[:, :4]
-    rolled = [np.roll(m, 32, axis=1) for m in (a, b)]
-    assert ssim(*rolled, wrap_longitude=True) == pytest.approx(ssim(a, b, wrap_longitude=True), abs=1e-12)
-    assert ssim(*rolled) != pytest.approx(ssim(a, b), abs=1e-4)
 
 
 def test_ssim_broadcasts_or_reads_past_the_edge():

@@ -13,7 +13,7 @@ from anyprobe.files.images import read_image
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.cut import Cut
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.pointing import check_box
+from anyprobe.masks.prompts import check_box
 from anyprobe.masks.sources import mask_from_file
 
 

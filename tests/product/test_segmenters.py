@@ -162,7 +162,6 @@ def test_sam_without_a_prompt_is_asked_with_our_networks_box(tmp_path, photo, mo
 
     class Network:
         propose = staticmethod(lambda *prompts: find.as_proposal(cover))
-        look = staticmethod(lambda rgb, window, *prompts: find.as_proposal(window.cut_photo(cover).astype(float)))
 
     monkeypatch.setattr(find, "shared_network", Network)
     found = find.find_mask(read_image(photo), segmenter=Asked(str(tmp_path / "sam")))

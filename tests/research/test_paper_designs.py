@@ -17,14 +17,7 @@ from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
 from research.paper_designs.designs import DESIGNS, Designs, Losses, inputs_of  # noqa: E402
 from research.paper_designs.gradual import epoch_of, filtered  # noqa: E402
-from research.paper_designs.judge import (  # noqa: E402
-    Judge,
-    clustered_error,
-    scores,
-    ssim,
-    unwrap_mirror,
-    unwrap_sphere,
-)
+from research.paper_designs.judge import Judge, clustered_error, scores, ssim, unwrap_mirror, unwrap_sphere  # noqa: E402
 from research.paper_designs.pairs import Order, balanced, make_batch  # noqa: E402
 from research.paper_designs.report import read_points, verdict, write_report  # noqa: E402
 from research.paper_designs.scale import MATERIALS, SCALES, VIEWS  # noqa: E402

@@ -18,13 +18,13 @@ COMMAND = "one file a command, registered in cli/app"
 ROOMS = {
     "__main__": "what `python -m anyprobe` runs",
     "cli.app": "the front door of the command line",
+    "cli.data": COMMAND,
     "cli.doctor": COMMAND,
     "cli.export": COMMAND,
     "cli.mask": COMMAND,
     "dataset.seen_surroundings": "of dataset.pairs, which would be longer than 400 lines with it",
     "export.templates.blender_world": "a text that is filled in and written, imported by nothing",
     "nets.lifting": "the step between the two halves of nets.light_net, which docs/conventions.md describes",
-    "nets.mask_net": "nets is a layer: networks, which training imports",
 }
 """Modules that stay small and alone, and why."""
 

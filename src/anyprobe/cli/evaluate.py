@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -87,8 +87,15 @@ def evaluate(
     from anyprobe.evaluate.methods import baselines, model_methods
     from anyprobe.evaluate.scoring import METRICS, score_pairs
     from anyprobe.evaluate.test_sets import with_noisy_mask
+    from anyprobe.files.atomic import atomic_path
+    from anyprobe.files.images import write_png
 
-    trace = _tracer() if path_traced else None
+    trace = None
+    if path_traced:
+        from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
+
+        open_mitsuba()  # or one clear line where it cannot run
+        trace = partial(trace_mesh, num_paths=PATHS)
     runtime, title = Models(model, engine=engine), Path(model).name
     if priors and runtime.stages != LIFT_STAGES:
         raise InputError(f"--priors: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
@@ -124,7 +131,9 @@ def evaluate(
         **watch.result(),
         "scores": scores.table(),
     }
-    _write(out, result, watch.picture())
+    with atomic_path(out / "scores.json") as temporary:
+        temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_png(out / "pictures.png", watch.picture())
     _print(result["scores"], result["irradiance"])
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_priors"])
@@ -210,23 +219,6 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
         cells.append(response(radiance))
         cells += [response(sphere(radiance, CELL)) for sphere in (silver, mirror)]
     return np.concatenate(cells, axis=1)
-
-
-def _write(out: Path, result: Mapping[str, Any], picture: np.ndarray) -> None:
-    from anyprobe.files.atomic import atomic_path
-    from anyprobe.files.images import write_png
-
-    with atomic_path(out / "scores.json") as temporary:
-        temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    write_png(out / "pictures.png", picture)
-
-
-def _tracer() -> Callable:
-    """Mitsuba's path tracer, or one clear line where it cannot run."""
-    from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
-
-    open_mitsuba()
-    return partial(trace_mesh, num_paths=PATHS)
 
 
 def irradiance_score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from anyprobe.train.dataloader import ShardSource
 
 RUNS = Path("runs")
-MASK_RUN = "mask"
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/training.md.")]
 
 
@@ -44,7 +43,8 @@ def train(
     ] = 0,
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
-    """Train a chain of networks, or the mask network; resumes exactly."""
+    """Train a chain of networks; resumes exactly."""
+    _refuse_mask(run)
     need_torch("training")
     from anyprobe.train import loop
     from anyprobe.train.config import RUNS as NAMED
@@ -52,20 +52,8 @@ def train(
 
     if steps is not None and dry_run is not None:
         raise InputError(f"--steps {steps}: expected it or --dry-run, which has its own, got both; leave one out")
-    unused = [
-        ("--workers", workers > 0),
-        ("--shards", shards is not None),
-        ("--device", device != "cpu"),
-        ("--no-compile", not compiled),
-    ]
-    for option, asked in unused:
-        if run == MASK_RUN and asked:
-            raise InputError(f"{option}: expected a run that learns from pairs, got {MASK_RUN}; leave it out")
-    if run == MASK_RUN:
-        typer.echo(_train_mask(data, runs, steps, dry_run, init_weights))
-        return
     if run not in NAMED:
-        raise InputError(f"run {run!r}: expected one of {', '.join((*NAMED, MASK_RUN))}")
+        raise InputError(f"run {run!r}: expected one of {', '.join(NAMED)}")
     chosen = NAMED[run]()
     if steps is not None:
         chosen = replace(chosen, steps=steps)
@@ -93,16 +81,12 @@ def _rendered(shards: Path, data: Path | None, chosen: RunConfig, device: str, w
     return source
 
 
-def _train_mask(data: Path | None, runs: Path, steps: int | None, dry_run: int | None, start: Path | None) -> Path:
-    """The mask network has scenes instead of pairs, and a loop of its own."""
-    from anyprobe.train import mask_run
-
-    chosen = mask_run.MaskRunConfig()
-    if steps is not None:
-        chosen = replace(chosen, steps=steps)
-    if dry_run is not None:
-        chosen = mask_run.smoke(chosen, dry_run)
-    return mask_run.train_mask(chosen, data=data, runs=runs, start=start)
+def _refuse_mask(run: str) -> None:
+    if run == "mask":
+        raise InputError(
+            "run 'mask': expected a run that estimates light, got the network that proposes the object; "
+            "train and export it in a clone, with python -m research.mask_network"
+        )
 
 
 def weights(
@@ -136,15 +120,9 @@ def weights(
     ] = False,
 ) -> None:
     """Export a trained run as ONNX and check it against torch."""
-    for option, asked in (
-        ("--calibrated", calibrated),
-        ("--int8", int8),
-        ("--mean-with", mean_with is not None),
-        ("--mean-map", mean_map is not None),
-    ):
-        if asked and run == MASK_RUN:
-            raise InputError(f"{option}: expected a run that estimates light, got mask; leave it out")
-        if asked and data is None and option in ("--calibrated", "--int8"):
+    _refuse_mask(run)
+    for option, asked in (("--calibrated", calibrated), ("--int8", int8)):
+        if asked and data is None:
             raise InputError(f"{option}: expected --data with assets to calibrate on, got none; add it")
     need_torch("training")
     from anyprobe.estimate.runtime import weights_folder
@@ -162,7 +140,6 @@ def weights(
     from anyprobe.train.checkpoint import read_checkpoint
     from anyprobe.train.dataloader import make_pairs
     from anyprobe.train.export_onnx import write_mean_map
-    from anyprobe.train.mask_run import export_mask
 
     checkpoint = runs / run / "checkpoint.pt"
     if keep is not None:
@@ -178,10 +155,7 @@ def weights(
             checkpoint = kept_checkpoint(kept, graph, Path(scratch) / "kept.pt")
         if mean_with is not None:
             checkpoint = mean_checkpoint(checkpoint, mean_with, Path(scratch) / "checkpoint.pt")
-        if run == MASK_RUN:
-            exported = export_mask(checkpoint, to)
-        else:
-            exported = _export_light(checkpoint, to, runs, data if calibrated else None, data if int8 else None)
+        exported = _export_light(checkpoint, to, runs, data if calibrated else None, data if int8 else None)
         for stage, difference in exported.items():
             computed = "in floats, before its 8 bits, " if int8 else ""
             typer.echo(f"{to / (stage + '.onnx')}: {computed}within {difference:.2g} of torch")

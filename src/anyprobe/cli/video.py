@@ -56,7 +56,8 @@ def video(
     from anyprobe.scatter.materials import material_named
     from anyprobe.video.clip import open_clip, upright_size
     from anyprobe.video.following import MaskFollower
-    from anyprobe.video.run import ClipRun, VirtualObject, forget_run
+    from anyprobe.video.run import ClipRun, VirtualObject
+    from anyprobe.video.track import forget_run
 
     out = out or clip.with_name(f"{clip.stem}_light")
     fov, name, object_material = taken.fov, insert, taken.given_material()

@@ -73,8 +73,7 @@ def rotation_z(angle: float) -> Float[np.ndarray, "3 3"]:
 def world_from_camera(yaw: float, elevation: float, roll: float = 0.0) -> Float[np.ndarray, "3 3"]:
     """Rotation of a camera that looks at the origin from yaw and elevation [radians].
 
-    yaw 0, elevation 0 stands at +Z and looks along -Z; a positive elevation
-    raises the camera, so that it looks down.
+    yaw 0, elevation 0 stands at +Z and looks along -Z; a positive elevation raises the camera, so that it looks down.
     """
     return rotation_y(yaw) @ rotation_x(-elevation) @ rotation_z(roll)
 

@@ -1,8 +1,7 @@
 """What a recipe renders to, point by point in perspective: a photo with its targets (Pair), or a map alone (MapPair).
 
 Nothing here is a lookup in a reflectance map, as the pairs made on the fly for training
-are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a
-compiler.
+are: every visible point is shaded by itself, in NumPy, so that bytes do not depend on a compiler.
 """
 
 from __future__ import annotations

@@ -87,13 +87,12 @@ GIVEN_MATERIAL_ERROR = np.float32([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0])
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
-    """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and
-    ldr [B, 3, H, 2H] through the mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S],
-    zero outside the object, and tan_half [B] of half the field of view; given_normals_rotation [B, 3, 3]: from
-    these normals to the given ones, a small turn, or zero where none are given; surroundings [B, 4, H, 2H]:
-    what else the photo shows, see dataset.seen_surroundings, or zero; material [B, 8]: of the object
-    (scatter.materials.material_input; zero where a dataset does not say), and given_material [B, 8]: as it is given,
-    or zero."""
+    """photo [B, 4, S, S]: display RGB times mask, and mask; irradiance [B, 3, S, S] and ldr [B, 3, H, 2H] through the
+    mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
+    half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
+    zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
+    zero; material [B, 8]: of the object (scatter.materials.material_input; zero where a dataset does not say), and
+    given_material [B, 8]: as it is given, or zero."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor

@@ -88,8 +88,7 @@ def list_assets(client: Client, kind: str, api: str = API) -> list[Asset]:
 def choose(assets: Iterable[Asset], categories: Iterable[str] = (), limit: int = 0) -> list[Asset]:
     """The assets in all of the categories, at most `limit` (0: all), in an order of no meaning.
 
-    The order is that of a hash of the slug, so that a few are a fair sample, and a larger limit adds
-    to a smaller one.
+    The order is that of a hash of the slug, so that a few are a fair sample, and a larger limit adds to a smaller one.
 
     Raises:
         InputError: none is left; the message names the categories there are.

@@ -10,7 +10,7 @@ import socket
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -57,7 +57,8 @@ def run_local(
             for one in crew:
                 if one.task is None and waiting:
                     one.task = waiting.popleft()
-                    _try_send(one.pipe, one.task)
+                    with suppress(OSError):  # it died; the pipe says so when it is read
+                        one.pipe.send(one.task)
             ready = wait([one.pipe for one in crew])
             for one in [one for one in crew if one.pipe in ready]:
                 message = _receive(one.pipe)
@@ -142,13 +143,6 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, old)
 
 
-def _try_send(pipe: Connection, message: Any) -> None:
-    try:
-        pipe.send(message)
-    except OSError:  # it died; the pipe says so when it is read
-        pass
-
-
 def _receive(pipe: Connection) -> Any:
     try:
         return pipe.recv()
@@ -208,10 +202,9 @@ def run_ray(
 ) -> dict[Any, Any]:
     """Do every task on a cluster, one CPU each; result by task.
 
-    address: a cluster's, "auto" for the one this machine is a node of; None begins one here
-    with so many workers, which ends with this call. watch(task, finished(task)) reports
-    each task that is done. Tasks must not mind being done twice: a node that was given up
-    may still be at work.
+    address: a cluster's, "auto" for the one this machine is a node of; None begins one here with so many workers, which
+    ends with this call. watch(task, finished(task)) reports each task that is done. Tasks must not mind being done
+    twice: a node that was given up may still be at work.
 
     Raises:
         AnyprobeError: what a task raised; its other exceptions, and a task whose

@@ -8,7 +8,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
@@ -20,7 +20,7 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.process_pools import run_local
 from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
-from anyprobe.dataset.samples import CONDITIONS, FORMATS, Renderer, decode, same
+from anyprobe.dataset.samples import CONDITIONS, FORMATS, StoreRenderer, decode, same
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import held
 
@@ -98,7 +98,7 @@ PROCEDURAL = 32
 BYTES_PER_PAIR = {"object": 45_000, "map": 60_000}
 """Expected until a shard has shown it."""
 
-Make = Callable[..., Renderer]
+Make = Callable[..., StoreRenderer]
 """make(settings, data) opens the renderer; importable by name, as workers call it too."""
 
 
@@ -124,18 +124,18 @@ class Job:
         """The shards that are not there yet, or not of the size their index says."""
         return [shard for shard in range(self.num_shards) if not shards.is_done(self.folder, shard)]
 
-    def renderer(self) -> Renderer:
+    def renderer(self) -> StoreRenderer:
         """The renderer, opened once a process; InputError if its assets are not the dataset's."""
         return _renderer(self)
 
 
 @lru_cache(maxsize=1)
-def _renderer(job: Job) -> Renderer:
+def _renderer(job: Job) -> StoreRenderer:
     # what is left out of a folder of assets was said when the dataset was begun
     return _open(job, job.plan, report=lambda line: None)
 
 
-def _open(job: Job, plan: Mapping, **options) -> Renderer:
+def _open(job: Job, plan: Mapping, **options) -> StoreRenderer:
     """The renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
         raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
@@ -220,13 +220,7 @@ def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Ma
             f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
             f"{len(renderer.shapes)} shapes give, got {pairs}"
         )
-    plan = {
-        **_versions(),
-        **settings,
-        "pairs": pairs,
-        "maps": [asdict(one) for one in renderer.maps],
-        "shapes": [asdict(one) for one in renderer.shapes],
-    }
+    plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
     # loading the assets took a while: another process may have begun a dataset here
     shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
     return job
@@ -252,10 +246,10 @@ def check_versions(folder: Path, plan: Mapping) -> None:
             )
 
 
-def _same_assets(folder: Path, plan: Mapping, renderer: Renderer) -> None:
+def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
     for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
         names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
-        got = {one.id: one.name for one in notes}
+        got = {one["id"]: one["name"] for one in notes}
         for key in sorted(names.keys() ^ got.keys()):
             name = names.get(key) or got[key]
             expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)

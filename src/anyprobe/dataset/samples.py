@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from PIL import Image
@@ -16,6 +15,7 @@ from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.pair import MapPair, Pair, is_too_thin, render_map_pair, render_pair
 from anyprobe.dataset.recipe import Recipe, full_plan
 from anyprobe.errors import InputError
+from anyprobe.files.images import png_bytes
 
 CONDITIONS = ("clean", "world")
 
@@ -45,29 +45,6 @@ class Sample:
     key: str
     parts: dict[str, bytes]
     groups: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class AssetNote:
-    """What dataset.json says of a map or shape."""
-
-    id: str
-    name: str
-    licence: str
-
-
-class Renderer(Protocol):
-    """Recipes by number and the sample of each; opened anew in every process."""
-
-    count: int
-    maps: list[AssetNote]
-    shapes: list[AssetNote]
-
-    def recipe(self, index: int) -> Recipe:
-        """Recipe number index."""
-
-    def sample(self, recipe: Recipe) -> Sample:
-        """Its pair, the same bytes every time."""
 
 
 Report = Callable[[str], None] | None
@@ -127,9 +104,9 @@ def encode_pair(pair: Pair) -> Sample:
     return Sample(
         key=pair.recipe.key,
         parts={
-            "photo.png": _png(pair.photo),
-            "irradiance.png": _png(pair.irradiance),
-            NORMALS: _png(encode_normals(pair.normals)),
+            "photo.png": png_bytes(pair.photo),
+            "irradiance.png": png_bytes(pair.irradiance),
+            NORMALS: png_bytes(encode_normals(pair.normals)),
             "json": _json(pair, fields),
         },
         groups=("specular" if pair.specular else "diffuse", _place(pair)),
@@ -154,7 +131,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
     np.save(array, np.ascontiguousarray(pair.ln_radiance, np.float16))
     return Sample(
         key=pair.recipe.key,
-        parts={"ldr.png": _png(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
+        parts={"ldr.png": png_bytes(pair.ldr), "ln_radiance.npy": array.getvalue(), "json": _json(pair, {})},
         groups=(_place(pair),),
     )
 
@@ -182,12 +159,6 @@ def same(name: str, first: bytes, second: bytes) -> bool:
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
 
 
-def _png(image: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(image)).save(stream, format="PNG")
-    return stream.getvalue()
-
-
 def _json(pair: Pair | MapPair, more: dict) -> bytes:
     recipe = pair.recipe
     fields = {
@@ -212,5 +183,6 @@ def _place(pair: Pair | MapPair) -> str:
     return "indoor" if pair.indoor else "outdoor"
 
 
-def _notes(assets: Mapping) -> list[AssetNote]:
-    return [AssetNote(id=i, name=assets[i].name, licence=assets[i].licence) for i in sorted(assets)]
+def _notes(assets: Mapping) -> list[dict[str, str]]:
+    """What dataset.json says of maps or shapes."""
+    return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]

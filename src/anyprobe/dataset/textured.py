@@ -21,17 +21,15 @@ from anyprobe.render.reflectance import read_map
 from anyprobe.scatter.materials import Material
 
 
-def smooth_noise(rng: np.random.Generator, size: int, cells: float, aspect: float = 1.0) -> np.ndarray:
-    """Gaussian noise [size, size] of unit deviation, band-limited to about `cells` waves a side.
-
-    aspect: above 1 the grain is so much longer across than down.
-    """
-    spectrum, radius = _white_noise(rng, size, aspect)
+def smooth_noise(rng: np.random.Generator, size: int, cells: float) -> np.ndarray:
+    """Gaussian noise [size, size] of unit deviation, band-limited to about `cells` waves a side."""
+    spectrum, radius = _white_noise(rng, size, 1.0)
     return _unit_deviation(spectrum * np.exp(-0.5 * (radius / cells) ** 2))
 
 
 def rough_noise(rng: np.random.Generator, size: int, slope: float, aspect: float = 1.0) -> np.ndarray:
-    """Noise of all scales: its amplitude falls with frequency to the power -slope."""
+    """Noise of all scales: its amplitude falls with frequency to the power -slope; its grain is `aspect` times longer
+    across than down."""
     spectrum, radius = _white_noise(rng, size, aspect)
     return _unit_deviation(spectrum / np.maximum(radius, 1.0) ** slope)
 

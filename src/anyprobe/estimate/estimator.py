@@ -26,7 +26,7 @@ from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.depth import DepthSource
-from anyprobe.masks.pointing import Clicks
+from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import Albedo, Material, as_material
@@ -79,20 +79,6 @@ class Estimator:
         """The same open networks with other emitters."""
         other = copy(self)
         other.models, other.emitters = self.models.with_emitters(emitters), emitters
-        return other
-
-    def with_settings(
-        self,
-        *,
-        emitters: str,
-        segmenter: str | Segmenter | None,
-        detail: str,
-        size: int,
-        detail_library: str | Path | None,
-    ) -> Estimator:
-        """The same open networks with all else as __init__ takes it."""
-        other = self.with_emitters(emitters)
-        other._set(segmenter, detail, size, detail_library)
         return other
 
     def __call__(
@@ -336,9 +322,8 @@ def estimate(
             surroundings: of Estimator.__call__, which also lists what is raised.
         model, emitters, segmenter, detail, size, detail_library: of Estimator.
     """
-    estimator = _shared(model).with_settings(
-        emitters=emitters, segmenter=segmenter, detail=detail, size=size, detail_library=detail_library
-    )
+    estimator = _shared(model).with_emitters(emitters)
+    estimator._set(segmenter, detail, size, detail_library)
     return estimator(
         source,
         mask=mask,

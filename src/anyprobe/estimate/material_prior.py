@@ -1,9 +1,8 @@
 """A given material settles what a photo alone cannot: the colour and level of the light.
 
-A matte red sphere in white light looks like a white one in red light, and a bright sphere in weak light like a
-dark one in strong light. The network is given the material; what it answers is then drawn halfway, in the logarithm,
-to the level and colour at which the object, rendered with it, is as bright as its photo. A mirror of known shape is
-measured.
+A matte red sphere in white light looks like a white one in red light, and a bright sphere in weak light like a dark one
+in strong light. The network is given the material; what it answers is then drawn halfway, in the logarithm, to the
+level and colour at which the object, rendered with it, is as bright as its photo. A mirror of known shape is measured.
 """
 
 from __future__ import annotations

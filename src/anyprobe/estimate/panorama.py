@@ -54,8 +54,7 @@ def lay_over(newer: np.ndarray, older: np.ndarray | None) -> np.ndarray:
 
     older: None where there is none yet.
 
-    Where both show the same place and differ, the older is dropped: a light was switched off, or the poses are
-    wrong.
+    Where both show the same place and differ, the older is dropped: a light was switched off, or the poses are wrong.
     """
     if older is None:
         return newer

@@ -174,9 +174,8 @@ def _known_surroundings(source: SurroundingsSource | None) -> tuple[np.ndarray |
 def crop_object(photo: Photo, size: int = 128) -> Crop:
     """Cut a square around the object and bring it to size x size.
 
-    Averaged over areas when shrinking, bilinear when enlarging, with colour
-    premultiplied by the mask so that no background bleeds in. What lies over the
-    border of the photo is empty.
+    Averaged over areas when shrinking, bilinear when enlarging, with colour premultiplied by the mask so that no
+    background bleeds in. What lies over the border of the photo is empty.
     """
     x0, y0, x1, y1 = object_box(photo.mask)
     center = ((x0 + x1) / 2.0, (y0 + y1) / 2.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -10,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
-from PIL import Image
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.images import write_png
+from anyprobe.files.images import png_bytes, write_png
 from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
@@ -151,9 +149,7 @@ class Light:
 
     def _repr_png_(self) -> bytes:
         """The display picture, for notebooks."""
-        stream = io.BytesIO()
-        Image.fromarray(to_bytes(response(self.radiance))).save(stream, format="PNG")
-        return stream.getvalue()
+        return png_bytes(to_bytes(response(self.radiance)))
 
     @classmethod
     def load(cls, path: str | Path) -> Light:

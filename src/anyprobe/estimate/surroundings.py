@@ -115,8 +115,7 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 def surroundings_of(
     radiance: Float[np.ndarray, "H 2*H 3"], cover: Float[np.ndarray, "H 2*H 1"], measured: np.ndarray | None = None
 ) -> Float[np.ndarray, "H 2*H 3"]:
-    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its
-    share with values above white."""
+    """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its share with values above white."""
     display = response(radiance)
     if measured is None:
         return np.concatenate([display * cover, cover], axis=-1).astype(np.float32)

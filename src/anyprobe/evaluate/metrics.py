@@ -1,7 +1,6 @@
 """Numbers for how far a picture or map p is from the true one g.
 
-Pure NumPy; every function computes in float64 and returns a Python float.
-Pictures are [H, W] or [H, W, C].
+Pure NumPy; every function computes in float64 and returns a Python float. Pictures are [H, W] or [H, W, C].
 """
 
 from __future__ import annotations
@@ -18,17 +17,9 @@ SSIM_RADIUS = 5
 """The 11 x 11 window of Wang et al. 2004."""
 
 
-def rmse(a: np.ndarray, b: np.ndarray, weights: np.ndarray | None = None) -> float:
-    """sqrt( sum w (a - b)^2 / sum w ); without weights the plain mean over all numbers.
-
-    weights broadcast against a: for a map [H, 2H, 3] that is
-    pixel_solid_angles(H)[..., None], [H, 1, 1].
-    """
-    squared = np.square(np.asarray(a, np.float64) - np.asarray(b, np.float64))
-    if weights is None:
-        return float(np.sqrt(squared.mean()))
-    weights = np.broadcast_to(np.asarray(weights, np.float64), squared.shape)
-    return float(np.sqrt((weights * squared).sum() / weights.sum()))
+def rmse(a: np.ndarray, b: np.ndarray) -> float:
+    """Root of the mean of (a - b)^2 over all numbers."""
+    return float(np.sqrt(np.square(np.asarray(a, np.float64) - np.asarray(b, np.float64)).mean()))
 
 
 def psnr(a: np.ndarray, b: np.ndarray, peak: float = 1.0) -> float:
@@ -47,32 +38,27 @@ def _window_mean(image: np.ndarray) -> np.ndarray:
     return sum(k * down[:, i : i + columns] for i, k in enumerate(kernel))
 
 
-def ssim(a: np.ndarray, b: np.ndarray, data_range: float = 1.0, wrap_longitude: bool = False) -> float:
-    """Structural similarity, Wang et al. 2004 Eq. 13, mean over windows and channels.
+def ssim(a: np.ndarray, b: np.ndarray) -> float:
+    """Structural similarity of values up to 1, Wang et al. 2004 Eq. 13, mean over windows and channels.
 
         (2 m_a m_b + C1) (2 c_ab + C2) / ((m_a^2 + m_b^2 + C1) (v_a + v_b + C2))
-        C1 = (0.01 data_range)^2, C2 = (0.03 data_range)^2
+        C1 = 0.01^2, C2 = 0.03^2
 
-    with means m, variances v and covariance c under an 11 x 11 Gaussian of
-    sigma 1.5, the weights summing to 1 (no sample correction). Only windows that
-    lie in the picture count. wrap_longitude is for maps: the columns are continued
-    around and the rows by their edge, so that every pixel has a window.
+    with means m, variances v and covariance c under an 11 x 11 Gaussian of sigma 1.5, the weights summing to 1 (no
+    sample correction). Only windows that lie in the picture count.
     """
     a, b = (np.asarray(image, np.float64) for image in (a, b))
     if a.shape != b.shape:
         raise ValueError(f"expected two pictures of one shape, got {a.shape} and {b.shape}")
     if a.ndim == 2:
         a, b = a[..., None], b[..., None]
-    if wrap_longitude:
-        surroundings, edge = ((0, 0), (SSIM_RADIUS,) * 2, (0, 0)), ((SSIM_RADIUS,) * 2, (0, 0), (0, 0))
-        a, b = (np.pad(np.pad(image, surroundings, mode="wrap"), edge, mode="edge") for image in (a, b))
     if min(a.shape[:2]) <= 2 * SSIM_RADIUS:
         raise ValueError(f"expected at least 11 x 11 pixels, got {a.shape[0]} x {a.shape[1]}")
     mean_a, mean_b = _window_mean(a), _window_mean(b)
     variance_a = _window_mean(a * a) - mean_a**2
     variance_b = _window_mean(b * b) - mean_b**2
     covariance = _window_mean(a * b) - mean_a * mean_b
-    c1, c2 = (0.01 * data_range) ** 2, (0.03 * data_range) ** 2
+    c1, c2 = 0.01**2, 0.03**2
     similarity = ((2 * mean_a * mean_b + c1) * (2 * covariance + c2)) / (
         (mean_a**2 + mean_b**2 + c1) * (variance_a + variance_b + c2)
     )

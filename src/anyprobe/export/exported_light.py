@@ -1,8 +1,7 @@
 """What every export target is written from, the sidecar of each, and the origin of maps on disk.
 
-Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe,
-for renderers that are given a directional light as well. With both full and a directional light
-the dominant light would count twice.
+Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe, for renderers that
+are given a directional light as well. With both full and a directional light the dominant light would count twice.
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ nothing need be installed. Mitsuba 3: the map as an .exr and a scene.xml with th
 
 from __future__ import annotations
 
-import io
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +19,6 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import OpenEXR
-from PIL import Image
 
 from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.core.sampling import hammersley
@@ -28,6 +26,7 @@ from anyprobe.errors import OutputError
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import SCALE, ExportedLight, numbers, read_template, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
+from anyprobe.files.images import png_bytes
 from anyprobe.files.meshes import glb_file
 from anyprobe.files.paths import utf8_path
 from anyprobe.light.environment import reduced
@@ -84,7 +83,7 @@ def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.nd
 def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.glb: the light without its dominant lobe as an image-based light, the lobe as a directional one."""
     levels = prefiltered(light.ambient, min(face_size(light.radiance.shape[0]), LARGEST_SIDE))
-    pictures = [_png(pack_rgbd(face)) for level in levels for face in level]
+    pictures = [png_bytes(pack_rgbd(face), optimize=True) for level in levels for face in level]
     views, blob = [], bytearray()
     for picture in pictures:
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(picture)})
@@ -141,12 +140,6 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
             "babylon": "set scene.environmentTexture.gammaSpace = false; left-handed scenes, its default",
         },
     }
-
-
-def _png(rgba: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(rgba).save(stream, "PNG", optimize=True)
-    return stream.getvalue()
 
 
 USDZ_ALIGNMENT = 64

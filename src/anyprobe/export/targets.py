@@ -1,22 +1,171 @@
-"""One light to one target: all of its files, or none."""
+"""One light to one target, all of its files or none; and the targets that are engines and AR interfaces: WebXR, ARCore,
+ARKit, Unreal, Unity, Blender, three.js."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anyprobe.core.color import REC709_CHROMATICITIES, luminance, xyz_from_rgb
 from anyprobe.errors import InputError
-from anyprobe.export import cube_textures, engines, scene_files
-from anyprobe.export.exported_light import ExportedLight, prepare, sidecar, write_json
-from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame
+from anyprobe.export import cube_textures, scene_files
+from anyprobe.export.exported_light import (
+    ExportedLight,
+    numbers,
+    prepare,
+    primary_light,
+    read_template,
+    sidecar,
+    template,
+    write_json,
+    write_maps,
+)
+from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame, planar, unity, webxr
 from anyprobe.files.atomic import atomic_files
 
 if TYPE_CHECKING:
     from jaxtyping import Float
+
+
+ARKIT_NEUTRAL = 1000.0
+"""ARKit's lumens of a neutrally lit scene; our radiance 1 stands for it."""
+
+ARKIT_WHITE_K = 6500.0
+"""ARKit's colour temperature of white light [K]."""
+
+TEMPERATURES_K = np.arange(1000.0, 15001.0, 10.0)
+"""The range of Krystek's approximation of black bodies."""
+
+
+def write_webxr(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.estimate.json: the three attributes of an XRLightEstimate, in the probe's space."""
+    estimate = {**primary_light(light), "sphericalHarmonicsCoefficients": numbers(webxr(light.sh_ambient))}
+    write_json(folder / f"{light.name}.estimate.json", estimate)
+    return {}
+
+
+def write_arcore(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.estimate.json: what ARCore's LightEstimate returns in its Environmental HDR mode.
+
+    SH by WebXR's definition, to which ARCore's Unity SDK agrees; ARCore's samples in C and
+    Kotlin turn the signs of x and y round when they read them.
+    """
+    estimate = {
+        "environmentalHdrMainLightDirection": numbers(light.main.direction),
+        "environmentalHdrMainLightIntensity": numbers(light.main.irradiance),
+        "environmentalHdrAmbientSphericalHarmonics": numbers(webxr(light.sh_ambient)),
+    }
+    write_json(folder / f"{light.name}.estimate.json", estimate)
+    return {}
+
+
+def write_arkit(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.estimate.json: what ARKit's ARDirectionalLightEstimate holds, 27 SH planar, of all light.
+
+    ambientIntensity is that of a white surface averaged over all directions: mean radiance
+    times 1000. ambientColorTemperature is that of the same light [K].
+    """
+    mean = light.sh_full[0] * np.sqrt(1 / (4 * np.pi))
+    estimate = {
+        "ambientIntensity": numbers(ARKIT_NEUTRAL * luminance(mean)),
+        "ambientColorTemperature": correlated_temperature(mean),
+        "primaryLightDirection": numbers(light.main.direction),
+        "primaryLightIntensity": numbers(ARKIT_NEUTRAL * luminance(light.main.irradiance) / np.pi),
+        "sphericalHarmonicsCoefficients": numbers(ARKIT_NEUTRAL * planar(light.sh_full)),
+    }
+    write_json(folder / f"{light.name}.estimate.json", estimate)
+    return {"arkit": {"lumens_of_radiance_1": ARKIT_NEUTRAL}}
+
+
+def correlated_temperature(rgb: Float[np.ndarray, " 3"]) -> float:
+    """Temperature [K] of the black body whose colour is nearest in CIE 1960 u, v, from 1000 to 15000.
+
+    Black bodies by Krystek 1985. Coloured light has one too, however far from it: a green emitter some 6000 K.
+
+    Args:
+        rgb: [3] linear Rec. 709; black gives ARKit's white.
+    """
+    x, y, z = xyz_from_rgb(REC709_CHROMATICITIES) @ np.asarray(rgb, dtype=np.float64)
+    total = x + 15.0 * y + 3.0 * z
+    if total <= 0.0:
+        return ARKIT_WHITE_K
+    t = TEMPERATURES_K
+    u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t**2) / (1.0 + 8.42420235e-4 * t + 7.08145163e-7 * t**2)
+    v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t**2) / (1.0 - 2.89741816e-5 * t + 1.61456053e-7 * t**2)
+    return float(t[np.argmin((u - 4.0 * x / total) ** 2 + (v - 6.0 * y / total) ** 2)])
+
+
+def sun_rotation(towards: Float[np.ndarray, " 3"]) -> tuple[float, float]:
+    """Pitch and yaw [degrees] of a directional light whose +X points away from a light at [3]."""
+    x, y, z = -np.asarray(towards, dtype=np.float64)
+    return float(np.degrees(np.arcsin(np.clip(z, -1, 1)))), float(np.degrees(np.arctan2(y, x)))
+
+
+def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.hdr, <name>_ambient.hdr and <name>.txt, what to set in the editor."""
+    write_maps(light, folder, UNREAL, ".hdr")
+    pitch, yaw = sun_rotation(UNREAL.from_ours(light.main.direction))
+    intensity = float(light.main.irradiance.max())
+    r, g, b = (float(channel) for channel in light.main.color)
+    notes = read_template("unreal.txt").format(
+        name=light.name, pitch=pitch, yaw=yaw, intensity=intensity, r=r, g=g, b=b, angle=light.main_angle_deg
+    )
+    (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
+    return {
+        "unreal": {
+            "light_pitch_deg": round(pitch, 4),
+            "light_yaw_deg": round(yaw, 4),
+            "light_color": numbers(light.main.color),
+            "light_intensity_lux": numbers(intensity),
+        }
+    }
+
+
+def write_unity(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.hdr, <name>_ambient.hdr and AnyprobeLight.cs, which reads the sidecar.
+
+    Unity's Lambert has no 1 / pi: its light's intensity is irradiance / pi, linear. The component's file
+    is the same for every light, because Unity wants a class named as its file.
+    """
+    write_maps(light, folder, UNITY, ".hdr")
+    (folder / "AnyprobeLight.cs").write_text(template("AnyprobeLight.cs", light), encoding="utf-8")
+    return {
+        "unity": {
+            "sh_full": numbers(unity(light.sh_full).ravel()),
+            "sh_ambient": numbers(unity(light.sh_ambient).ravel()),
+            "light_direction": numbers(UNITY.from_ours(light.main.direction)),
+            "light_color": numbers(light.main.color),
+            "light_intensity": numbers(light.main.irradiance.max() / np.pi),
+        }
+    }
+
+
+def write_blender(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.exr, <name>_ambient.exr and <name>.py.
+
+    A Sun's strength is the irradiance of a plane that faces it, as ours is; World strength 1 is radiance as it is.
+    """
+    write_maps(light, folder, BLENDER, ".exr")
+    (folder / f"{light.name}.py").write_text(template("blender_world.py", light), encoding="utf-8")
+    return {}
+
+
+def write_three(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
+    """<name>.hdr, <name>_ambient.hdr, <name>.js and <name>.html.
+
+    The maps are rolled, so that they stand right without environmentRotation. DirectionalLight's
+    intensity is the irradiance of a plane that faces it, as ours is.
+    """
+    write_maps(light, folder, THREE, ".hdr")
+    (folder / f"{light.name}.js").write_text(template("three.js", light), encoding="utf-8")
+    page = template("three.html", light).replace("@TITLE@", escape(light.name))
+    (folder / f"{light.name}.html").write_text(page, encoding="utf-8")
+    return {"half_float": "HDRLoader makes halfs of .hdr: what is above 65504 is clamped there"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,13 +186,13 @@ _THREE = "three.js r187 in Chromium shows it the right way round"
 
 TARGETS = {
     "three": Target(
-        write=engines.write_three, frame=THREE, checked=f"{_THREE}: background, environment, LightProbe and sun agree"
+        write=write_three, frame=THREE, checked=f"{_THREE}: background, environment, LightProbe and sun agree"
     ),
     "blender": Target(
-        write=engines.write_blender, frame=BLENDER, checked="Blender 5.0.1: Cycles sees and lights by it as it is"
+        write=write_blender, frame=BLENDER, checked="Blender 5.0.1: Cycles sees and lights by it as it is"
     ),
-    "unity": Target(write=engines.write_unity, frame=UNITY, checked="by formula only: not opened in Unity"),
-    "unreal": Target(write=engines.write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"),
+    "unity": Target(write=write_unity, frame=UNITY, checked="by formula only: not opened in Unity"),
+    "unreal": Target(write=write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"),
     "usd": Target(
         write=scene_files.write_usd,
         frame=OPENEXR,
@@ -62,11 +211,9 @@ TARGETS = {
         frame=FRONT,
         checked=f"{_THREE} (DDSLoader, the BC6H file); the half-float file by a parser of our own",
     ),
-    "webxr": Target(
-        write=engines.write_webxr, frame=FRONT, checked="by the specification only: not run in a WebXR session"
-    ),
-    "arcore": Target(write=engines.write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"),
-    "arkit": Target(write=engines.write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"),
+    "webxr": Target(write=write_webxr, frame=FRONT, checked="by the specification only: not run in a WebXR session"),
+    "arcore": Target(write=write_arcore, frame=FRONT, checked="by the documentation only: not run with ARCore"),
+    "arkit": Target(write=write_arkit, frame=FRONT, checked="by the documentation only: not run with ARKit"),
 }
 
 

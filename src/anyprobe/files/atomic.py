@@ -1,7 +1,6 @@
 """Whole files or none, one or a set: write beside the target, then rename.
 
-A reader never meets a half-written result, and a failed or interrupted run
-leaves the old file as it was.
+A reader never meets a half-written result, and a failed or interrupted run leaves the old file as it was.
 """
 
 from __future__ import annotations
@@ -30,9 +29,8 @@ STALE_S = 86_400.0
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path to write to; it becomes `path` when the block ends well.
 
-    The temporary file is a hidden sibling with the same suffix, because encoders
-    choose the format by it, and is made by the writer, so that it gets the usual
-    permissions. Missing folders are made. A symbolic link is written through.
+    The temporary file is a hidden sibling with the same suffix, because encoders choose the format by it, and is made
+    by the writer, so that it gets the usual permissions. Missing folders are made. A symbolic link is written through.
 
     Raises:
         OutputError: the folder cannot be made, or the file cannot be written.
@@ -59,9 +57,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
 def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield an empty folder to write files to; when the block ends well all of them move into `folder`.
 
-    Older files of the same names are replaced; if any move fails they come back, and none of the
-    new ones stays. What a run that was killed has left behind is put back and removed. Missing folders
-    are made.
+    Older files of the same names are replaced; if any move fails they come back, and none of the new ones stays. What a
+    run that was killed has left behind is put back and removed. Missing folders are made.
 
     Raises:
         OutputError: the folder cannot be made or written; its message never names the scratch folder.

@@ -28,7 +28,8 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.intra_op_num_threads = even_threads(threads or _cores())
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    options.intra_op_num_threads = even_threads(threads or cores)
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no common base class for its errors
@@ -40,8 +41,3 @@ def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceS
 def even_threads(threads: int) -> int:
     """The largest power of two that is not above it, nor above MOST_THREADS."""
     return 1 << (max(1, min(threads, MOST_THREADS)).bit_length() - 1)
-
-
-def _cores() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,7 +12,7 @@ import struct
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import ExifTags, Image, ImageCms, ImageOps
@@ -53,9 +53,8 @@ class Pixels:
 def read_image(source: ImageSource, name: str | None = None) -> Pixels:
     """Read a photo from a path, bytes, a Pillow image or an array.
 
-    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float
-    display values in [0, 1]. An .exr holds linear radiance and goes through the
-    camera's response. Of an animation the first frame counts.
+    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. An .exr
+    holds linear radiance and goes through the camera's response. Of an animation the first frame counts.
 
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
@@ -92,6 +91,13 @@ def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
     with atomic_path(path) as temporary:
         level = FAST_PNG if image.size > MANY_VALUES else USUAL_PNG
         Image.fromarray(np.ascontiguousarray(image)).save(temporary, format="PNG", compress_level=level)
+
+
+def png_bytes(picture: np.ndarray, **settings: Any) -> bytes:
+    """uint8 [H, W], [H, W, 3] or [H, W, 4] as PNG; settings: Pillow's."""
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(stream, format="PNG", **settings)
+    return stream.getvalue()
 
 
 def picture_bytes(image: np.ndarray) -> np.ndarray:
@@ -143,9 +149,9 @@ def _from_pillow(image: Image.Image, name: str) -> Pixels:
             image = image.convert("RGB")
         values = _color_values(image)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
-            f"{name}: expected a whole image, got a damaged or unusual one ({_one_line(error)}); "
-            "save it again as PNG or JPEG"
+            f"{name}: expected a whole image, got a damaged or unusual one ({reason}); save it again as PNG or JPEG"
         ) from error
     del image  # its pixels; they are in values now
     pixels = _from_array(values, name)
@@ -241,7 +247,3 @@ def _from_array(values: np.ndarray, name: str) -> Pixels:
         display = display[..., :3].copy()
     rgb = np.broadcast_to(display, (*display.shape[:2], 3)) if display.shape[2] == 1 else display
     return Pixels(rgb=rgb, alpha=alpha, long_fov_deg=None, name=name)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:120] or type(error).__name__

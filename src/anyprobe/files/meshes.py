@@ -23,7 +23,7 @@ import numpy as np
 
 from anyprobe.errors import InvalidMesh
 from anyprobe.files.paths import read_regular
-from anyprobe.render.mesh import MAX_FACES, Mesh, check_triangles, make_mesh
+from anyprobe.render.mesh import MAX_FACES, Mesh, check_triangles, make_mesh, put_together
 
 SUFFIXES = (".ply", ".obj", ".glb", ".stl", ".off")
 
@@ -54,9 +54,7 @@ def read_mesh(path: str | Path) -> Mesh:
     parts = _read_parts(data, suffix, path.name)
     if not parts:
         raise InvalidMesh(f"{path.name}: expected triangles, got none; is the file empty?")
-    offsets = np.cumsum([0] + [len(positions) for positions, _ in parts])
-    positions = np.concatenate([positions for positions, _ in parts])
-    faces = np.concatenate([faces + offset for (_, faces), offset in zip(parts, offsets[:-1], strict=True)])
+    positions, faces = put_together(parts)
     if announced is not None and len(faces) < announced:
         raise InvalidMesh(
             f"{path.name}: expected {announced:,} faces as its header says, got {len(faces):,}; "

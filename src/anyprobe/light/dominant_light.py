@@ -1,11 +1,9 @@
 """The dominant light: the one lobe that a directional light stands for (sun, emitter, window).
 
-Lobe = the connected pixels around the brightest one whose luminance, averaged over
-a cap 10 degrees across, is at least half the peak. Half the peak falls a little
-inside the edge of a source 10 to 30 degrees across, so the sums run over the lobe
-and the pixels that touch it; without those an emitter 14 degrees across loses a quarter
-of its power. The light is what they have more than their surroundings, L - L_ring
-with L_ring the mean radiance just outside.
+Lobe = the connected pixels around the brightest one whose luminance, averaged over a cap 10 degrees across, is at least
+half the peak. Half the peak falls a little inside the edge of a source 10 to 30 degrees across, so the sums run over
+the lobe and the pixels that touch it; without those an emitter 14 degrees across loses a quarter of its power. The
+light is what they have more than their surroundings, L - L_ring with L_ring the mean radiance just outside.
 """
 
 from __future__ import annotations
@@ -51,8 +49,7 @@ class DominantLight:
 def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
     """Grow a mask [H, 2H] by one pixel up, down, left and right on the sphere.
 
-    The columns wrap around, and a pole row that is touched is taken whole: all
-    of its pixels meet at the pole.
+    The columns wrap around, and a pole row that is touched is taken whole: all of its pixels meet at the pole.
     """
     grown = mask.copy()
     grown[:, 1:] |= mask[:, :-1]

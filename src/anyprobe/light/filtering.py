@@ -1,8 +1,7 @@
 """Blurs that depend on the angle alone (zonal kernels), exact on the map's pixels.
 
-On a latitude-longitude grid such a kernel couples rows i and j through their
-longitude difference only, so a Fourier transform along the columns turns it into
-one small matrix a frequency: 64 x 64 matrices instead of 8192 x 8192.
+On a latitude-longitude grid such a kernel couples rows i and j through their longitude difference only, so a Fourier
+transform along the columns turns it into one small matrix a frequency: 64 x 64 matrices instead of 8192 x 8192.
 """
 
 from __future__ import annotations

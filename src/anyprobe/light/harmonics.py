@@ -6,9 +6,8 @@ Order and constants are those of WebXR and three.js, in the camera frame (x, y, 
     (l,m)   0,0  1,-1 1,0  1,1  2,-2 2,-1 2,0       2,1  2,2
     Y_i/K   1    y    z    x    xy   yz   3z^2 - 1  xz   x^2 - y^2
 
-Coefficients are of radiance, L_i = integral of L Y_i dw; the cosine lobe is applied
-by irradiance() alone (Ramamoorthi and Hanrahan 2001). Order 2 may turn negative
-opposite a strong light: nothing here clamps that.
+Coefficients are of radiance, L_i = integral of L Y_i dw; the cosine lobe is applied by irradiance() alone (Ramamoorthi
+and Hanrahan 2001). Order 2 may turn negative opposite a strong light: nothing here clamps that.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.masks.prompts import Point
 from anyprobe.masks.refine import guided, refine, resize
-from anyprobe.masks.regions import one_object
+from anyprobe.masks.regions import grow, one_object
 
 LONG_PX = 448
 """Longer side of the window that is worked on."""
@@ -87,10 +87,10 @@ def cut_out(
             break
     if not object_.any() or told_apart == 0.0:  # the latter in a blank picture alone
         return None
-    canvas = np.zeros(rgb.shape[:2], np.float32)
-    soft = np.where(object_, np.maximum(share, 0.6), np.minimum(share, 0.4) * _near(object_))
+    canvas, near = np.zeros(rgb.shape[:2], np.float32), grow(grow(object_))
+    soft = np.where(object_, np.maximum(share, 0.6), np.minimum(share, 0.4) * near)
     canvas[y0:y1, x0:x1] = refine(rgb[y0:y1, x0:x1], soft.astype(np.float32), RADIUS / 2)
-    canvas[y0:y1, x0:x1] *= resize(_near(object_).astype(np.float32), x1 - x0, y1 - y0) > 0.25
+    canvas[y0:y1, x0:x1] *= resize(near.astype(np.float32), x1 - x0, y1 - y0) > 0.25
     loose = 1.0 - float((found & object_).sum() / max(found.sum(), 1))
     return Cut(mask=canvas, loose=loose, told_apart=told_apart)
 
@@ -117,22 +117,10 @@ def tidy(rgb: np.ndarray, cover: np.ndarray) -> Cut | None:
     size = max(1, round(found.shape[1] * scale)), max(1, round(found.shape[0] * scale))
     _, told_apart = _color_votes(resize(rgb, *size), resize(part.astype(np.float32), *size))
     return Cut(
-        mask=np.where(part, np.maximum(cover, 0.51), cover * _near(part)).astype(np.float32),
+        mask=np.where(part, np.maximum(cover, 0.51), cover * grow(grow(part))).astype(np.float32),
         loose=1.0 - float((found & part).sum() / found.sum()),
         told_apart=told_apart,
     )
-
-
-def _near(inside: np.ndarray) -> np.ndarray:
-    """The mask [H, W] bool grown by two pixels."""
-    grown = inside.copy()
-    for _ in range(2):
-        before = grown.copy()
-        grown[1:] |= before[:-1]
-        grown[:-1] |= before[1:]
-        grown[:, 1:] |= before[:, :-1]
-        grown[:, :-1] |= before[:, 1:]
-    return grown
 
 
 def _share(odds: np.ndarray) -> np.ndarray:

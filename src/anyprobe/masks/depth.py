@@ -26,9 +26,8 @@ def read_depth(source: DepthSource) -> np.ndarray:
     """A depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
 
     Args:
-        source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits
-            (sensors write millimetres), or an .exr with a channel Z, V, Y or R: of it the display
-            window, zero where it holds no data.
+        source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits (sensors write millimetres), or
+            an .exr with a channel Z, V, Y or R: of it the display window, zero where it holds no data.
     Raises:
         InvalidMask: not a depth image.
     """
@@ -69,8 +68,7 @@ def mask_from_depth(
     Args:
         source: see read_depth.
         shape: (height, width) of the upright photo.
-        near, far: at least one; without near everything measured up to far, without far
-            everything from near on.
+        near, far: at least one; without near everything measured up to far, without far everything from near on.
     """
     if near is None and far is None:
         raise InvalidMask(

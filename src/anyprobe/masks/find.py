@@ -14,8 +14,7 @@ from anyprobe.files.images import Pixels
 from anyprobe.masks.check import check_mask
 from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.depth import DepthSource, mask_from_depth
-from anyprobe.masks.pointing import Clicks, check_box, check_clicks
-from anyprobe.masks.prompts import Point
+from anyprobe.masks.prompts import Clicks, Point, check_box, check_clicks
 from anyprobe.masks.propose import MaskNetwork, Proposal, as_proposal, object_window, shared_network
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.segmenters import Segmenter, load_segmenter

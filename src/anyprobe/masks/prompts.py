@@ -1,6 +1,5 @@
-"""Prompts as a picture beside the photo: clicks and a box as one channel.
-
-The mask network's input and its training draw the same channel with this.
+"""Prompts: clicks and boxes as people give them, checked against the photo, in pixels of the upright photo from the top
+left; and as a picture beside it, one channel that the mask network's input and its training draw with this.
 """
 
 from __future__ import annotations
@@ -9,10 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from anyprobe.errors import InvalidMask
+from anyprobe.masks.check import MIN_OBJECT_PX
+
 CLICK_SIGMA_PX = 4.0
 BOX_LEVEL = 0.5
 
 Point = tuple[float, float]
+Clicks = Point | Sequence[Point]
 
 
 def draw_prompts(
@@ -45,3 +48,43 @@ def draw_prompts(
 def _blob(centre: np.ndarray, point: Point) -> np.ndarray:
     across, down = (np.exp(-0.5 * ((centre - at) / CLICK_SIGMA_PX) ** 2) for at in point)
     return np.outer(down, across).astype(np.float32)
+
+
+def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -> list[Point]:
+    """One x, y or several as a list of points, or InvalidMask: not numbers, outside the photo."""
+    try:
+        points = np.asarray(clicks, dtype=np.float64)
+        points = points.reshape(-1, 2) if points.ndim == 1 and points.size in (0, 2) else points
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise ValueError
+    except (TypeError, ValueError) as error:
+        raise InvalidMask(f"{name}: expected X,Y in pixels, or several of them, got {clicks!r}") from error
+    for x, y in points:
+        if not (0 <= x < width and 0 <= y < height):
+            raise InvalidMask(
+                f"{name}: expected X,Y with 0 <= X < {width} and 0 <= Y < {height}, got {x:g},{y:g}; "
+                "count pixels from the top left of the upright photo"
+            )
+    return [(float(x), float(y)) for x, y in points]
+
+
+def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, float, float, float]:
+    """The box as four numbers, or InvalidMask: outside the photo, too small, all of it."""
+    try:
+        x0, y0, x1, y1 = (float(v) for v in box)
+    except (TypeError, ValueError) as error:
+        raise InvalidMask(f"box: expected four numbers X0,Y0,X1,Y1 in pixels, got {box!r}") from error
+    shown = f"{x0:g},{y0:g},{x1:g},{y1:g}"
+    if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+        raise InvalidMask(
+            f"box: expected X0,Y0,X1,Y1 with 0 <= X0 < X1 <= {width} and 0 <= Y0 < Y1 <= {height}, "
+            f"got {shown}; count pixels from the top left of the upright photo"
+        )
+    if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
+        raise InvalidMask(
+            f"box: expected an object at least {MIN_OBJECT_PX} pixels across, got the box {shown}; "
+            "use a larger photo or go closer"
+        )
+    if (x1 - x0) * (y1 - y0) >= width * height:
+        raise InvalidMask(f"box: expected some background around the box, got the whole photo {shown}; draw it closer")
+    return x0, y0, x1, y1

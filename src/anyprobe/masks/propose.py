@@ -14,6 +14,7 @@ from anyprobe.errors import ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
 from anyprobe.masks.refine import resize
+from anyprobe.masks.regions import grow, label_parts
 
 SIZE = 160
 """Side of the network's input and output."""
@@ -78,11 +79,6 @@ class Letterbox:
         square[rows, columns] = resize(window, self.width, self.height)
         return square
 
-    def cut_photo(self, mask: np.ndarray) -> np.ndarray:
-        """The window of a mask [H, W] of the photo's size at the square's resolution, bool."""
-        x, y = self.origin
-        return resize(mask[y : y + self.size[1], x : x + self.size[0]], self.width, self.height) > 0.5
-
     def cut(self, square: np.ndarray) -> np.ndarray:
         """What of a picture [SIZE, SIZE] lies on the window."""
         return square[self._inside()]
@@ -99,11 +95,11 @@ class Letterbox:
 class MaskNetwork:
     """The graph, opened once; safe to share between threads."""
 
-    def __init__(self, path: str | Path | None = None, threads: int | None = None) -> None:
+    def __init__(self, path: str | Path | None = None) -> None:
         path = default_graph() if path is None else Path(path)
         if not path.is_file():
             raise ModelError(f"{path}: expected the mask network, got no such file; reinstall anyprobe")
-        self._session = open_graph(path, threads)
+        self._session = open_graph(path)
         found = self._session.get_modelmeta().custom_metadata_map
         for key, value in CONTRACT.items():
             if found.get(key) != value:
@@ -171,38 +167,10 @@ def default_graph() -> Path:
 
 def keep_large_parts(inside: np.ndarray) -> np.ndarray:
     """The mask [h, w] bool without loose parts (4-connected) below PART_SHARE of the largest, grown by a pixel."""
-    left, parts = inside.copy(), []
-    while left.any():
-        part = _flood(left)
-        parts.append(part)
-        left &= ~part
-    largest = max((part.sum() for part in parts), default=0)
-    kept = np.zeros_like(inside)
-    for part in parts:
-        if part.sum() >= PART_SHARE * largest:
-            kept |= grow(part)
-    return kept
-
-
-def _flood(inside: np.ndarray) -> np.ndarray:
-    """The connected part of the first pixel of inside, row by row."""
-    part = np.zeros_like(inside)
-    part.flat[int(inside.argmax())] = True
-    count = 0
-    while count != (count := int(part.sum())):
-        for _ in range(8):
-            part = grow(part) & inside
-    return part
-
-
-def grow(mask: np.ndarray) -> np.ndarray:
-    """A mask [H, W] bool and the pixels beside it."""
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
+    labels, sizes = label_parts(inside)
+    large = sizes >= PART_SHARE * sizes[1:].max(initial=0)
+    large[0] = False
+    return grow(large[labels])
 
 
 def _confidence(cover: np.ndarray, inside: np.ndarray) -> float:

@@ -10,8 +10,9 @@ import numpy as np
 
 from anyprobe.masks.cut import Cut, color_odds
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.propose import MaskNetwork, Proposal, grow, object_window
+from anyprobe.masks.propose import MaskNetwork, Proposal, object_window
 from anyprobe.masks.refine import box_mean, resize
+from anyprobe.masks.regions import grow
 
 DOUBTFUL = 0.81
 """Expected IoU below which a mask comes with a warning."""
@@ -136,24 +137,6 @@ def examine(
         small=float(np.log(max(0.05 / max(share, 1e-5), 1.0))),
         large=max(share - 0.6, 0.0) / 0.4,
     )
-
-
-def deepest_point(mask: np.ndarray) -> Point:
-    """x, y of the point of a mask [H, W] that is furthest from everything outside, to a 64th of the longer side."""
-    height, width = mask.shape
-    step = max(1, round(max(height, width) / 64))
-    inside = np.pad(mask[step // 2 :: step, step // 2 :: step] > 0.5, 1)
-    if not inside.any():
-        rows, columns = np.nonzero(mask > 0.5)
-        return float(columns[0]) + 0.5, float(rows[0]) + 0.5
-    last = inside
-    while inside.any():
-        last = inside
-        inside = inside.copy()
-        inside[1:-1, 1:-1] &= last[:-2, 1:-1] & last[2:, 1:-1] & last[1:-1, :-2] & last[1:-1, 2:]
-    rows, columns = np.nonzero(last)
-    middle = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
-    return (columns[middle] - 1) * step + step // 2 + 0.5, (rows[middle] - 1) * step + step // 2 + 0.5
 
 
 def _iou(one: np.ndarray, other: np.ndarray) -> float:

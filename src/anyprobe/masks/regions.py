@@ -8,6 +8,16 @@ HOLE_SHARE = 0.03
 """Holes up to this share of the object are filled; larger ones are seen through, as a handle is."""
 
 
+def grow(mask: np.ndarray) -> np.ndarray:
+    """A mask [H, W] bool and the pixels beside it."""
+    grown = mask.copy()
+    grown[1:] |= mask[:-1]
+    grown[:-1] |= mask[1:]
+    grown[:, 1:] |= mask[:, :-1]
+    grown[:, :-1] |= mask[:, 1:]
+    return grown
+
+
 def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which 4-connected part each pixel belongs to.
 

@@ -17,6 +17,7 @@ from PIL import Image
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
 from anyprobe.masks.prompts import Point
+from anyprobe.masks.refine import resize
 from anyprobe.masks.regions import label_parts
 
 GROUP = "anyprobe.segmenters"
@@ -199,8 +200,7 @@ class Sam:
         if odds.shape != (height, width):
             scale = odds.shape[0] / self.SIDE
             shown = odds[: max(1, round(size[1] * scale)), : max(1, round(size[0] * scale))]
-            image = Image.fromarray(np.ascontiguousarray(shown, np.float32))
-            odds = np.asarray(image.resize((width, height), Image.Resampling.BILINEAR))
+            odds = resize(shown, width, height)
         return (1.0 / (1.0 + np.exp(-np.clip(odds, -30, 30)))).astype(np.float32)
 
 

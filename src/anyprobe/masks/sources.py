@@ -42,10 +42,9 @@ def mask_from_alpha(alpha: np.ndarray | None) -> np.ndarray | None:
 def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
     """A picture of the mask, white on the object.
 
-    Its alpha channel counts if it has one that cuts something away, else its brightness.
-    The outer tenths of the range are flattened, which removes the noise of JPEG around
-    black and white and keeps soft edges, with the half level in place. Of an .exr the
-    luminance is the mask as it is stored: it is linear and has no such noise.
+    Its alpha channel counts if it has one that cuts something away, else its brightness. The outer tenths of the range
+    are flattened, which removes the noise of JPEG around black and white and keeps soft edges, with the half level in
+    place. Of an .exr the luminance is the mask as it is stored: it is linear and has no such noise.
 
     Args:
         source: anything read_image takes, or a boolean or 0/1 array.

@@ -1,9 +1,8 @@
 """The network that ships: photo -> environment map in one pass.
 
-Object features are extracted from the photo (ObjectNet), lifted to the directions their light came
-from (nets.lifting) and completed on the sphere (SphereNet). Radiance is the sum of what a display
-shows, up to white, and of emitters above white, as total power and where it comes from
-(nets.emitter_head).
+Object features are extracted from the photo (ObjectNet), lifted to the directions their light came from (nets.lifting)
+and completed on the sphere (SphereNet). Radiance is the sum of what a display shows, up to white, and of emitters above
+white, as total power and where it comes from (nets.emitter_head).
 """
 
 from __future__ import annotations
@@ -42,9 +41,8 @@ def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
 class SphereNet(nn.Module):
     """Lifted means at 64, 32, 16, 8 and 4 rows, a code and surroundings [N, 4, 64, 128] -> [N, outputs, 64, 128].
 
-    Those at 64 rows have `fine` channels, all others `lifted`. Every scale sees the lifted
-    pixels of its own size, so that gaps are filled from coarser ones; the pixels'
-    directions give it up and forward.
+    Those at 64 rows have `fine` channels, all others `lifted`. Every scale sees the lifted pixels of its own size, so
+    that gaps are filled from coarser ones; the pixels' directions give it up and forward.
     """
 
     def __init__(
@@ -102,8 +100,7 @@ class ObjectNet(nn.Module):
     [N, 3, 64, 64] and where they are given [N, 1, 64, 64] rather than estimated; surroundings [N, 4, H, 2H] and
     material [N, 8] (see LightNet) -> ObjectFeatures.
 
-    Two pixels in each direction are folded into channels at once, so that nothing is
-    computed at full size.
+    Two pixels in each direction are folded into channels at once, so that nothing is computed at full size.
     """
 
     def __init__(self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192) -> None:

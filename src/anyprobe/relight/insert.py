@@ -14,6 +14,7 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.estimate.normals_prior import Part
 from anyprobe.estimate.photo import Photo
+from anyprobe.masks.refine import resize
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.ground import STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
@@ -168,8 +169,7 @@ def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
     if drawn.shape[0] == size:
         return drawn
     parts = np.concatenate([drawn[..., :3] * drawn[..., 3:], drawn[..., 3:]], axis=-1).astype(np.float32)
-    channels = [Image.fromarray(np.ascontiguousarray(parts[..., k])) for k in range(4)]
-    larger = np.stack([np.asarray(one.resize((size, size), Image.Resampling.BILINEAR)) for one in channels], axis=-1)
+    larger = resize(parts, size, size)
     larger[..., :3] /= np.maximum(larger[..., 3:], 1e-6)
     return larger
 

@@ -121,9 +121,8 @@ def shade_specular(pyramid: Pyramid, n, wo, alpha, u):
 
         D (n.h) / (4 wo.h)  /  (D G1 / (4 n.wo))  =  (n.h) (n.wo) / (G1 (wo.h)).
 
-    Samples below the horizon (n.wi <= 0) weigh zero in Eq. 4 and are left out of Eq. 5's mean.
-    All vectors are kept in components [P, S]: compiled, one loop over samples without memory
-    between its parts.
+    Samples below the horizon (n.wi <= 0) weigh zero in Eq. 4 and are left out of Eq. 5's mean. All vectors are kept in
+    components [P, S]: compiled, one loop over samples without memory between its parts.
 
     Args:
         n, wo: [P, 3].

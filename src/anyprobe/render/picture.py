@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,14 +13,7 @@ from anyprobe.core.frames import normalize, orthonormal_basis
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import Pyramid
-from anyprobe.render.integrate import (
-    PATCHES,
-    compile_kernel,
-    emitters_specular,
-    shade_diffuse,
-    shade_specular,
-    shading_pyramid,
-)
+from anyprobe.render.integrate import PATCHES, emitters_specular, shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.reflectance import lookup_coords, read_map, reflectance_normals
 from anyprobe.render.surface import Camera, see
@@ -55,22 +48,8 @@ def look_up(pyramid: Pyramid, terms, world_from_view, n, wo, alpha, table) -> tu
     return specular, grazing, xp.stack(read_map(terms, diffuse_xy, range(6, 9)), axis=-1)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Kernels:
-    """The functions that shade, as they are or compiled (for torch)."""
-
-    specular: Callable = shade_specular
-    diffuse: Callable = shade_diffuse
-    look_up: Callable = look_up
-
-    @classmethod
-    def compiled(cls) -> Kernels:
-        """Each by compile_kernel."""
-        kernels = {"specular": shade_specular, "diffuse": shade_diffuse, "look_up": look_up}
-        return cls(**{name: compile_kernel(kernel) for name, kernel in kernels.items()})
-
-
-PLAIN = Kernels()
+SHADERS = (shade_specular, shade_diffuse, look_up)
+"""What radiance_by_maps shades by; a caller may have them compiled (for torch)."""
 
 
 def radiance_by_maps(
@@ -83,7 +62,7 @@ def radiance_by_maps(
     *,
     size: int,
     wide: Pyramid | None = None,
-    kernels: Kernels = PLAIN,
+    shaders: tuple[Callable, ...] = SHADERS,
 ) -> Any:
     """Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
 
@@ -94,7 +73,7 @@ def radiance_by_maps(
         u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.
         size: of the maps, [size, size]. wide: the light's pyramid for the diffuse term (integrate.shading_pyramid).
     """
-    xp = array_namespace(n, wo, u)
+    xp, (specular_by, diffuse_by, look_up_by) = array_namespace(n, wo, u), shaders
 
     def array(values):
         return xp.asarray(np.ascontiguousarray(values, dtype=np.float32), device=n.device)
@@ -104,12 +83,12 @@ def radiance_by_maps(
     seen = array(reflectance_normals(size).reshape(-1, 3)) @ turn.T
     toward_eye = seen * 0.0 + middle
     width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
-    _, *terms = kernels.specular(pyramid.without_emitters(), seen, toward_eye, width, u)
+    _, *terms = specular_by(pyramid.without_emitters(), seen, toward_eye, width, u)
     if u_diffuse is not None:
-        terms.append(kernels.diffuse(wide or pyramid, seen, toward_eye, u_diffuse))
+        terms.append(diffuse_by(wide or pyramid, seen, toward_eye, u_diffuse))
     terms = xp.reshape(xp.concat(terms, axis=-1), (size, size, -1))
     width = xp.full((n.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
-    specular, grazing, *diffuse = kernels.look_up(pyramid, terms, turn, n, wo, width, array(albedo_table()))
+    specular, grazing, *diffuse = look_up_by(pyramid, terms, turn, n, wo, width, array(albedo_table()))
     f0 = array(material.f0)
     radiance = f0 * specular + (1.0 - f0) * grazing
     for term in diffuse:

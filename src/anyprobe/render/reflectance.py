@@ -75,9 +75,8 @@ def lookup_coords(n, wo, alpha, table) -> tuple:
         n, wo: [..., 3], camera frame; where n is zero, anything comes of it.
         alpha: [..., 1].   table: anyprobe.scatter.microfacet.albedo_table, an array of the same kind.
     Returns:
-        Where to look in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms,
-        [..., 2] each, and what S1 and Ss found there are to be multiplied by, [...]: the lobe is
-        there, but n has its own albedo.
+        Where to look in the maps of Eq. 5's irradiance, of the specular and of the diffuse terms, [..., 2] each, and
+        what S1 and Ss found there are to be multiplied by, [...]: the lobe is there, but n has its own albedo.
     """
     lookup_coord = lobe_normal(n, wo, alpha)
     own = directional_albedo(dot(n, wo)[..., 0], alpha[..., 0], table)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -18,6 +17,7 @@ from starlette.responses import JSONResponse, Response
 from anyprobe.core.color import to_bytes
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
+from anyprobe.files.images import png_bytes
 from anyprobe.masks.check import object_box
 
 JSON = "application/json"
@@ -98,9 +98,7 @@ def mask_png(mask: np.ndarray) -> bytes:
 
 def png(picture: np.ndarray) -> bytes:
     """uint8 [H, W] or [H, W, 3] as PNG."""
-    stream = io.BytesIO()
-    Image.fromarray(picture).save(stream, format="PNG", compress_level=3)
-    return stream.getvalue()
+    return png_bytes(picture, compress_level=3)
 
 
 def zip_folder(folder: Path) -> bytes:

@@ -184,8 +184,7 @@ class WorkerPool:
     ) -> Answer:
         """Compute work(job) in a thread, unless gone() returns first.
 
-        The place is held until a started step has ended, so that clients that leave and
-        come again cannot pile up work.
+        The place is held until a started step has ended, so that clients that leave and come again cannot pile up work.
 
         Raises:
             Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.

@@ -65,12 +65,7 @@ def agreed(path: Path, began: Mapping[str, Any], now: Mapping[str, Any]) -> dict
 
 
 def resumed(
-    path: Path,
-    config: Any,
-    origin: dict[str, Any],
-    start: Path | None,
-    device: str = "cpu",
-    holds: tuple[str, ...] = ("nets",),
+    path: Path, config: Any, origin: dict[str, Any], start: Path | None, device: str = "cpu", holds: str = "nets"
 ) -> tuple[dict[str, Any] | None, dict[str, Any]]:
     """The run's checkpoint, None where there is none yet, and its origin: `origin`, and the weights it began from.
 
@@ -115,10 +110,10 @@ def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:
     )
 
 
-def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("nets",)) -> dict[str, Any]:
+def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dict[str, Any]:
     """What save_checkpoint wrote: weights, step, the configuration in JSON, and what else there is.
 
-    holds: names of which one has the weights.
+    holds: the name that has the weights.
 
     Raises:
         ModelError: no file, a damaged one, or none of a run.
@@ -132,8 +127,8 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: tuple[str, ...] = ("
             raise _no_checkpoint(path, "a damaged file") from error
     if not isinstance(stored, Mapping):
         raise _no_checkpoint(path, f"a {type(stored).__name__}")
-    if not any(isinstance(stored.get(name), Mapping) for name in holds):
-        raise _no_checkpoint(path, f"a file without {' or '.join(holds)}")
+    if not isinstance(stored.get(holds), Mapping):
+        raise _no_checkpoint(path, f"a file without {holds}")
     try:
         config = json.loads(stored["config"])
     except (KeyError, TypeError, ValueError) as error:
@@ -181,17 +176,21 @@ SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
 
 
-def save_init_weights(checkpoint: Path, path: Path) -> None:
-    """Keep a checkpoint's weights at path, large tensors as float16.
+def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
+    """Keep a checkpoint's weights, of this name in it, at path, large tensors as float16.
 
     Raises:
         InputError: path is the checkpoint.
         ModelError: no checkpoint, or a damaged one.
     """
-    stored = read_checkpoint(checkpoint, holds=("nets", "net"))
+    stored = read_checkpoint(checkpoint, holds=holds)
     keep_apart(checkpoint, path)
+    halved = {
+        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
+        for name, value in stored[holds].items()
+    }
     with atomic_path(path) as temporary:
-        torch.save(_halved(stored["nets"] if "nets" in stored else stored["net"]), temporary)
+        torch.save(halved, temporary)
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
@@ -202,22 +201,13 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
         )
 
 
-def _halved(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    return {
-        name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
-        for name, value in state.items()
-    }
-
-
 def load_init_weights(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
     fresh = nets.state_dict()
     kept = current_names(_read_init_weights(path)[0], fresh)
     kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
     try:
-        nets.load_state_dict(
-            {name: value.float() if value.is_floating_point() else value for name, value in kept.items()}
-        )
+        nets.load_state_dict(kept)
     except Exception as error:  # other names, other shapes, no weights at all
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 
@@ -245,9 +235,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     kept = current_names(kept, nets)
     if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
         raise _not_of_this_run(other, "another network's")
-    mean = {
-        name: (value + kept[name].float()) / 2 if value.is_floating_point() else value for name, value in nets.items()
-    }
+    mean = {name: (value + kept[name]) / 2 if value.is_floating_point() else value for name, value in nets.items()}
     mean_with = {"start": init_weights_id(other), "pairs": pairs}
     torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
     return path
@@ -264,10 +252,7 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
     said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
     if not {"config", "steps", "pairs"} <= said.keys():
         raise ModelError(f"{graph}: expected a graph of `anyprobe weights`, got one that names no run")
-    nets = {
-        name: value.float() if value.is_floating_point() else value
-        for name, value in _read_init_weights(kept)[0].items()
-    }
+    nets, _ = _read_init_weights(kept)
     origin = {name: said[name] for name in ("start", "assets") if name in said}
     step, pairs = int(said["steps"]), int(said["pairs"])
     torch.save({"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}, path)
@@ -275,10 +260,11 @@ def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
 
 
 def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
-    """The weights that a file keeps, and how many pairs they have seen, if it says so."""
+    """The weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)
-        return (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+        weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
+        return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
     except Exception as error:  # torch raises many kinds for a damaged file
         raise _not_of_this_run(path, " ".join(str(error).split())[:80]) from error
 

@@ -118,7 +118,7 @@ def normals() -> RunConfig:
 
 
 RUNS = {run.__name__: run for run in (paper, lift, normals)}
-"""What `anyprobe train` can train, besides the mask network."""
+"""What `anyprobe train` can train."""
 
 
 def smoke(config: RunConfig, steps: int = 20) -> RunConfig:

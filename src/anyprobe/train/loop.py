@@ -188,9 +188,8 @@ BACKENDS = {"cpu": "gloo", "cuda": "nccl"}
 class ProcessGroup:
     """Processes that see different pairs and keep the same weights.
 
-    Every process makes step number * size + rank of the pairs; gradients are averaged, so that
-    two processes learn as one with twice the batch would (but for batch normalisation, which
-    sees each process's pairs alone).
+    Every process makes step number * size + rank of the pairs; gradients are averaged, so that two processes learn as
+    one with twice the batch would (but for batch normalisation, which sees each process's pairs alone).
     """
 
     def __init__(self, kind: str = "cpu") -> None:

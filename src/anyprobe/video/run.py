@@ -11,8 +11,8 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.detail.blend import blend
-from anyprobe.detail.hold import exposed_match, hold_match
 from anyprobe.detail.library import Library
+from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
@@ -29,34 +29,19 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
-from anyprobe.video.track import STATE, Progress, describe, forget_progress, load_progress, save_progress, write_track
+from anyprobe.video.track import PIECES, Progress, describe, forget_progress, load_progress, save_progress, write_track
 
 SAVE_EVERY = 24
 """Frames between two saves; what came after the last save is done again."""
 
-PIECES = ".pieces"
-"""Folder in the result's of what the relit clip is joined from."""
-
 SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 """For a picture of which there are many; a photo's has 192 and 256."""
-
 
 DETAIL_ROWS = 256
 """Of a frame's map with detail."""
 
 DULL_ALPHA = 0.5
 """GGX width of a material above which detail is not drawn in it."""
-
-
-def forget_run(folder: Path) -> None:
-    """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
-    if not (folder / STATE).is_file():
-        return
-    for left in (folder / STATE, folder / "track.json", folder / "relit.mp4"):
-        left.unlink(missing_ok=True)
-    for light in (folder / "lights").glob("[0-9]" * 6 + ".exr"):
-        light.unlink()
-    shutil.rmtree(folder / PIECES, ignore_errors=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -11,8 +12,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from anyprobe.detail.hold import HeldMatch
-from anyprobe.detail.match import Match
+from anyprobe.detail.match import HeldMatch, Match
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
@@ -21,6 +21,10 @@ from anyprobe.light.harmonics import project
 from anyprobe.light.temporal import FilterState
 
 STATE = ".state.npz"
+
+PIECES = ".pieces"
+"""Folder in the result's of what the relit clip is joined from."""
+
 MAPS = ("steady", "fast", "last")
 MATCH_ARRAYS = ("candidate_from_estimate", "ln_gain")
 NUMBERS = tuple(part.name for part in fields(FilterState) if part.name not in MAPS)
@@ -71,6 +75,17 @@ def save_progress(folder: Path, progress: Progress) -> None:
         words["filter"] = {name: light[name] for name in NUMBERS}
     with atomic_path(folder / STATE) as temporary:
         np.savez(temporary, words=np.array(json.dumps(words)), **arrays)
+
+
+def forget_run(folder: Path) -> None:
+    """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
+    if not (folder / STATE).is_file():
+        return
+    for left in (folder / STATE, folder / "track.json", folder / "relit.mp4"):
+        left.unlink(missing_ok=True)
+    for light in (folder / "lights").glob("[0-9]" * 6 + ".exr"):
+        light.unlink()
+    shutil.rmtree(folder / PIECES, ignore_errors=True)
 
 
 def forget_progress(folder: Path) -> None:

@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 import csv
+import json
 import warnings
-from dataclasses import replace
+from dataclasses import asdict, replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
 
-from anyprobe.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.dataset.asset_store import AssetStore, draw_map  # noqa: E402
+from anyprobe.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
-from anyprobe.dataset.mask_scenes.composites import GREY, Scene, draw_scene  # noqa: E402
-from anyprobe.dataset.mask_scenes.examples import (  # noqa: E402
-    PROMPTS,
-    SIZE,
-    SceneSource,
-    ask,
-    retake,
-    unasked_target,
-)
-from anyprobe.dataset.mask_scenes.foregrounds import (  # noqa: E402
-    TexturePool,
-    ViewSource,
-    draw_pattern,
-)
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.masks.propose import MaskNetwork  # noqa: E402
-from anyprobe.nets.mask_net import MaskNet  # noqa: E402
-from anyprobe.train import mask_run as export  # noqa: E402
-from anyprobe.train.mask_run import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
+from anyprobe.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
+from research.mask_network import train as training  # noqa: E402
+from research.mask_network.__main__ import app as commands  # noqa: E402
+from research.mask_network.composites import GREY, Scene, draw_scene  # noqa: E402
+from research.mask_network.examples import PROMPTS, SIZE, Batch, SceneSource, ask, retake, unasked_target  # noqa: E402
+from research.mask_network.export import TOLERANCE, export_mask  # noqa: E402
+from research.mask_network.foregrounds import TexturePool, ViewSource, draw_pattern  # noqa: E402
+from research.mask_network.net import MaskNet  # noqa: E402
+from research.mask_network.train import MaskRunConfig, load_mask_net, mask_loss, smoke, train_mask  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -203,13 +202,83 @@ def test_exported_graph_is_the_network(run, tmp_path):
     checkpoint = run(tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        difference = export.export_mask(checkpoint, tmp_path)["mask"]
-    assert difference <= export.TOLERANCE
+        difference = export_mask(checkpoint, tmp_path)
+    assert difference <= TOLERANCE
     net, _ = load_mask_net(checkpoint)
     image = torch.rand(1, 4, SIZE, SIZE)
     with torch.no_grad():
         expected = net(image)[0, 0].numpy()
     graph = MaskNetwork(tmp_path / "mask.onnx")
     found = graph.cover(image[0, :3].permute(1, 2, 0).numpy(), image[0, 3].numpy())
-    assert np.abs(found - expected).mean() < export.TOLERANCE
+    assert np.abs(found - expected).mean() < TOLERANCE
     assert (tmp_path / "mask.onnx").stat().st_size < 4_000_000
+
+
+def test_a_checkpoint_of_other_weights_is_one_clear_line(tmp_path):
+    config = replace(MaskRunConfig(), name="mask")
+    path = tmp_path / "mask" / "checkpoint.pt"
+    path.parent.mkdir()
+    weights = MaskNet().state_dict()
+    stored = {"step": 1, "config": json.dumps(asdict(config)), "optimizer": {}}
+    torch.save(stored | {"net": {"other": torch.zeros(1)}}, path)
+    for load in (lambda: load_mask_net(path), lambda: train_mask(config, data=None, runs=tmp_path)):
+        with pytest.raises(ModelError, match=f"with {next(iter(weights))} .*, got none"):
+            load()
+    with pytest.raises(ModelError, match="got a file without nets"):
+        save_init_weights(path, tmp_path / "start.pt")
+    save_init_weights(path, tmp_path / "start.pt", holds="net")
+    assert set(torch.load(tmp_path / "start.pt", weights_only=True)) == {"other"}
+
+
+def changed(path, **parts):
+    """Write a checkpoint anew with other parts, None for those that it shall lack."""
+    stored = torch.load(path, weights_only=True) | parts
+    torch.save({name: value for name, value in stored.items() if value is not None}, path)
+
+
+def test_a_run_goes_on_with_what_it_began_with_or_not_at_all(tmp_path, monkeypatch):
+    config = smoke(MaskRunConfig(), 3)
+
+    def examples(step):
+        image = torch.rand((2, 5, SIZE, SIZE), generator=torch.Generator().manual_seed(step))
+        return Batch(photo=image[:, :3], prompt=image[:, 3:], mask=(image[:, 3:] > 0.5).float())
+
+    at_hand = SimpleNamespace(batch=examples)
+
+    def go(config=config, scenes=at_hand, **settings):
+        return train_mask(config, data=None, runs=tmp_path, scenes=scenes, **settings)
+
+    path = go(stop_after=2)
+    assert torch.load(path, weights_only=True)["origin"] == {"start": None}
+    with pytest.raises(InputError, match=f"scenes.seed {config.scenes.seed}, as the run began, got 4"):
+        go(replace(config, scenes=replace(config.scenes, seed=4)))
+    with pytest.raises(InputError, match="at least the 2 that are done, got 1"):
+        go(replace(config, steps=1))
+    with pytest.raises(ModelError, match="got no file"):
+        go(start=tmp_path / "none.pt")
+    store = AssetStore([MapAsset(name="a", id="0a", licence="own", indoor=True, radiance=np.ones((8, 16, 3)))])
+    changed(path, origin={"start": None, "assets": "9 maps"})
+    monkeypatch.setattr(training, "load_assets", lambda light, data: store)
+    with pytest.raises(InputError, match="expected --data with 9 maps, as the run began, got 1 maps"):
+        go(scenes=None)
+    changed(path, optimizer=None)
+    with pytest.raises(ModelError, match="got weights that were kept to be scored"):
+        go()
+
+
+def test_commands_train_export_and_keep(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    app = CliRunner()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch's exporter and TensorBoard warn about themselves
+        trained = app.invoke(commands, ["train", "--dry-run", "1"], catch_exceptions=False)
+        asked = ["export", "runs/mask-dry", "-o", "to", "--keep", "kept.pt"]
+        exported = app.invoke(commands, asked, catch_exceptions=False)
+    assert trained.stdout.splitlines() == ["runs/mask-dry/checkpoint.pt"]
+    assert exported.stdout.splitlines()[-1] == "kept.pt"
+    assert (tmp_path / "to" / "mask.onnx").is_file()
+    MaskNet().load_state_dict(torch.load("kept.pt", weights_only=True))
+
+
+def test_weights_that_are_kept_of_the_shipped_network_begin_a_run():
+    load_init_weights(MaskNet(), Path(__file__).parents[2] / "training" / "mask.pt")

@@ -1,5 +1,4 @@
-"""The mask network's training, its own small loop, one checkpoint that resumes exactly; and its export: one ONNX graph
-with its contract, its weights stored small, checked against torch."""
+"""The mask network's training: its own small loop, one checkpoint that resumes exactly."""
 
 from __future__ import annotations
 
@@ -11,26 +10,22 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import torch
 from torch.nn import functional as F
 
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.mask_scenes.examples import Batch, SceneConfig, SceneSource
-from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
-from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.masks.propose import CONTRACT, SIZE
 from anyprobe.nets.blocks import autocast
-from anyprobe.nets.mask_net import MaskNet
 from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.train.config import LightConfig
 from anyprobe.train.dataloader import load_assets, make_maps, name_assets
-from anyprobe.train.export_onnx import store_half
 from anyprobe.train.logger import RunLogger, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
+from research.mask_network.examples import Batch, SceneConfig, SceneSource
+from research.mask_network.foregrounds import TexturePool, ViewSource
+from research.mask_network.net import MaskNet
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -117,7 +112,7 @@ def train_mask(
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     mean = deepcopy(net)
     first = 0
-    stored, origin = resumed(path, config, {}, start, holds=("net",))
+    stored, origin = resumed(path, config, {}, start, holds="net")
     if stored is not None:
         load_weights(mean, stored["net"], path)
         load_weights(net, stored["moving"], path)
@@ -169,7 +164,7 @@ def train_mask(
 def load_mask_net(checkpoint: Path) -> tuple[MaskNet, dict]:
     """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step and
     configuration; ModelError if there is none, or of another release."""
-    stored = read_checkpoint(checkpoint, holds=("net",))
+    stored = read_checkpoint(checkpoint, holds="net")
     net = MaskNet()
     load_weights(net, stored["net"], checkpoint)
     return net.eval().requires_grad_(False), {"step": stored["step"], **json.loads(stored["config"])}
@@ -202,74 +197,3 @@ def _follow(mean: MaskNet, net: MaskNet, decay: float) -> None:
             kept.lerp_(new, 1.0 - decay)
         else:
             kept.copy_(new)
-
-
-LARGE = 8192
-"""Convolutions of so many weights and more keep them as int8, a scale for each output channel."""
-
-TOLERANCE = 0.01
-"""Largest mean difference of the cover that this may make."""
-
-
-def export_mask(checkpoint: Path, folder: Path) -> dict[str, float]:
-    """Write folder/mask.onnx: "input" [1, 4, 160, 160] to "output" [1, 1, 160, 160]; its mean difference from torch.
-
-    Raises:
-        ModelError: the graph disagrees with the network by more than TOLERANCE.
-    """
-    import onnx
-    import onnxruntime
-
-    net, run = load_mask_net(checkpoint)
-    recipe = {
-        "run": run["name"],
-        "steps": str(run["step"]),
-        "scenes": str(run["scenes"]["scenes"] + run["step"] * run["scenes"]["fresh"]),
-        "config": json.dumps(run),
-    }
-    example = torch.rand((1, 4, SIZE, SIZE), generator=torch.Generator().manual_seed(0))
-    with atomic_path(folder / "mask.onnx") as temporary:
-        torch.onnx.export(
-            net,
-            (example,),
-            str(temporary),
-            input_names=["input"],
-            output_names=["output"],
-            opset_version=17,
-            dynamo=False,
-        )
-        model = onnx.load(str(temporary))
-        store_half(model)
-        store_int8(model)
-        onnx.helper.set_model_props(model, {**CONTRACT, **recipe})
-        onnx.checker.check_model(model)
-        onnx.save(model, str(temporary))
-        session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])
-        with torch.no_grad():
-            expected = net(example).numpy()
-        difference = float(np.abs(session.run(None, {"input": example.numpy()})[0] - expected).mean())
-        if not difference <= TOLERANCE:
-            raise ModelError(f"mask: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
-    return {"mask": difference}
-
-
-def store_int8(model) -> None:
-    """Keep the weights of large convolutions, which store_half has halved, as int8 behind a DequantizeLinear; the
-    runtime widens them once, when it opens."""
-    import onnx
-    from onnx import numpy_helper
-
-    for node in [one for one in model.graph.node if one.op_type == "Cast"]:
-        tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
-        if tensor is None or len(tensor.dims) != 4 or np.prod(tensor.dims) < LARGE:
-            continue
-        name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
-        scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
-        steps = np.round(values / scale[:, None, None, None]).astype(np.int8)
-        model.graph.initializer.remove(tensor)
-        parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
-        model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
-        widened = onnx.helper.make_node("DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0)
-        place = list(model.graph.node).index(node)
-        model.graph.node.remove(node)
-        model.graph.node.insert(place, widened)

@@ -1,6 +1,6 @@
 """Draw docs/masks.png: what is found when nothing, a click, two clicks or a box is told.
 
-    python examples/draw_masks.py
+    python -m research.masks.draw
 
 Scenes of our own shapes under our own maps that no training has seen; the upper row is what was
 given, the lower one what `anyprobe mask` shows.
@@ -16,13 +16,13 @@ from PIL import Image, ImageDraw
 from anyprobe.core.color import to_bytes
 from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.mask_scenes.composites import draw_scene
-from anyprobe.dataset.mask_scenes.examples import cover_box, unasked_target
-from anyprobe.dataset.mask_scenes.foregrounds import TexturePool, ViewSource
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces
 from anyprobe.estimate.outputs import draw_overlay
 from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
+from research.mask_network.composites import draw_scene
+from research.mask_network.examples import cover_box, unasked_target
+from research.mask_network.foregrounds import TexturePool, ViewSource
 
 SIZE = 480
 TILE = 240
@@ -74,4 +74,4 @@ def _middle(cover: np.ndarray) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    main(Path(__file__).parents[1] / "docs" / "masks.png")
+    main(Path(__file__).parents[2] / "docs" / "masks.png")

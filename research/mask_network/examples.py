@@ -16,10 +16,10 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import to_bytes
 from anyprobe.dataset.camera import SUBSAMPLINGS, blur, compress
-from anyprobe.dataset.mask_scenes.composites import ASPECTS, GREY, Scene, draw_scene
-from anyprobe.dataset.mask_scenes.foregrounds import LitView, ViewSource
 from anyprobe.dataset.pairs import slide
 from anyprobe.masks.prompts import draw_prompts
+from research.mask_network.composites import ASPECTS, GREY, Scene, draw_scene
+from research.mask_network.foregrounds import LitView, ViewSource
 
 SIZE = 160
 """Side of the examples' pictures: that of the mask network's input."""

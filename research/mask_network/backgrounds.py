@@ -10,9 +10,9 @@ import torch
 from anyprobe.core.frames import rotation_x
 from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.dataset.camera import blur
-from anyprobe.dataset.mask_scenes.foregrounds import LitView, TexturePool
 from anyprobe.dataset.sky import tint
 from anyprobe.render.surface import pixel_rays
+from research.mask_network.foregrounds import LitView, TexturePool
 
 PLAIN_SHARE, WALL_SHARE = 0.15, 0.2
 """Backgrounds of one colour, and of a pattern; the rest shows the map."""

@@ -10,9 +10,9 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.dataset.camera import blur, draw_shot, exposure
-from anyprobe.dataset.mask_scenes.backgrounds import Window, draw_background, draw_flat, make_window
-from anyprobe.dataset.mask_scenes.foregrounds import LitView, TexturePool
 from anyprobe.dataset.pairs import take_photos
+from research.mask_network.backgrounds import Window, draw_background, draw_flat, make_window
+from research.mask_network.foregrounds import LitView, TexturePool
 
 SIZE = 256
 """Side of a scene's photo: parts of it are as sharp as the mask network's input."""

@@ -1,0 +1,1 @@
+"""The network that proposes the object: its scenes, its training, its export."""
