@@ -85,8 +85,8 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         name=name,
         mask=mask or None,
         confidence=confidence or None,
-        normals=normals or option.word("normals", SHAPES),
-        surroundings=surroundings or option.word("surroundings", {PHOTO: PHOTO}),
+        normals=normals or option.one_of("normals", SHAPES, "a file part or sphere"),
+        surroundings=surroundings or option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
@@ -125,8 +125,8 @@ async def read_views(request: Request, pool: WorkerPool) -> Views:
     turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     common = Upload(
         photo=b"",
-        normals=option.word("normals", SHAPES),
-        surroundings=option.word("surroundings", {PHOTO: PHOTO}),
+        normals=option.one_of("normals", SHAPES, "a file part or sphere"),
+        surroundings=option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
         **option.of_light(),
     )
     uploads = tuple(
@@ -218,12 +218,6 @@ class Options:
             raise InputError(f"{name}: expected one value, got {len(texts)}; send one")
         return texts[0] if texts else None
 
-    def word(self, name: str, known: dict[str, str]) -> str | None:
-        text = self.text(name)
-        if text not in (None, *known):
-            raise InvalidPhoto(f"{name}: expected a file part or {next(iter(known))}, got {text[:60]!r}")
-        return known.get(text)
-
     def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
         text = self.text(name)
         return None if text is None else parse_numbers(name, text, *counts)
@@ -236,10 +230,10 @@ class Options:
     def points(self, name: str) -> tuple[tuple[float, float], ...]:
         return tuple(parse_numbers(name, text, 2) for text in self.texts(name))
 
-    def words(self, name: str, known: set[str]) -> frozenset[str]:
-        found = {word.strip() for text in self.texts(name) for word in text.split(",")}
-        if found - known:
-            raise InvalidPhoto(f"{name}: expected any of {', '.join(sorted(known))}, got {found - known}")
+    def include(self) -> frozenset[str]:
+        found = {word.strip() for text in self.texts("include") for word in text.split(",")}
+        if more := found - {"radiance", "stages", "mask"}:
+            raise InvalidPhoto(f"include: expected any of mask, radiance, stages, got {more}")
         return frozenset(found)
 
     def of_light(self) -> dict[str, Any]:
@@ -249,9 +243,9 @@ class Options:
             "material": self.text("material"),
             "albedo": self.numbers("albedo", 1, 3),
             "emitters": self._emitters(),
-            "detail": self._one_of("detail", {word: word for word in DETAILS}),
-            "size": self._one_of("size", {str(rows): rows for rows in SIZES}),
-            "include": self.words("include", {"radiance", "stages", "mask"}),
+            "detail": self.one_of("detail", {word: word for word in DETAILS}),
+            "size": self.one_of("size", {str(rows): rows for rows in SIZES}),
+            "include": self.include(),
         }
 
     def _emitters(self) -> str | None:
@@ -260,11 +254,11 @@ class Options:
             raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
         return EMITTERS.get(text)
 
-    def _one_of(self, name: str, known: Mapping[str, Any]) -> Any:
+    def one_of(self, name: str, known: Mapping[str, Any], expected: str = "") -> Any:
         """What a word stands for; None where none came."""
         text = self.text(name)
         if text not in (None, *known):
-            raise InputError(f"{name}: expected one of {', '.join(known)}, got {text[:60]!r}")
+            raise InputError(f"{name}: expected {expected or 'one of ' + ', '.join(known)}, got {text[:60]!r}")
         return known.get(text)
 
 
