@@ -18,7 +18,7 @@ import numpy as np
 
 from anyprobe.dataset.pair import MapPair, Pair
 from anyprobe.dataset.recipe import Plan, Recipe
-from anyprobe.dataset.samples import CONDITIONS, AssetNote, Sample, encode_map_pair, encode_pair
+from anyprobe.dataset.samples import CONDITIONS, Sample, encode_map_pair, encode_pair
 from anyprobe.scatter.materials import Material
 
 
@@ -29,12 +29,12 @@ class DrawnRenderer:
         names = [f"own-{index}" for index in range(settings["procedural_maps"])]
         if data is not None:
             names += (data / "assets.txt").read_text().split()
-        self.maps = [AssetNote(id=f"{index:08x}", name=name, licence="own") for index, name in enumerate(names)]
-        self.shapes = [] if settings["kind"] == "map" else [AssetNote(id="0a" * 4, name="sphere", licence="CC0")]
+        self.maps = [{"id": f"{index:08x}", "name": name, "licence": "own"} for index, name in enumerate(names)]
+        self.shapes = [] if settings["kind"] == "map" else [{"id": "0a" * 4, "name": "sphere", "licence": "CC0"}]
         self.plan = Plan(
             kind=settings["kind"],
-            map_ids=tuple(one.id for one in self.maps),
-            shape_ids=tuple(one.id for one in self.shapes),
+            map_ids=tuple(one["id"] for one in self.maps),
+            shape_ids=tuple(one["id"] for one in self.shapes),
             conditions=CONDITIONS.index(settings["conditions"]),
             seed=settings["seed"],
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,21 +26,8 @@ if TYPE_CHECKING:
     from anyprobe.dataset.recipe import Recipe
     from anyprobe.evaluate.methods import Estimate, Method
 
-COLUMNS = (
-    "ldr_psnr",
-    "ldr_rmse",
-    "ldr_ssim",
-    "ln_hdr_rmse",
-    "angle_diffuse_deg",
-    "angle_silver_deg",
-    "angle_mirror_deg",
-    "si_rmse_diffuse",
-    "si_rmse_silver",
-    "si_rmse_mirror",
-    "dominant_light_deg",
-    "dominant_light_median_deg",
-    "total_power_median_stops",
-)
+UNPRINTED = ("total_power_stops", "ldr_rmse_seen", "ldr_rmse_unseen")
+"""Metrics that are in scores.json alone."""
 PAIRS = 200
 SEED = 2020
 WIDTH = 260
@@ -88,7 +75,12 @@ def evaluate(
     from anyprobe.evaluate.scoring import METRICS, score_pairs
     from anyprobe.evaluate.test_sets import with_noisy_mask
 
-    trace = _tracer() if path_traced else None
+    trace = None
+    if path_traced:
+        from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
+
+        open_mitsuba()  # one clear line where it cannot run
+        trace = partial(trace_mesh, num_paths=PATHS)
     runtime, title = Models(model, engine=engine), Path(model).name
     if priors and runtime.stages != LIFT_STAGES:
         raise InputError(f"--priors: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
@@ -221,14 +213,6 @@ def _write(out: Path, result: Mapping[str, Any], picture: np.ndarray) -> None:
     write_png(out / "pictures.png", picture)
 
 
-def _tracer() -> Callable:
-    """Mitsuba's path tracer, or one clear line where it cannot run."""
-    from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
-
-    open_mitsuba()
-    return partial(trace_mesh, num_paths=PATHS)
-
-
 def irradiance_score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     """PSNR, RMSE and SSIM of the irradiance image, whole picture as in the paper's Table 1."""
     from anyprobe.evaluate.metrics import psnr, rmse, ssim
@@ -237,12 +221,15 @@ def irradiance_score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float
 
 
 def _print(table: dict, irradiance: dict[str, float]) -> None:
+    from anyprobe.evaluate.scoring import METRICS
+
     show = Console(highlight=False, width=WIDTH)
+    columns = [name for name in METRICS if name not in UNPRINTED]
+    titles = [name.replace("_deg", "").replace("_stops", "") for name in columns]
     for group in next(iter(table.values())):
-        titles = [name.replace("_deg", "").replace("_stops", "") for name in COLUMNS]
         sheet = Table("method", *titles, title=group, title_justify="left")
         for method, groups in table.items():
-            sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in COLUMNS])
+            sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in columns])
         show.print(sheet)
     show.print("irradiance image: " + ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items()))
 

@@ -8,7 +8,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
@@ -28,7 +28,7 @@ from anyprobe.files.atomic import held
 def render_again(job: Job, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
     """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
     shard, numbers = task
-    renderer = job.renderer()
+    renderer = _renderer(job)
     stored = dict(shards.read_samples(shards.tar_path(job.folder, shard)))
     for count, number in enumerate(numbers, 1):
         sample = renderer.sample(renderer.recipe(number))
@@ -61,8 +61,7 @@ def differing(
     say: Callable[[str], None],
 ) -> dict[int, str]:
     """What differs, by shard, when `count` random pairs of some shards are rendered again."""
-    data = None if data is None else Path(os.path.abspath(data))
-    job = Job(folder=Path(os.path.abspath(folder)), data=data, make=make)
+    job = _job(folder, data, make)
     tasks = choose(job.plan, among, count)
     results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
     return {shard: wrong for (shard, _), wrong in results.items() if wrong}
@@ -115,22 +114,19 @@ class Job:
         """The content of dataset.json."""
         return read_plan(self.folder)
 
-    @property
-    def num_shards(self) -> int:
-        """How many shards the dataset is to have."""
-        return num_shards(self.plan)
-
     def missing(self) -> list[int]:
         """The shards that are not there yet, or not of the size their index says."""
-        return [shard for shard in range(self.num_shards) if not shards.is_done(self.folder, shard)]
+        return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
 
-    def renderer(self) -> StoreRenderer:
-        """The renderer, opened once a process; InputError if its assets are not the dataset's."""
-        return _renderer(self)
+
+def _job(folder: Path, data: Path | None, make: Make) -> Job:
+    data = None if data is None else Path(os.path.abspath(data))
+    return Job(folder=Path(os.path.abspath(folder)), data=data, make=make)
 
 
 @lru_cache(maxsize=1)
 def _renderer(job: Job) -> StoreRenderer:
+    """The renderer, opened once a process; InputError if its assets are not the dataset's."""
     # what is left out of a folder of assets was said when the dataset was begun
     return _open(job, job.plan, report=lambda line: None)
 
@@ -194,9 +190,8 @@ def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Ma
     Raises:
         InputError: something lies in the folder, or the dataset was made by other settings or assets.
     """
-    folder = Path(os.path.abspath(folder))
-    data = None if data is None else Path(os.path.abspath(data))
-    job = Job(folder=folder, data=data, make=make)
+    job = _job(folder, data, make)
+    folder, data = job.folder, job.data
     if resume:
         old = read_plan(folder)
         for name, value in given.items():
@@ -220,13 +215,7 @@ def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Ma
             f"--pairs: expected 1 to {renderer.count}, as many as {len(renderer.maps)} maps and "
             f"{len(renderer.shapes)} shapes give, got {pairs}"
         )
-    plan = {
-        **_versions(),
-        **settings,
-        "pairs": pairs,
-        "maps": [asdict(one) for one in renderer.maps],
-        "shapes": [asdict(one) for one in renderer.shapes],
-    }
+    plan = {**_versions(), **settings, "pairs": pairs, "maps": renderer.maps, "shapes": renderer.shapes}
     # loading the assets took a while: another process may have begun a dataset here
     shards.write_durably(folder / NAME, json.dumps(plan, indent=1) + "\n", new=True)
     return job
@@ -255,7 +244,7 @@ def check_versions(folder: Path, plan: Mapping) -> None:
 def _same_assets(folder: Path, plan: Mapping, renderer: StoreRenderer) -> None:
     for what, notes in (("map", renderer.maps), ("shape", renderer.shapes)):
         names = {one["id"]: one["name"] for one in plan[f"{what}s"]}
-        got = {one.id: one.name for one in notes}
+        got = {one["id"]: one["name"] for one in notes}
         for key in sorted(names.keys() ^ got.keys()):
             name = names.get(key) or got[key]
             expected, came = (f"{what} {key} ({name})", "none") if key in names else (f"no {what} {key}", name)
@@ -307,7 +296,7 @@ def check_space(job: Job, missing: Sequence[int]) -> int:
 
 def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
     """Render one shard; report(n) after each pair. Any process on any machine may do this."""
-    renderer = job.renderer()
+    renderer = _renderer(job)
 
     def samples():
         for count, index in enumerate(shard_range(job.plan, shard), 1):

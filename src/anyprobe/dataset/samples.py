@@ -47,15 +47,6 @@ class Sample:
     groups: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class AssetNote:
-    """What dataset.json says of a map or shape."""
-
-    id: str
-    name: str
-    licence: str
-
-
 Report = Callable[[str], None] | None
 
 
@@ -178,19 +169,20 @@ def _json(pair: Pair | MapPair, more: dict) -> bytes:
         "map": pair.map_name,
         "indoor": bool(pair.indoor),
         "view": recipe.view,
-        "map_from_camera": [_numbers(row) for row in pair.map_from_camera],
+        "map_from_camera": _numbers(pair.map_from_camera),
         "gain": _numbers(pair.gain),
     }
     return json.dumps({**fields, **more}, allow_nan=False).encode()
 
 
 def _numbers(values) -> list[float]:
-    return [float(value) for value in values]
+    return np.asarray(values, np.float64).tolist()
 
 
 def _place(pair: Pair | MapPair) -> str:
     return "indoor" if pair.indoor else "outdoor"
 
 
-def _notes(assets: Mapping) -> list[AssetNote]:
-    return [AssetNote(id=i, name=assets[i].name, licence=assets[i].licence) for i in sorted(assets)]
+def _notes(assets: Mapping) -> list[dict[str, str]]:
+    """What dataset.json says of maps or shapes."""
+    return [{"id": i, "name": assets[i].name, "licence": assets[i].licence} for i in sorted(assets)]

@@ -134,9 +134,10 @@ class Chain:
         mask = batch.photo[:, 3:]
         irradiance = self._run("irradiance", batch.photo)
         ldr = self._run("illumination", self._object_image(batch, irradiance.detach()))
+        target = gradual_target(batch.ldr, progress) if self.config.gradual else batch.ldr
         return {
             "irradiance": irradiance_loss(irradiance, batch.irradiance * mask, mask),
-            "illumination": self._illumination_loss(ldr, batch.ldr, progress),
+            "illumination": (self.solid_angle * (ldr - target) ** 2).mean(),
             "hdr": self._hdr_loss(ldr.detach(), batch),
         }
 
@@ -151,10 +152,6 @@ class Chain:
         given, mask = int(self.config.truth_share * len(irradiance)), batch.photo[:, 3:]
         seen = torch.cat([batch.irradiance[:given] * mask[:given], irradiance[given:]])
         return torch.cat([seen, mask], dim=1)
-
-    def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
-        target = gradual_target(ldr, progress) if self.config.gradual else ldr
-        return (self.solid_angle * (estimate - target) ** 2).mean()
 
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch) -> torch.Tensor:
         """ln radiance from true and from estimated LDR maps, mostly where Eq. 7 will read it."""

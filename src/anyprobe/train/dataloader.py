@@ -66,19 +66,10 @@ def stream(open_source: Callable[[], PairSource], steps: range, workers: int) ->
     if workers == 0:
         return (made[index] for index in range(len(made)))
     batches = DataLoader(
-        made,
-        batch_size=None,
-        num_workers=workers,
-        prefetch_factor=AHEAD,
-        multiprocessing_context="spawn",
-        collate_fn=_as_it_is,
+        made, batch_size=None, num_workers=workers, prefetch_factor=AHEAD, multiprocessing_context="spawn"
     )
     with one_thread():
         return iter(batches)
-
-
-def _as_it_is(batch: Batch) -> Batch:
-    return batch
 
 
 def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
@@ -237,13 +228,12 @@ class ShardSource:
         fields = parts["json"]
         light = self._light(fields["map_id"], json.dumps(fields["map_from_camera"]))
         radiance = light * np.asarray(fields["gain"], np.float32)
-        low, high = LN_RANGE
         normals = decode_normals(parts[NORMALS]) if self.form > 1 else np.zeros((128, 128, 3), np.float32)
         images: dict[str, Any] = {
             "photo": parts["photo.png"] / np.float32(255),
             "irradiance": parts["irradiance.png"] / np.float32(255),
             "ldr": response(radiance),
-            "ln_radiance": np.log(np.clip(radiance, 1e-6, None)).clip(low, high),
+            "ln_radiance": np.log(np.clip(radiance, 1e-6, None)).clip(*LN_RANGE),
             "normals": normals,
         }
         rows = {name: np.ascontiguousarray(value.transpose(2, 0, 1), np.float32) for name, value in images.items()}
