@@ -66,10 +66,19 @@ def stream(open_source: Callable[[], PairSource], steps: range, workers: int) ->
     if workers == 0:
         return (made[index] for index in range(len(made)))
     batches = DataLoader(
-        made, batch_size=None, num_workers=workers, prefetch_factor=AHEAD, multiprocessing_context="spawn"
+        made,
+        batch_size=None,
+        num_workers=workers,
+        prefetch_factor=AHEAD,
+        multiprocessing_context="spawn",
+        collate_fn=_as_it_is,
     )
     with one_thread():
         return iter(batches)
+
+
+def _as_it_is(batch: Batch) -> Batch:
+    return batch
 
 
 def make_pairs(config: RunConfig, data: Path | None, cache: Path, device: str, compiled: bool = True) -> PairSource:
