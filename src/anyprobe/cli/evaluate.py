@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,8 +20,6 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LIFT_STAGES
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.pair import Pair
     from anyprobe.dataset.recipe import Recipe
@@ -74,6 +73,8 @@ def evaluate(
     from anyprobe.evaluate.methods import baselines, model_methods
     from anyprobe.evaluate.scoring import METRICS, score_pairs
     from anyprobe.evaluate.test_sets import with_noisy_mask
+    from anyprobe.files.atomic import atomic_path
+    from anyprobe.files.images import write_png
 
     trace = None
     if path_traced:
@@ -116,7 +117,9 @@ def evaluate(
         **watch.result(),
         "scores": scores.table(),
     }
-    _write(out, result, watch.picture())
+    with atomic_path(out / "scores.json") as temporary:
+        temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_png(out / "pictures.png", np.concatenate(watch.rows).astype(np.float32))
     _print(result["scores"], result["irradiance"])
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_priors"])
@@ -162,10 +165,12 @@ class Watch:
 
     def __call__(self, index: int, pair: Pair, estimates: Mapping[str, Estimate]) -> None:
         from anyprobe.core.response import response
+        from anyprobe.evaluate.metrics import psnr, rmse, ssim
         from anyprobe.evaluate.scoring import groups_of
 
-        own = estimates[self.title]
-        self.irradiance.append(irradiance_score(own.irradiance, pair.irradiance / 255.0))
+        # whole picture, as in the paper's Table 1
+        images = estimates[self.title].irradiance, pair.irradiance / 255.0
+        self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
         for name, calibration in self.calibrations.items():
             one = estimates[name]
             if one.confidence is not None:
@@ -183,17 +188,10 @@ class Watch:
         confidence = found.pop(self.title)
         return {"irradiance": irradiance, "confidence": confidence, "confidence_with_priors": found}
 
-    def picture(self) -> np.ndarray:
-        """Display picture [rows * CELL, W, 3]."""
-        import numpy as np
-
-        return np.concatenate(self.rows, axis=0).astype(np.float32)
-
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
-    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method."""
-    import numpy as np
-
+    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method, side by side:
+    display values [CELL, W, 3]."""
     from anyprobe.core.response import response
     from anyprobe.render.spheres import mirror, silver
 
@@ -202,22 +200,6 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
         cells.append(response(radiance))
         cells += [response(sphere(radiance, CELL)) for sphere in (silver, mirror)]
     return np.concatenate(cells, axis=1)
-
-
-def _write(out: Path, result: Mapping[str, Any], picture: np.ndarray) -> None:
-    from anyprobe.files.atomic import atomic_path
-    from anyprobe.files.images import write_png
-
-    with atomic_path(out / "scores.json") as temporary:
-        temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    write_png(out / "pictures.png", picture)
-
-
-def irradiance_score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """PSNR, RMSE and SSIM of the irradiance image, whole picture as in the paper's Table 1."""
-    from anyprobe.evaluate.metrics import psnr, rmse, ssim
-
-    return {"psnr": psnr(estimate, truth), "rmse": rmse(estimate, truth), "ssim": ssim(estimate, truth)}
 
 
 def _print(table: dict, irradiance: dict[str, float]) -> None:
