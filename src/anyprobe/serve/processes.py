@@ -77,10 +77,6 @@ class Lane:
             worker.end()
         return _outcome(answer)
 
-    def warm(self) -> None:
-        """Have one ready."""
-        self.call("ready")
-
     def close(self) -> None:
         with self._lock:
             self._closed = True

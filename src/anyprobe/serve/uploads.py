@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -34,14 +34,6 @@ EMITTERS = {"mode": MODE, "expected": EXPECTED, "drawn": MODE, "spread": EXPECTE
 """Words of requests, those of older clients last, and what they stand for."""
 
 UNREAD_S = 5.0
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Views:
-    """Photos of one object, and world_from_camera [N, 3, 3] of each."""
-
-    uploads: tuple[Upload, ...]
-    world_from_camera: np.ndarray
 
 
 async def take_unread(request: Request) -> None:
@@ -96,8 +88,10 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
     )
 
 
-async def read_views(request: Request, pool: WorkerPool) -> Views:
-    """Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
+async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], np.ndarray]:
+    """Photos of one object, and world_from_camera [N, 3, 3] of each.
+
+    Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
 
     Raises:
         HTTPException: 408 too slow.
@@ -129,7 +123,7 @@ async def read_views(request: Request, pool: WorkerPool) -> Views:
         surroundings=option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
         **option.of_light(),
     )
-    uploads = tuple(
+    uploads = [
         replace(
             common,
             photo=data,
@@ -139,8 +133,8 @@ async def read_views(request: Request, pool: WorkerPool) -> Views:
             fov_deg=fovs[k] if common.fov_deg is None else common.fov_deg,
         )
         for k, (data, name) in enumerate(photos)
-    )
-    return Views(uploads=uploads, world_from_camera=turns)
+    ]
+    return uploads, turns
 
 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:

@@ -17,6 +17,7 @@ from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.blocks import UNet, Unwrap, Up, Wrap, autocast, conv
 from anyprobe.train.config import RunConfig
+from anyprobe.train.lift import irradiance_loss
 
 
 class IrradianceNet(nn.Module):
@@ -166,9 +167,3 @@ class Chain:
         target = torch.cat([batch.ln_radiance[true], batch.ln_radiance[estimated]])
         weight = self.solid_angle * (0.1 + blend_weight(saturated.permute(0, 2, 3, 1)).permute(0, 3, 1, 2))
         return (weight * (self._run("hdr", ldr) - target) ** 2).sum() / weight.sum() / 3
-
-
-def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-    """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
-    share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
-    return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
