@@ -106,8 +106,8 @@ TAIL = """## Chrome with plausible detail
 
 ![Photos; chrome spheres of the plain estimate, with detail, and of the truth; the maps of the three](detail.jpg)
 
-Ten scenes that no library has, as they came (`python -m research.detail_library.measure --pairs 10 --sheet docs/detail.jpg`). The
-light is the estimate's, the places are made up: [detail](detail.md).
+Ten scenes that no library has, as they came (`python -m research.detail_library.measure --pairs 10 --sheet
+docs/detail.jpg`). The light is the estimate's, the places are made up: [detail](detail.md).
 """
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
 from anyprobe.dataset.pair import Pair, Trace
-from anyprobe.dataset.recipe import Recipe, world_recipes
+from anyprobe.dataset.recipe import Recipe, digest, world_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.test_sets import kept_pairs, read_recipes, write_recipes
+from anyprobe.evaluate.test_sets import kept_pairs, read_recipes
 from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
 
 PATHS = 128
@@ -50,4 +50,6 @@ def _trace(mesh, camera, radiance, material):
 def write_lists(data: Path, folder: Path) -> None:
     """The lists of recipes as they were drawn, once."""
     for part, name in PARTS.items():
-        write_recipes(folder / name, world_recipes(store_of(data, part), COUNT, SEED))
+        recipes = world_recipes(store_of(data, part), COUNT, SEED)
+        lines = [f"# {digest(recipes)}", *(recipe.to_hex() for recipe in recipes)]
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")

@@ -108,7 +108,8 @@ def test_another_cameras_window_lies_where_it_looks():
     """A camera turned a quarter to the left (yaw +90 degrees: towards -X) shows the map's middle of the left half."""
     frame = np.array([[-0.3, 0.3, -0.2, 0.2]])
     turn = rotation_y(np.pi / 2)[None]
-    cover = _shown(64, torch.zeros(1, 1, 128, 128), torch.tensor([0.1]), frame, turn)[0, 0].numpy()
+    light, mask = torch.zeros(1, 3, 64, 128), torch.zeros(1, 1, 128, 128)
+    cover = _shown(light, mask, torch.tensor([0.1]), frame, turn, tone)[0, 3].numpy()
     d = pixel_directions(64)
     middle = (d * cover[..., None]).sum(axis=(0, 1))
     np.testing.assert_allclose(middle / np.linalg.norm(middle), [-1, 0, 0], atol=1e-3)

@@ -6,11 +6,15 @@ from collections import Counter
 
 import pytest
 
-from anyprobe.dataset.recipe import Recipe
+from anyprobe.dataset.recipe import Recipe, digest
 from anyprobe.errors import InputError
-from anyprobe.evaluate.test_sets import FROZEN, read_recipes, write_recipes
+from anyprobe.evaluate.test_sets import FROZEN, read_recipes
 
 RECIPES = [Recipe(kind="object", map_id="00000001", shape_id="00000002", material=3, view=k, seed=k) for k in range(5)]
+
+
+def write_recipes(path, recipes):
+    path.write_text("\n".join([f"# {digest(recipes)}", *(recipe.to_hex() for recipe in recipes)]) + "\n")
 
 
 def test_a_list_comes_back(tmp_path):

@@ -75,6 +75,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 def self_test(model: str) -> tuple[float, float]:
     """Seconds for one photo of a white sphere lit from the upper left, and the dominant light's error in degrees."""
     from anyprobe.estimate.estimator import Estimator
+    from anyprobe.evaluate.metrics import direction_error_deg
     from anyprobe.render.spheres import diffuse, sphere_normals
 
     toward = np.array([-0.6, 0.6, 0.53])
@@ -86,8 +87,7 @@ def self_test(model: str) -> tuple[float, float]:
     start = time.perf_counter()
     light = estimator(photo)
     seconds = time.perf_counter() - start
-    cosine = float(light.dominant_light().direction @ toward / np.linalg.norm(toward))
-    return seconds, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return seconds, direction_error_deg(light.dominant_light().direction, toward)
 
 
 def _emitter(direction: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,28 +20,13 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LIFT_STAGES
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.pair import Pair
     from anyprobe.dataset.recipe import Recipe
     from anyprobe.evaluate.methods import Estimate, Method
 
-COLUMNS = (
-    "ldr_psnr",
-    "ldr_rmse",
-    "ldr_ssim",
-    "ln_hdr_rmse",
-    "angle_diffuse_deg",
-    "angle_silver_deg",
-    "angle_mirror_deg",
-    "si_rmse_diffuse",
-    "si_rmse_silver",
-    "si_rmse_mirror",
-    "dominant_light_deg",
-    "dominant_light_median_deg",
-    "total_power_median_stops",
-)
+UNPRINTED = ("total_power_stops", "ldr_rmse_seen", "ldr_rmse_unseen")
+"""Metrics that are in scores.json alone."""
 PAIRS = 200
 SEED = 2020
 WIDTH = 260
@@ -94,7 +80,7 @@ def evaluate(
     if path_traced:
         from anyprobe.relight.path_traced import open_mitsuba, trace_mesh
 
-        open_mitsuba()  # or one clear line where it cannot run
+        open_mitsuba()  # one clear line where it cannot run
         trace = partial(trace_mesh, num_paths=PATHS)
     runtime, title = Models(model, engine=engine), Path(model).name
     if priors and runtime.stages != LIFT_STAGES:
@@ -133,7 +119,7 @@ def evaluate(
     }
     with atomic_path(out / "scores.json") as temporary:
         temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    write_png(out / "pictures.png", watch.picture())
+    write_png(out / "pictures.png", np.concatenate(watch.rows).astype(np.float32))
     _print(result["scores"], result["irradiance"])
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_priors"])
@@ -179,10 +165,12 @@ class Watch:
 
     def __call__(self, index: int, pair: Pair, estimates: Mapping[str, Estimate]) -> None:
         from anyprobe.core.response import response
+        from anyprobe.evaluate.metrics import psnr, rmse, ssim
         from anyprobe.evaluate.scoring import groups_of
 
-        own = estimates[self.title]
-        self.irradiance.append(irradiance_score(own.irradiance, pair.irradiance / 255.0))
+        # whole picture, as in the paper's Table 1
+        images = estimates[self.title].irradiance, pair.irradiance / 255.0
+        self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
         for name, calibration in self.calibrations.items():
             one = estimates[name]
             if one.confidence is not None:
@@ -200,17 +188,10 @@ class Watch:
         confidence = found.pop(self.title)
         return {"irradiance": irradiance, "confidence": confidence, "confidence_with_priors": found}
 
-    def picture(self) -> np.ndarray:
-        """Display picture [rows * CELL, W, 3]."""
-        import numpy as np
-
-        return np.concatenate(self.rows, axis=0).astype(np.float32)
-
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
-    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method."""
-    import numpy as np
-
+    """Photo and true irradiance, then map, silver and mirror sphere of the truth and of each method, side by side:
+    display values [CELL, W, 3]."""
     from anyprobe.core.response import response
     from anyprobe.render.spheres import mirror, silver
 
@@ -221,20 +202,16 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
     return np.concatenate(cells, axis=1)
 
 
-def irradiance_score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """PSNR, RMSE and SSIM of the irradiance image, whole picture as in the paper's Table 1."""
-    from anyprobe.evaluate.metrics import psnr, rmse, ssim
-
-    return {"psnr": psnr(estimate, truth), "rmse": rmse(estimate, truth), "ssim": ssim(estimate, truth)}
-
-
 def _print(table: dict, irradiance: dict[str, float]) -> None:
+    from anyprobe.evaluate.scoring import METRICS
+
     show = Console(highlight=False, width=WIDTH)
+    columns = [name for name in METRICS if name not in UNPRINTED]
+    titles = [name.replace("_deg", "").replace("_stops", "") for name in columns]
     for group in next(iter(table.values())):
-        titles = [name.replace("_deg", "").replace("_stops", "") for name in COLUMNS]
         sheet = Table("method", *titles, title=group, title_justify="left")
         for method, groups in table.items():
-            sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in COLUMNS])
+            sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in columns])
         show.print(sheet)
     show.print("irradiance image: " + ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items()))
 

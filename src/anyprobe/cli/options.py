@@ -146,24 +146,20 @@ class ObjectOptions(MaskOptions):
 
     def photo_hints(self) -> dict[str, Any]:
         """The keywords of load_photo besides the field of view; see hints."""
-        return self.hints(self.mask) | {"normals": self.normals_source(), "surroundings": self.surroundings_source()}
-
-    def normals_source(self) -> Path | str | NormalsEstimator | None:
-        """A path, the word for a sphere as it is, or an estimator."""
         from anyprobe.estimate.normals_model import open_normals_model
         from anyprobe.estimate.normals_prior import SPHERE
-
-        if self.normals_from is not None:
-            if self.normals is not None:
-                raise InputError("--normals and --normals-from: expected one of them, got both")
-            return open_normals_model(self.normals_from)
-        return self.normals if self.normals in (None, SPHERE) else Path(self.normals)
-
-    def surroundings_source(self) -> Path | str | None:
-        """A path, or the word for the photo itself as it is."""
         from anyprobe.estimate.surroundings import PHOTO
 
-        return self.surroundings if self.surroundings in (None, PHOTO) else Path(self.surroundings)
+        hints = self.hints(self.mask)
+        normals: Path | str | NormalsEstimator | None = self.normals
+        if self.normals_from is not None:
+            if normals is not None:
+                raise InputError("--normals and --normals-from: expected one of them, got both")
+            normals = open_normals_model(self.normals_from)
+        elif normals not in (None, SPHERE):
+            normals = Path(normals)
+        seen = self.surroundings if self.surroundings in (None, PHOTO) else Path(self.surroundings)
+        return hints | {"normals": normals, "surroundings": seen}
 
     def given_material(self) -> Material | None:
         """The material that the options give; None where they give nothing."""

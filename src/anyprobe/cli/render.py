@@ -6,7 +6,7 @@ import json
 import shlex
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,8 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from anyprobe.cli.options import with_bundles
 
 Conditions = Literal["clean", "world"]
 """Photos as in the paper, or as the world gives them: dataset.samples.CONDITIONS."""
@@ -25,32 +27,40 @@ Assets = Annotated[
 ]
 
 
-def render(
-    folder: Folder,
-    data: Assets = None,
-    split: Annotated[Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")] = None,
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanOptions:
+    """What a new dataset is made by, dataset.render_job.SETTINGS; what is not given is the old one's, or a default."""
+
+    split: Annotated[Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")] = None
     kind: Annotated[
         Literal["object", "map"] | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
-    ] = None,
+    ] = None
     conditions: Annotated[
         Conditions | None, typer.Option(help="Clean photos as the paper's (default), or the world's.")
-    ] = None,
-    pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="The first N; default all.")] = None,
-    shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; default 2020.")] = None,
+    ] = None
+    pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="The first N; default all.")] = None
+    shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")] = None
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; default 2020.")] = None
     procedural_maps: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Maps of our own; 32 without --data, 0 with.")
-    ] = None,
+    ] = None
     procedural_shapes: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="Shapes of our own; 32 without --data, 0 with.")
-    ] = None,
+    ] = None
     commercial_only: Annotated[
         bool,
         typer.Option(
             "--commercial-only",
             help="Leave out assets whose licence, by manifest.csv, forbids commercial use or is not known.",
         ),
-    ] = False,
+    ] = False
+
+
+@with_bundles
+def render(
+    folder: Folder,
+    plan: PlanOptions,
+    data: Assets = None,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes on this machine.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a dataset; settings not given are its own.")
@@ -66,18 +76,7 @@ def render(
 
     if address is not None and engine != "ray":
         raise InputError("--address: expected --engine ray with it, got local; add it")
-    settings = {
-        "kind": kind,
-        "split": split,
-        "conditions": conditions,
-        "seed": seed,
-        "pairs": pairs,
-        "shard_size": shard_size,
-        "procedural_maps": procedural_maps,
-        "procedural_shapes": procedural_shapes,
-        "commercial_only": commercial_only or None,
-    }
-    given = {name: value for name, value in settings.items() if value is not None}
+    given = {name: value for name, value in asdict(plan).items() if value is not None and value is not False}
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     say = partial(talk.print, soft_wrap=True)
     job = render_job.begin(folder, given, data, _make(), resume=resume, report=say)

@@ -49,7 +49,11 @@ def serve(
 ) -> None:
     """Serve the live page and the HTTP API; nothing leaves this machine."""
     _need_serve()
+    import uvicorn
+
     from anyprobe.estimate.estimator import Estimator
+    from anyprobe.serve.api import create_app
+    from anyprobe.serve.door import settings, write_certificate
     from anyprobe.serve.page import Page, write_static
     from anyprobe.serve.pool import Limits
 
@@ -62,27 +66,14 @@ def serve(
         return
     num_workers = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else workers or 2
     limits = Limits(max_bytes=max_mb * 2**20, workers=num_workers)
-    hosts = [name.lower() for name in allow_host or []]
-    _listen(estimator, page, limits, host, port, https, hosts, allow_origin or [], token)
-
-
-def _listen(
-    estimator, page, limits, host: str, port: int, https: bool, names: list[str], origins: list[str], token: str | None
-) -> None:
-    """Run until Ctrl-C."""
-    import uvicorn
-
-    from anyprobe.serve.api import create_app
-    from anyprobe.serve.door import settings, write_certificate
-
+    names = [name.lower() for name in allow_host or []]
     with _open_port(host, port) as listening, tempfile.TemporaryDirectory() as folder:
         shown = own_address() if host in EVERYWHERE else host
         only_here = is_loopback(host)
         token = _token(token, only_here)
         hosts = [host.lower(), *LOOPBACK, *names, *([] if only_here else [shown, socket.gethostname().lower()])]
-        app = create_app(
-            estimator, limits, page=page, hosts=hosts, addresses=not only_here, origins=origins, token=token
-        )
+        options = {"hosts": hosts, "addresses": not only_here, "origins": allow_origin or [], "token": token}
+        app = create_app(estimator, limits, page=page, **options)
         encrypted = {}
         if https:
             certified = ["localhost", "127.0.0.1", shown, *names]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import astuple, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 
@@ -170,17 +169,6 @@ Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyp
 _NAMES_NOBODY = re.compile(r"cc[\s_-]?0\b|creative commons zero\b|public domain\b|own\b", re.IGNORECASE)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Credit:
-    """One file; author: as its licence asks to be named, else empty."""
-
-    file: str
-    name: str
-    source: str
-    licence: str
-    author: str
-
-
 def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
     """The page, in Markdown, of all that load_asset_store takes of a data folder for weights that ship.
 
@@ -199,17 +187,16 @@ def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
     return "\n".join(parts)
 
 
-def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[Credit]:
-    """Of the files of a folder whose ids are among those taken, by name."""
+CREDIT = ("file", "name", "source", "licence", "author")
+"""Of a file; author: as its licence asks to be named, else empty."""
+
+
+def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, ...]]:
+    """CREDIT of the files of a folder whose ids are among those taken, by name."""
     for path, row in listed_rows(folder, suffixes, ()) if folder.is_dir() else ():
         if allows_commercial_use(row["licence"]) and path.is_file() and file_id(path) in taken:
-            yield Credit(
-                file=path.name,
-                name=row.get("name") or row.get("slug") or path.stem,
-                source=_source(row),
-                licence=row["licence"],
-                author=_author(row),
-            )
+            name = row.get("name") or row.get("slug") or path.stem
+            yield path.name, name, _source(row), row["licence"], _author(row)
 
 
 def _source(row: dict[str, str]) -> str:
@@ -226,11 +213,7 @@ def _author(row: dict[str, str]) -> str:
     return row.get("authors") or row.get("author") or "".join(rest).strip(" )") or NOT_STATED
 
 
-def _table(credits: list[Credit]) -> str:
-    names = [field.name for field in fields(Credit)]
-    lines = [names, ["---"] * len(names), *map(astuple, credits)]
-    return "".join(f"| {' | '.join(map(_cell, line))} |\n" for line in lines)
-
-
-def _cell(text: str) -> str:
-    return " ".join(text.replace("|", "\\|").split())
+def _table(credits: list[tuple[str, ...]]) -> str:
+    rows = [CREDIT, ["---"] * len(CREDIT), *credits]
+    cells = ([" ".join(text.replace("|", "\\|").split()) for text in row] for row in rows)
+    return "".join(f"| {' | '.join(row)} |\n" for row in cells)

@@ -62,7 +62,7 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     """
     if conditions not in (0, 1):
         raise InputError(f"conditions: expected 0 (clean) or 1 (as the world gives them), got {conditions!r}")
-    common = dict(
+    shot = Shot(
         metering=float(rng.uniform(0.0, 0.7)),
         object_key=float(np.exp(rng.uniform(np.log(0.1), np.log(0.6)))),
         scene_key=float(0.25 * np.exp(rng.uniform(np.log(0.5), np.log(2.0)))),
@@ -77,14 +77,9 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     jpeg, quality = rng.random() < JPEG_SHARE, int(rng.integers(40, 99))
     subsampling = SUBSAMPLINGS[rng.integers(len(SUBSAMPLINGS))]
     if conditions == 0:
-        return Shot(**common)
-    return Shot(
-        **common,
-        noise=noise,
-        blur_px=0.0 if sharp else blur_px,
-        jpeg_quality=quality if jpeg else None,
-        jpeg_subsampling=subsampling,
-    )
+        return shot
+    flaws = {"blur_px": 0.0 if sharp else blur_px, "jpeg_quality": quality if jpeg else None}
+    return replace(shot, noise=noise, jpeg_subsampling=subsampling, **flaws)
 
 
 def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:

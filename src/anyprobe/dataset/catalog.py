@@ -276,10 +276,7 @@ class Manifest:
                 return
             else:
                 self.rows[self.rows.index(old)] = {**old, **row}
-            self._write()
-
-    def _write(self) -> None:
-        with atomic_path(self.path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
-            writer.writeheader()
-            writer.writerows(self.rows)
+            with atomic_path(self.path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
+                writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
+                writer.writeheader()
+                writer.writerows(self.rows)

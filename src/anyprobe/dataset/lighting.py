@@ -8,14 +8,13 @@ alpha: the dear part of a training pair, and each one serves many pairs.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 import torch
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles, uv_to_direction
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import priors
 from anyprobe.dataset.catalog import normalize_map
@@ -164,13 +163,6 @@ BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
 lobes need pixels, wide ones samples."""
 
 
-@lru_cache(maxsize=4)
-def _map_directions(height: int, supersample: int) -> torch.Tensor:
-    n = height * supersample
-    u, v = np.meshgrid((np.arange(2 * n) + 0.5) / (2 * n), (np.arange(n) + 0.5) / n)
-    return torch.from_numpy(uv_to_direction(np.stack([u, v], -1)).astype(np.float32).reshape(-1, 3))
-
-
 def _look(radiance: torch.Tensor, d: torch.Tensor) -> torch.Tensor:
     """The map [H, 2H, 3] along unit directions [N, 3]."""
     return bilinear(radiance, direction_to_uv(d))
@@ -188,6 +180,7 @@ class Illuminator:
         }
         self.maps = [radiance.to(device) for radiance in self.maps]
         self.wrap = compile_kernel if compiled else (lambda function: function)
+        self._directions = self._tensor(pixel_directions(4 * MAP_HEIGHT).reshape(-1, 3))
         kernels = (shade_specular, shade_diffuse, _look)
         self._specular, self._diffuse, self._look = (self.wrap(kernel) for kernel in kernels)
 
@@ -208,8 +201,7 @@ class Illuminator:
         wide = self.pyramids[1.0][which]
         diffuse = self._diffuse(wide, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
-        directions = _map_directions(MAP_HEIGHT, 4).to(self.device) @ world
-        fine = self._look(self.maps[which], directions)
+        fine = self._look(self.maps[which], self._directions @ world)
         radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
         return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 

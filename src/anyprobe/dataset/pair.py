@@ -133,7 +133,10 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
     if recipe.conditions == WORLD:
         shot = phone_shot(shot, (light * pixel_solid_angles(MAP_HEIGHT)[..., None]).sum(axis=(0, 1)), rng)
-    seen = priors.frame_level(luminance(light)) if shot.meters_frame else _log_mean(light)
+    bright = luminance(light)
+    # a camera that meters the whole scene sees exp(mean ln luminance)
+    log_mean = float(np.exp(np.log(np.maximum(bright, 1e-4)).mean()))
+    seen = priors.frame_level(bright) if shot.meters_frame else log_mean
     gain = exposure(shot, float(luminance(reflected).mean()), seen)
     picture = np.zeros((*surface.mask.shape, 3), np.float32)
     picture[surface.mask] = reflected * gain
@@ -172,12 +175,6 @@ def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Materi
     corners = mesh.positions[mesh.faces].reshape(-1, 3).astype(np.float32)
     factor = factor_at(corners, mesh.normals.reshape(-1, 3).astype(np.float32), rng)
     return replace(paint(material, factor.reshape(-1, 3, 3)), f0=material.f0)
-
-
-def _world_material(recipe: Recipe, rng: np.random.Generator) -> Material:
-    kind, brighter = recipe.material % 4, recipe.material // 4
-    alpha = priors.draw_alphas(rng, np.array([kind]))[0]
-    return priors.draw_one(rng, kind, float(alpha), (brighter + rng.random()) / 2)
 
 
 def _textured_radiance(
@@ -220,7 +217,9 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
     turned = world_from_camera(yaw + rng.uniform(0, 2 * np.pi), elevation)
     fov_deg = rng.uniform(10.0, 45.0)
     if recipe.conditions == WORLD:
-        material = _world_material(recipe, rng)
+        kind, brighter = recipe.material % 4, recipe.material // 4
+        alpha = float(priors.draw_alphas(rng, np.array([kind]))[0])
+        material = priors.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
     else:
         alpha = draw_alpha(rng, recipe.material % 2 == 0)
         material = draw_material(rng, alpha, bool(recipe.material // 2 % 2))
@@ -292,8 +291,3 @@ def shade_surface(
     turn = map_from_camera.T.astype(np.float32)
     u = hammersley(num_samples)
     return shade(pyramid, surface.normals @ turn, surface.wo @ turn, float(alpha), u)
-
-
-def _log_mean(light: np.ndarray) -> float:
-    """exp(mean ln luminance) of a map: what a camera that meters the whole scene sees."""
-    return float(np.exp(np.log(np.maximum(luminance(light), 1e-4)).mean()))

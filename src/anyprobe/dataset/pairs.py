@@ -186,7 +186,10 @@ class PairSource:
         hidden: what the surfaces hide from themselves, [B, AZIMUTHS, SIDE, SIDE] of dataset.occlusion.
         """
         count, size = len(chosen), normals.shape[-1]
-        materials = [_material_of(lit, rng) for lit in chosen]
+        materials = [
+            draw_material(rng, lit.alpha) if lit.kind is None else priors.draw_one(rng, lit.kind, lit.alpha)
+            for lit in chosen
+        ]
         described = np.stack([material_input(one) for one in materials])
         shares = self.config.textured, self.config.two_materials
         if max(shares) > 0:  # by random numbers of its own: all else of a photo stays as it is
@@ -301,10 +304,6 @@ def shade(
         of_diffuse, of_specular = shade_hidden(hidden, normals, wo, alpha[:, 0, 0, 0], maps, glow)
         radiance = torch.lerp(grazing * of_specular + diffuse * of_diffuse, one * of_specular, f0)
     return radiance, first_factor
-
-
-def _material_of(lit: LitMaterial, rng: np.random.Generator) -> Material:
-    return draw_material(rng, lit.alpha) if lit.kind is None else priors.draw_one(rng, lit.kind, lit.alpha)
 
 
 def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:

@@ -172,16 +172,11 @@ def draw_metering(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.
     return rng.uniform(*OBJECT_WEIGHT, count), KEY * np.exp(rng.normal(0.0, KEY_SPREAD, count))
 
 
-def frame_weights(height: int) -> np.ndarray:
-    """Share of each pixel of a map [H, 2H] of the camera's frame in what a phone's frame shows, sum 1."""
-    inside = -pixel_directions(height)[..., 2] > np.cos(np.radians(FRAME_DEG))
-    weights = inside * pixel_solid_angles(height)
-    return (weights / weights.sum()).astype(np.float32)
-
-
 def frame_level(seen: np.ndarray) -> np.ndarray:
     """What a meter makes of the frame around an object: luminance [..., H, 2H] of a camera's map to [...]."""
-    weights = frame_weights(seen.shape[-2])
+    height = seen.shape[-2]
+    weights = pixel_solid_angles(height) * (-pixel_directions(height)[..., 2] > np.cos(np.radians(FRAME_DEG)))
+    weights = (weights / weights.sum()).astype(np.float32)
     return ((np.asarray(seen) ** FRAME_POWER) * weights).sum(axis=(-2, -1)) ** (1.0 / FRAME_POWER)
 
 

@@ -61,11 +61,13 @@ def run_local(
                         one.pipe.send(one.task)
             ready = wait([one.pipe for one in crew])
             for one in [one for one in crew if one.pipe in ready]:
-                message = _receive(one.pipe)
-                if message is None:
+                try:
+                    message = one.pipe.recv()
+                except (EOFError, OSError):
                     crew.remove(one)
                     _bury(one, waiting, deaths, watch, say)
-                elif message[0] == "progress":
+                    continue
+                if message[0] == "progress":
                     watch(one.task, message[1])
                 elif message[0] == "done":
                     results[one.task], one.task = message[1], None
@@ -141,13 +143,6 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, old)
-
-
-def _receive(pipe: Connection) -> Any:
-    try:
-        return pipe.recv()
-    except (EOFError, OSError):
-        return None
 
 
 def _serve(work: Work, pipe: Connection) -> None:

@@ -139,23 +139,21 @@ class Plan:
         if not 0 <= index < self.count:
             raise IndexError(f"expected an index below {self.count}, got {index}")
         radices = (len(self.map_ids), VIEWPOINTS)
+        shape_id = NO_SHAPE
         if self.kind == "map":
-            (place, view, exposure) = _digits(_shuffled(index, self.count, self.seed), (*radices, EXPOSURES))
-            return self._recipe(index, place, 0, exposure, view)
-        half = _shuffled(index // 2, self.count // 2, self.seed)
-        place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIALS // 2))
-        return self._recipe(index, place, shape, 2 * material + index % 2, view)
-
-    def _recipe(self, index: int, place: int, shape: int, material: int, view: int) -> Recipe:
-        name = {"shape_id": self.shape_ids[shape]} if self.kind == "object" else {}
+            place, view, material = _digits(_shuffled(index, self.count, self.seed), (*radices, EXPOSURES))
+        else:
+            half = _shuffled(index // 2, self.count // 2, self.seed)
+            place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIALS // 2))
+            shape_id, material = self.shape_ids[shape], 2 * material + index % 2
         return Recipe(
             kind=self.kind,
             map_id=self.map_ids[place],
+            shape_id=shape_id,
             material=material,
             view=view,
             conditions=self.conditions,
             seed=_seed(self.seed, index),
-            **name,
         )
 
 

@@ -28,7 +28,7 @@ from anyprobe.files.atomic import held
 def render_again(job: Job, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
     """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
     shard, numbers = task
-    renderer = job.renderer()
+    renderer = _renderer(job)
     stored = dict(shards.read_samples(shards.tar_path(job.folder, shard)))
     for count, number in enumerate(numbers, 1):
         sample = renderer.sample(renderer.recipe(number))
@@ -61,8 +61,7 @@ def differing(
     say: Callable[[str], None],
 ) -> dict[int, str]:
     """What differs, by shard, when `count` random pairs of some shards are rendered again."""
-    data = None if data is None else Path(os.path.abspath(data))
-    job = Job(folder=Path(os.path.abspath(folder)), data=data, make=make)
+    job = _job(folder, data, make)
     tasks = choose(job.plan, among, count)
     results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
     return {shard: wrong for (shard, _), wrong in results.items() if wrong}
@@ -115,22 +114,19 @@ class Job:
         """The content of dataset.json."""
         return read_plan(self.folder)
 
-    @property
-    def num_shards(self) -> int:
-        """How many shards the dataset is to have."""
-        return num_shards(self.plan)
-
     def missing(self) -> list[int]:
         """The shards that are not there yet, or not of the size their index says."""
-        return [shard for shard in range(self.num_shards) if not shards.is_done(self.folder, shard)]
+        return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
 
-    def renderer(self) -> StoreRenderer:
-        """The renderer, opened once a process; InputError if its assets are not the dataset's."""
-        return _renderer(self)
+
+def _job(folder: Path, data: Path | None, make: Make) -> Job:
+    data = None if data is None else Path(os.path.abspath(data))
+    return Job(folder=Path(os.path.abspath(folder)), data=data, make=make)
 
 
 @lru_cache(maxsize=1)
 def _renderer(job: Job) -> StoreRenderer:
+    """The renderer, opened once a process; InputError if its assets are not the dataset's."""
     # what is left out of a folder of assets was said when the dataset was begun
     return _open(job, job.plan, report=lambda line: None)
 
@@ -194,9 +190,8 @@ def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Ma
     Raises:
         InputError: something lies in the folder, or the dataset was made by other settings or assets.
     """
-    folder = Path(os.path.abspath(folder))
-    data = None if data is None else Path(os.path.abspath(data))
-    job = Job(folder=folder, data=data, make=make)
+    job = _job(folder, data, make)
+    folder, data = job.folder, job.data
     if resume:
         old = read_plan(folder)
         for name, value in given.items():
@@ -301,7 +296,7 @@ def check_space(job: Job, missing: Sequence[int]) -> int:
 
 def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
     """Render one shard; report(n) after each pair. Any process on any machine may do this."""
-    renderer = job.renderer()
+    renderer = _renderer(job)
 
     def samples():
         for count, index in enumerate(shard_range(job.plan, shard), 1):

@@ -169,14 +169,14 @@ def _json(pair: Pair | MapPair, more: dict) -> bytes:
         "map": pair.map_name,
         "indoor": bool(pair.indoor),
         "view": recipe.view,
-        "map_from_camera": [_numbers(row) for row in pair.map_from_camera],
+        "map_from_camera": _numbers(pair.map_from_camera),
         "gain": _numbers(pair.gain),
     }
     return json.dumps({**fields, **more}, allow_nan=False).encode()
 
 
 def _numbers(values) -> list[float]:
-    return [float(value) for value in values]
+    return np.asarray(values, np.float64).tolist()
 
 
 def _place(pair: Pair | MapPair) -> str:

@@ -50,10 +50,7 @@ def photo_surroundings(
         frames: [B, 4] of draw_frame; an empty one shows nothing.
         tone: the cameras' response.
     """
-    turns = np.broadcast_to(np.eye(3), (len(light), 3, 3))
-    cover = _shown(light.shape[2], mask, tan_half, frames, turns)
-    display = (tone(light).clip(0.0, 1.0) * 255).round() / 255
-    return torch.cat([display * cover, cover], dim=1)
+    return _shown(light, mask, tan_half, frames, np.broadcast_to(np.eye(3), (len(light), 3, 3)), tone)
 
 
 def gather(
@@ -78,9 +75,8 @@ def gather(
         turns = np.stack([_turn_round(rng) for _ in chosen])
         frames = np.stack([draw_frame(rng, each) for each in tan_half.tolist()])
         frames *= (counts > number)[:, None]
-        cover = _shown(light.shape[2], mask, tan_half, frames, turns)
-        display = (tone(unsteady(light, rng)).clip(0.0, 1.0) * 255).round() / 255
-        surroundings = surroundings + (1 - surroundings[:, 3:]) * torch.cat([display * cover, cover], dim=1)
+        others = _shown(unsteady(light, rng), mask, tan_half, frames, turns, tone)
+        surroundings = surroundings + (1 - surroundings[:, 3:]) * others
     return surroundings
 
 
@@ -91,15 +87,17 @@ def _turn_round(rng: np.random.Generator) -> np.ndarray:
 
 
 def _shown(
-    height: int, mask: torch.Tensor, tan_half: torch.Tensor, frames: np.ndarray, map_from_photo: np.ndarray
+    light: torch.Tensor,
+    mask: torch.Tensor,
+    tan_half: torch.Tensor,
+    frames: np.ndarray,
+    map_from_photo: np.ndarray,
+    tone: Callable[[torch.Tensor], torch.Tensor],
 ) -> torch.Tensor:
-    """Which part of a map's pixels photos show beside the object, [B, 1, H, 2H] in [0, 1]; see photo_surroundings.
-
-    map_from_photo: [B, 3, 3], how each camera was turned.
-    """
+    """photo_surroundings of cameras that were turned by map_from_photo [B, 3, 3]."""
     device = mask.device
     turns = torch.from_numpy(np.asarray(map_from_photo, np.float32)).to(device)
-    d = torch.from_numpy(pixel_directions(height)).to(device) @ turns[:, None]  # as rows: in the photos' frames
+    d = torch.from_numpy(pixel_directions(light.shape[2])).to(device) @ turns[:, None]  # as rows: in the photos' frames
     depth = -d[..., 2].clip(max=-0.05)
     plane = d[..., :2] / depth[..., None]  # [B, H, 2H, 2]
     x0, x1, y0, y1 = torch.from_numpy(np.asarray(frames, np.float32)).to(device).T[..., None, None]
@@ -108,7 +106,9 @@ def _shown(
     on_crop = plane * torch.tensor([1.0, -1.0], device=device) / tan_half.reshape(-1, 1, 1, 1)
     grown = F.max_pool2d(mask, 2 * GROW + 1, 1, GROW)
     hidden = F.grid_sample(grown, on_crop, mode="bilinear", align_corners=False)
-    return inside[:, None] * (1 - hidden)
+    cover = inside[:, None] * (1 - hidden)
+    display = (tone(light).clip(0.0, 1.0) * 255).round() / 255
+    return torch.cat([display * cover, cover], dim=1)
 
 
 def unsteady(light: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:

@@ -179,16 +179,12 @@ def _through_the_air(elevation: float, turbidity: float) -> tuple[np.ndarray, np
     return rayleigh, aerosol, np.exp(-0.35 * OZONE * m - water)  # 0.35 cm of ozone
 
 
-def _linear_rgb(irradiance: np.ndarray) -> np.ndarray:
-    """Spectral [W/(m^2 nm)] at WAVELENGTHS to linear Rec. 709 [klx], 683 lm/W and 10 nm a step."""
-    xyz = 683e-3 * 10.0 * (irradiance[:, None] * matching_functions(WAVELENGTHS)).sum(axis=0)
-    return np.maximum(REC709_FROM_XYZ @ xyz, 0.0)
-
-
 def sun_irradiance(elevation: float, turbidity: float) -> np.ndarray:
     """E [3] of the sun alone on a plane that faces it: A1, Table 2's radiance through the air."""
     rayleigh, aerosol, absorbed = _through_the_air(elevation, turbidity)
-    return _linear_rgb(SUN_RADIANCE * np.pi * np.sin(SUN_RADIUS) ** 2 * rayleigh * aerosol * absorbed)
+    spectrum = SUN_RADIANCE * np.pi * np.sin(SUN_RADIUS) ** 2 * rayleigh * aerosol * absorbed  # [W/(m^2 nm)]
+    xyz = 683e-3 * 10.0 * (spectrum[:, None] * matching_functions(WAVELENGTHS)).sum(axis=0)  # 683 lm/W, 10 nm a step
+    return np.maximum(REC709_FROM_XYZ @ xyz, 0.0)
 
 
 def scattered_irradiance(elevation: float, turbidity: float) -> float:

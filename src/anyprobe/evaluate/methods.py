@@ -122,11 +122,9 @@ def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
     outputs = models(pair.crop, pair.tan_half, normals, surroundings_map, material)
     if "material" in priors:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
-    return (
-        outputs
-        if surroundings_map is None
-        else use_surroundings(outputs, surroundings_map, tint="material" not in priors)
-    )
+    if surroundings_map is not None:
+        outputs = use_surroundings(outputs, surroundings_map, tint="material" not in priors)
+    return outputs
 
 
 def true_normals(pair: Pair) -> np.ndarray:

@@ -64,13 +64,6 @@ def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
     return recipes
 
 
-def write_recipes(path: str | os.PathLike[str], recipes: list[Recipe]) -> None:
-    """The file that read_recipes reads."""
-    lines = [f"# {digest(recipes)}", *(recipe.to_hex() for recipe in recipes)]
-    with atomic_path(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="ascii")
-
-
 ARRAYS = ("photo", "irradiance", "radiance", "map_from_camera", "gain", "normals")
 NAMES = ("tan_half", "map_name", "shape_name", "indoor")
 

@@ -51,11 +51,7 @@ def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
 
     The columns wrap around, and a pole row that is touched is taken whole: all of its pixels meet at the pole.
     """
-    grown = mask.copy()
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    grown[:, 0] |= mask[:, -1]
-    grown[:, -1] |= mask[:, 0]
+    grown = mask | np.roll(mask, 1, axis=1) | np.roll(mask, -1, axis=1)
     grown[1:] |= mask[:-1]
     grown[:-1] |= mask[1:]
     grown[0] |= mask[0].any()

@@ -15,32 +15,28 @@ from array_api_compat import array_namespace
 from anyprobe.core.latlong import pixel_solid_angles
 
 
-def _kernel_spectrum(height: int, weight: Callable[[np.ndarray], np.ndarray], normalised: bool) -> np.ndarray:
-    """Cosine spectrum [F, H, H] of weight(cos angle) dOmega, rows out x rows in."""
+def _power(cosine: np.ndarray, sharpness: float) -> np.ndarray:
+    return np.maximum(cosine, 0.0) ** sharpness
+
+
+def _cap(cosine: np.ndarray, radius: float) -> np.ndarray:
+    return (np.arccos(cosine) <= radius).astype(np.float64)
+
+
+@lru_cache(maxsize=48)
+def _spectrum(
+    height: int, weight: Callable[[np.ndarray, float], np.ndarray], parameter: float, normalised: bool = True
+) -> np.ndarray:
+    """Cosine spectrum [F, H, H] of weight(cos angle, parameter) dOmega, rows out x rows in."""
     theta = (np.arange(height) + 0.5) * np.pi / height
     delta = np.arange(2 * height) * np.pi / height
     cosine = np.cos(theta)[:, None, None] * np.cos(theta)[None, :, None] + np.sin(theta)[:, None, None] * np.sin(theta)[
         None, :, None
     ] * np.cos(delta)
-    kernel = weight(np.clip(cosine, -1.0, 1.0)) * pixel_solid_angles(height).astype(np.float64)[None]
+    kernel = weight(np.clip(cosine, -1.0, 1.0), parameter) * pixel_solid_angles(height).astype(np.float64)[None]
     if normalised:
         kernel /= kernel.sum(axis=(1, 2), keepdims=True)
     return np.fft.rfft(kernel, axis=2).real.transpose(2, 0, 1).astype(np.float32)
-
-
-@lru_cache(maxsize=32)
-def _cosine_power_spectrum(height: int, sharpness: float) -> np.ndarray:
-    return _kernel_spectrum(height, lambda c: np.maximum(c, 0.0) ** sharpness, True)
-
-
-@lru_cache(maxsize=8)
-def _cap_spectrum(height: int, radius: float) -> np.ndarray:
-    return _kernel_spectrum(height, lambda c: (np.arccos(c) <= radius).astype(np.float64), True)
-
-
-@lru_cache(maxsize=8)
-def _irradiance_spectrum(height: int) -> np.ndarray:
-    return _kernel_spectrum(height, lambda c: np.maximum(c, 0.0), False)
 
 
 def _apply(radiance, spectrum: np.ndarray):
@@ -62,14 +58,14 @@ def blur_cosine_power(radiance, sharpness: float):
     """
     if sharpness <= 0:
         raise ValueError(f"expected sharpness > 0, got {sharpness}")
-    return _apply(radiance, _cosine_power_spectrum(radiance.shape[-3], float(sharpness)))
+    return _apply(radiance, _spectrum(radiance.shape[-3], _power, float(sharpness)))
 
 
 def blur_cap(radiance, radius: float):
     """Average radiance over the cap of the given radius [radians] around each direction."""
-    return _apply(radiance, _cap_spectrum(radiance.shape[-3], float(radius)))
+    return _apply(radiance, _spectrum(radiance.shape[-3], _cap, float(radius)))
 
 
 def irradiance_map(radiance):
     """Irradiance E(n) = integral of L max(0, n.wi) dwi, for n at every pixel centre."""
-    return _apply(radiance, _irradiance_spectrum(radiance.shape[-3]))
+    return _apply(radiance, _spectrum(radiance.shape[-3], _power, 1.0, normalised=False))

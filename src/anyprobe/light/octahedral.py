@@ -144,12 +144,12 @@ class Pyramid:
 
 
 @lru_cache(maxsize=8)
-def _resampling(side: int, supersample: int) -> np.ndarray:
-    """Map coordinates of the texels' subsamples, [side, k, side, k, 2]."""
-    centres = (np.arange(side * supersample) + 0.5) / (side * supersample)
+def _resampling(side: int) -> np.ndarray:
+    """Map coordinates of the texels' subsamples, two along each side: [side, 2, side, 2, 2]."""
+    centres = (np.arange(2 * side) + 0.5) / (2 * side)
     st = np.stack(np.meshgrid(centres, centres), axis=-1)
     uv = direction_to_uv(octahedral_to_direction(st)).astype(np.float32)
-    return uv.reshape(side, supersample, side, supersample, 2)
+    return uv.reshape(side, 2, side, 2, 2)
 
 
 @lru_cache(maxsize=16)
@@ -174,15 +174,12 @@ def _patches(height: int, side: int) -> np.ndarray:
     return row * side + column
 
 
-def build_pyramid(
-    radiance, side: int = 256, supersample: int = 2, emitters: int = 0, patches: int | None = None
-) -> Pyramid:
+def build_pyramid(radiance, side: int = 256, emitters: int = 0, patches: int | None = None) -> Pyramid:
     """Unfold a map [H, 2H, 3] and average it down level by level to 4 x 4.
 
     Args:
         radiance: NumPy array or torch tensor.
         side: texels along level 0; 256 holds a 256 x 512 map.
-        supersample: subsamples along a texel of level 0.
         emitters: how many of the brightest pixels become emitters. A pyramid with emitters is for
             shading; lookup alone does not see them.
         patches: emitters are whole patches instead, of patches x patches on the unfolded sphere.
@@ -195,7 +192,7 @@ def build_pyramid(
     elif emitters:
         radiance, directions, power = take_pixels(radiance, emitters)
         spread = 1.0 / side**2
-    uv = xp.asarray(_resampling(side, supersample), device=radiance.device)
+    uv = xp.asarray(_resampling(side), device=radiance.device)
     level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
     levels, size = [], side
     while True:

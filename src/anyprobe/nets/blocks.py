@@ -14,8 +14,13 @@ def autocast(device: torch.device | str) -> torch.autocast:
     return torch.autocast(kind, dtype=torch.bfloat16, enabled=has_bfloat16)
 
 
+def wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
+    """Repeat `columns` of equirectangular pictures [N, C, H, 2H] beyond their seam, on both sides."""
+    return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=3)
+
+
 class Wrap(nn.Module):
-    """Repeat `columns` of an equirectangular picture beyond its seam, on both sides.
+    """`wrap` as a layer.
 
     Convolutions behind it see across the seam; Unwrap takes the columns off again.
     One wide margin costs half the time of a circular pad before every convolution.
@@ -26,7 +31,7 @@ class Wrap(nn.Module):
         self.columns = columns
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return torch.cat([x[..., -self.columns :], x, x[..., : self.columns]], dim=3)
+        return wrap(x, self.columns)
 
 
 class Unwrap(nn.Module):

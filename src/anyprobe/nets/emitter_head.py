@@ -16,6 +16,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.nets.blocks import wrap
 
 POWER_FLOOR = 0.1
 """Added to the power above white [sr of white] before its logarithm: less than this hardly counts."""
@@ -60,7 +61,9 @@ class EmitterHead(nn.Module):
 
         logit: [N, 1, 64, 128], ln of power per steradian up to a constant.
         """
-        return self._radiance(ln_power, logit)
+        spread = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True))
+        per_steradian = spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
+        return self._power(ln_power) * per_steradian
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
         """The same power in SOURCES discs at the most likely positions, each with the share that is likely near it."""
@@ -83,17 +86,11 @@ class EmitterHead(nn.Module):
         coarse = F.avg_pool2d(share, step)
         coarse = coarse / coarse.sum(dim=(2, 3), keepdim=True)
         worth = (coarse.flatten(2) @ self.worth).unflatten(2, (HEIGHT, 2 * HEIGHT))
-        worth = torch.cat([worth[..., -2:], worth, worth[..., :2]], dim=3)
-        worth = F.interpolate(worth, scale_factor=step, mode="bilinear", align_corners=False)
+        worth = F.interpolate(wrap(worth, 2), scale_factor=step, mode="bilinear", align_corners=False)
         worth = worth[..., 2 * step : -2 * step]
         score = LIKELY * torch.log(share / self.solid_angles) + NEAR * torch.log(worth)
         weight = torch.exp(score - score.amax(dim=(2, 3), keepdim=True)) * self.solid_angles
         return F.normalize((weight * self.directions).sum(dim=(2, 3), keepdim=True), dim=1)
-
-    def _radiance(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
-        spread = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True))
-        per_steradian = spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
-        return self._power(ln_power) * per_steradian
 
     @staticmethod
     def _power(ln_power: torch.Tensor) -> torch.Tensor:
@@ -102,5 +99,4 @@ class EmitterHead(nn.Module):
 
 def _even(logit: torch.Tensor) -> torch.Tensor:
     """Means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2."""
-    wide = torch.cat([logit[..., -1:], logit, logit[..., :1]], dim=3)
-    return F.avg_pool2d(F.pad(wide, (0, 0, 1, 1), mode="replicate"), 3, stride=1)
+    return F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)

@@ -15,7 +15,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.blocks import UpBlock, conv
+from anyprobe.nets.blocks import UpBlock, conv, wrap
 from anyprobe.nets.emitter_head import EmitterHead
 from anyprobe.nets.lifting import CameraRays, NormalsNet, given_or_estimated, lift, map_pixel, mirror_direction, pyramid
 from anyprobe.scatter.materials import MATERIAL_INPUTS
@@ -26,12 +26,8 @@ MARGIN = 8
 """Columns repeated beyond the seam, on both sides."""
 
 
-def _wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
-    return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=3)
-
-
 def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
-    """Undo _wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
+    """Undo blocks.wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
     left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
     first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
     fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
@@ -50,7 +46,7 @@ class SphereNet(nn.Module):
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
-        self.register_buffer("directions", _wrap(directions, MARGIN), persistent=False)
+        self.register_buffer("directions", wrap(directions, MARGIN), persistent=False)
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         deepest = HEIGHT >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
@@ -66,13 +62,13 @@ class SphereNet(nn.Module):
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
         seen = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
-        x = torch.cat([_wrap(seen, MARGIN), directions], dim=1)
+        x = torch.cat([wrap(seen, MARGIN), directions], dim=1)
         levels = [self.first(x)]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
-            parts = [down(levels[-1]), _wrap(rest[depth], MARGIN >> depth)]
+            parts = [down(levels[-1]), wrap(rest[depth], MARGIN >> depth)]
             if depth == len(self.down):
-                parts.append(_wrap(start, MARGIN >> depth))
+                parts.append(wrap(start, MARGIN >> depth))
             levels.append(seen(torch.cat(parts, dim=1)))
         x = levels.pop()
         for up in self.up:

@@ -27,6 +27,7 @@ SILVER_ALPHA = 0.3
 SILVER_F0 = 0.9
 NUM_SAMPLES = 64
 PYRAMID_SIDE = 64
+WO = np.array([0, 0, 1], np.float32)
 
 
 @lru_cache(maxsize=4)
@@ -45,14 +46,6 @@ def sphere_normals(size: int = SPHERE_SIZE) -> tuple[np.ndarray, np.ndarray]:
     return normals, mask
 
 
-@lru_cache(maxsize=4)
-def _lookups(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What does not depend on the map: wo [N, 3], uv of the normals and of reflect(wo, n) [N, 2]."""
-    normals, _ = sphere_normals(size)
-    wo = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape)
-    return wo, direction_to_uv(normals), direction_to_uv(reflect(wo, normals))
-
-
 def _picture(values: np.ndarray, size: int) -> np.ndarray:
     """[N, 3] to a picture [S, S, 3] that is black outside the sphere."""
     picture = np.zeros((size, size, 3), np.float32)
@@ -62,24 +55,25 @@ def _picture(values: np.ndarray, size: int) -> np.ndarray:
 
 def diffuse(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
     """A Lambert sphere of albedo 1, Lo = E(n) / pi: [H, 2H, 3] -> [S, S, 3]."""
-    _, uv_normal, _ = _lookups(size)
-    return _picture(bilinear(irradiance_map(reduced(radiance)), uv_normal) / np.pi, size)
+    normals, _ = sphere_normals(size)
+    return _picture(bilinear(irradiance_map(reduced(radiance)), direction_to_uv(normals)) / np.pi, size)
 
 
 def silver(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
     """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
-    wo, _, _ = _lookups(size)
     # a larger map would be read at points between which a sun is lost
     pyramid = build_pyramid(reduced(radiance), side=PYRAMID_SIDE, emitters=NUM_EMITTERS)
-    _, s1, ss = shade_specular(pyramid, normals, wo, SILVER_ALPHA, hammersley(NUM_SAMPLES))
+    _, s1, ss = shade_specular(
+        pyramid, normals, np.broadcast_to(WO, normals.shape), SILVER_ALPHA, hammersley(NUM_SAMPLES)
+    )
     return _picture(SILVER_F0 * s1 + (1 - SILVER_F0) * ss, size)
 
 
 def mirror(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> Float[np.ndarray, "S S 3"]:
     """A perfect mirror, f0 1: Lo = L(reflect(wo, n)), [H, 2H, 3] -> [S, S, 3]."""
-    _, _, uv_mirror = _lookups(size)
-    return _picture(bilinear(radiance, uv_mirror), size)
+    normals, _ = sphere_normals(size)
+    return _picture(bilinear(radiance, direction_to_uv(reflect(np.broadcast_to(WO, normals.shape), normals))), size)
 
 
 def sphere_images(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> dict[str, np.ndarray]:

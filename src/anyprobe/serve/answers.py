@@ -48,7 +48,9 @@ def choose_type(request: Request, types: dict[str, str]) -> str:
 def light_response(light: Light, media: str, include: frozenset[str], mask: bytes | None) -> Response:
     """A light as JSON with what was asked to be included, or as a picture file."""
     if media != JSON:
-        return Response(light_file(light, LIGHT_TYPES[media]), media_type=media)
+        with tempfile.TemporaryDirectory() as folder:  # the writers of .exr know files only
+            data = light.save(Path(folder) / f"light.{LIGHT_TYPES[media]}").read_bytes()
+        return Response(data, media_type=media)
     return JSONResponse(light_json(light, include, mask))
 
 
@@ -69,12 +71,6 @@ def packed(values: np.ndarray) -> dict[str, Any]:
     """An array as JSON can carry it."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"shape": list(values.shape), "dtype": "float32", "base64": base64.b64encode(data).decode("ascii")}
-
-
-def light_file(light: Light, suffix: str) -> bytes:
-    """The file that Light.save writes."""
-    with tempfile.TemporaryDirectory() as folder:  # the writers of .exr know files only
-        return light.save(Path(folder) / f"light.{suffix}").read_bytes()
 
 
 def mask_json(photo: Photo) -> dict[str, Any]:

@@ -142,19 +142,19 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            views = await read_views(request, pool)
-            common = views.uploads[0]
+            uploads, turns = await read_views(request, pool)
+            common = uploads[0]
             material = given_material(common.material, common.albedo)
             cuts: list[Cut] = []
             spent: list[float] = []
-            for upload in views.uploads:
+            for upload in uploads:
                 start = time.perf_counter()
                 cuts.append(await cut(request, upload, first=not cuts))
                 spent.append(time.perf_counter() - start)
 
             def work(job: Job) -> Response:
                 taken = [(one.photo, one.crop) for one in cuts]
-                light = estimate_crops(asked_of(common).from_crop, taken, views.world_from_camera, spent, material)
+                light = estimate_crops(asked_of(common).from_crop, taken, turns, spent, material)
                 job.step()
                 light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
@@ -168,11 +168,8 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         async with pool.place():
             upload = await read_upload(request, pool, openapi.DETAIL)
             light = await decode(request, "sharpened", upload)
-
-            def work(job: Job) -> Response:
-                return answers.light_response(light, media, upload.include, None)
-
-            return await pool.run(work, _leaving(request))
+            work = answers.light_response
+            return await pool.run(lambda _: work(light, media, upload.include, None), _leaving(request))
 
     @app.post("/v1/mask", openapi_extra=openapi.MASK, tags=["light"], response_class=Response)
     async def mask(request: Request) -> Response:

@@ -82,16 +82,13 @@ def _upload(
     errors = {status: text for status, text in _ERRORS.items() if formats or status != "406"}
     extra = {"format": f"{' or '.join(formats)}; instead of Accept"} if formats else {}
     return {
-        "parameters": _parameters(options | extra),
+        "parameters": [
+            {"in": "query", "name": name, "schema": {"type": "string"}, "description": text}
+            for name, text in (options | extra).items()
+        ],
         "requestBody": {"required": True, "content": {FORM: form, "image/*": {"schema": _FILE}}},
         "responses": {"200": {"description": "done", "content": answer}, **errors},
     }
-
-
-def _parameters(texts: dict[str, str]) -> list[dict[str, Any]]:
-    return [
-        {"in": "query", "name": name, "schema": {"type": "string"}, "description": text} for name, text in texts.items()
-    ]
 
 
 _ANY: dict[str, Any] = {"schema": {"type": "object"}}

@@ -57,8 +57,8 @@ EXAMPLE_FOV_DEG = 24.0
 class Page:
     """The page's files by address, and what only this installation can tell it."""
 
-    def __init__(self, estimator: Estimator, model: str, folder: Path | None = None) -> None:
-        root = folder or Path(str(resources.files("anyprobe") / "serve" / "page"))
+    def __init__(self, estimator: Estimator, model: str) -> None:
+        root = Path(str(resources.files("anyprobe") / "serve" / "page"))
         self._estimator = estimator
         self._example: dict[str, bytes] = {}
         self._lock = threading.Lock()

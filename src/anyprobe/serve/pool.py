@@ -107,12 +107,8 @@ class WorkerPool:
             "slow": Lane(seconds=limits.decode_s, memory_mb=limits.decode_mb, niceness=5),
         }
         self._uploads: list[_Upload] = []
-        self._taken = 0
-
-    @property
-    def taken(self) -> int:
+        self.taken = 0
         """Requests that hold a place now."""
-        return self._taken
 
     @asynccontextmanager
     async def place(self) -> AsyncIterator[None]:
@@ -123,14 +119,14 @@ class WorkerPool:
         """
         if self._is_full() and not await self._make_room():
             raise Busy
-        self._taken += 1
+        self.taken += 1
         try:
             yield
         finally:
-            self._taken -= 1
+            self.taken -= 1
 
     def _is_full(self) -> bool:
-        return self._taken >= self._limits.workers + self._limits.waiting
+        return self.taken >= self._limits.workers + self._limits.waiting
 
     async def _make_room(self) -> bool:
         """End the slowest body that has had its time of grace, so that slow senders do not lock others out."""
@@ -203,7 +199,7 @@ class WorkerPool:
     def warm(self) -> None:
         """Have a process of each kind ready, in threads of their own."""
         for name, lane in self._lanes.items():
-            self._threads[name].submit(lane.warm)
+            self._threads[name].submit(lane.call, "ready")
 
     def close(self) -> None:
         """Let the running work end; drop what waits."""

@@ -17,15 +17,12 @@ import threading
 import time
 import traceback
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, BinaryIO
 
 from anyprobe.errors import AnyprobeError, InputError
 
 log = logging.getLogger("anyprobe.serve")
-
-HEADER_BYTES = 8
-"""Of a message: its length."""
 
 USED_UP_MB = 400
 """Memory that a process may hold between two pieces of work; above, it is replaced."""
@@ -80,10 +77,6 @@ class Lane:
             worker.end()
         return _outcome(answer)
 
-    def warm(self) -> None:
-        """Have one ready."""
-        self.call("ready")
-
     def close(self) -> None:
         with self._lock:
             self._closed = True
@@ -120,7 +113,7 @@ class _Worker:
         timer.start()
         try:
             _send(self._process.stdin, message)
-            return _receive(self._process.stdout)
+            return pickle.load(self._process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             if late.is_set() or self._process.wait(5) == -SIGXCPU:
                 raise TooSlow(
@@ -148,35 +141,14 @@ def _outcome(answer: dict[str, Any]) -> Any:
         return answer["result"]
     if "fault" in answer:
         raise RuntimeError(f"in a decoding process: {answer['fault']}")
-    kind = next(one for one in _kinds(AnyprobeError) if one.__name__ == answer["kind"])
-    error = kind.__new__(kind)
+    error = answer["kind"].__new__(answer["kind"])
     Exception.__init__(error, answer["error"])
     raise error
 
 
-def _kinds(root: type[AnyprobeError]) -> Iterator[type[AnyprobeError]]:
-    """A class of errors and all that are made of it."""
-    yield root
-    for one in root.__subclasses__():
-        yield from _kinds(one)
-
-
 def _send(pipe: BinaryIO, message: Any) -> None:
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    pipe.write(len(data).to_bytes(HEADER_BYTES, "little") + data)
+    pickle.dump(message, pipe, pickle.HIGHEST_PROTOCOL)
     pipe.flush()
-
-
-def _receive(pipe: BinaryIO) -> Any:
-    length = int.from_bytes(_exactly(pipe, HEADER_BYTES), "little")
-    return pickle.loads(_exactly(pipe, length))
-
-
-def _exactly(pipe: BinaryIO, count: int) -> bytes:
-    data = pipe.read(count)
-    if len(data) < count:
-        raise EOFError
-    return data
 
 
 # In the process itself
@@ -196,7 +168,7 @@ def work(memory_mb: int, niceness: int) -> None:
     _bound_memory(memory_mb)
     for count in range(1, MAX_CALLS + 1):
         try:
-            task, arguments, seconds = _receive(given)
+            task, arguments, seconds = pickle.load(given)
         except EOFError:
             return
         _bound_time(seconds)
@@ -209,12 +181,10 @@ def _answer(function: Callable, arguments: tuple) -> dict[str, Any]:
     try:
         return {"result": function(*arguments)}
     except MemoryError:
-        error = TooMuchMemory("expected a file that fits in memory when decoded, got a larger one; send it smaller")
-        return {"kind": "TooMuchMemory", "error": str(error)}
+        text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
+        return {"kind": TooMuchMemory, "error": text}
     except AnyprobeError as error:
-        if isinstance(error.__cause__, MemoryError):
-            return {"kind": "TooMuchMemory", "error": str(error)}
-        return {"kind": type(error).__name__, "error": str(error)}
+        return {"kind": TooMuchMemory if isinstance(error.__cause__, MemoryError) else type(error), "error": str(error)}
     except Exception:
         return {"fault": traceback.format_exc(limit=8)}
 

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -34,14 +34,6 @@ EMITTERS = {"mode": MODE, "expected": EXPECTED, "drawn": MODE, "spread": EXPECTE
 """Words of requests, those of older clients last, and what they stand for."""
 
 UNREAD_S = 5.0
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Views:
-    """Photos of one object, and world_from_camera [N, 3, 3] of each."""
-
-    uploads: tuple[Upload, ...]
-    world_from_camera: np.ndarray
 
 
 async def take_unread(request: Request) -> None:
@@ -85,8 +77,8 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         name=name,
         mask=mask or None,
         confidence=confidence or None,
-        normals=normals or option.word("normals", SHAPES),
-        surroundings=surroundings or option.word("surroundings", {PHOTO: PHOTO}),
+        normals=normals or option.one_of("normals", SHAPES, "a file part or sphere"),
+        surroundings=surroundings or option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
         clicks_off=option.points("click_off"),
@@ -96,8 +88,10 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
     )
 
 
-async def read_views(request: Request, pool: WorkerPool) -> Views:
-    """Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
+async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], np.ndarray]:
+    """Photos of one object, and world_from_camera [N, 3, 3] of each.
+
+    Read parts `photo` and as many of `mask` or `box` or none, one part `poses`, and what concerns all of them.
 
     Raises:
         HTTPException: 408 too slow.
@@ -125,11 +119,11 @@ async def read_views(request: Request, pool: WorkerPool) -> Views:
     turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
     common = Upload(
         photo=b"",
-        normals=option.word("normals", SHAPES),
-        surroundings=option.word("surroundings", {PHOTO: PHOTO}),
+        normals=option.one_of("normals", SHAPES, "a file part or sphere"),
+        surroundings=option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
         **option.of_light(),
     )
-    uploads = tuple(
+    uploads = [
         replace(
             common,
             photo=data,
@@ -139,8 +133,8 @@ async def read_views(request: Request, pool: WorkerPool) -> Views:
             fov_deg=fovs[k] if common.fov_deg is None else common.fov_deg,
         )
         for k, (data, name) in enumerate(photos)
-    )
-    return Views(uploads=uploads, world_from_camera=turns)
+    ]
+    return uploads, turns
 
 
 def _poses_of(photos: list[tuple[bytes, str]], poses: bytes) -> tuple[np.ndarray, list[float | None]]:
@@ -218,12 +212,6 @@ class Options:
             raise InputError(f"{name}: expected one value, got {len(texts)}; send one")
         return texts[0] if texts else None
 
-    def word(self, name: str, known: dict[str, str]) -> str | None:
-        text = self.text(name)
-        if text not in (None, *known):
-            raise InvalidPhoto(f"{name}: expected a file part or {next(iter(known))}, got {text[:60]!r}")
-        return known.get(text)
-
     def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
         text = self.text(name)
         return None if text is None else parse_numbers(name, text, *counts)
@@ -236,10 +224,10 @@ class Options:
     def points(self, name: str) -> tuple[tuple[float, float], ...]:
         return tuple(parse_numbers(name, text, 2) for text in self.texts(name))
 
-    def words(self, name: str, known: set[str]) -> frozenset[str]:
-        found = {word.strip() for text in self.texts(name) for word in text.split(",")}
-        if found - known:
-            raise InvalidPhoto(f"{name}: expected any of {', '.join(sorted(known))}, got {found - known}")
+    def include(self) -> frozenset[str]:
+        found = {word.strip() for text in self.texts("include") for word in text.split(",")}
+        if more := found - {"radiance", "stages", "mask"}:
+            raise InvalidPhoto(f"include: expected any of mask, radiance, stages, got {more}")
         return frozenset(found)
 
     def of_light(self) -> dict[str, Any]:
@@ -249,9 +237,9 @@ class Options:
             "material": self.text("material"),
             "albedo": self.numbers("albedo", 1, 3),
             "emitters": self._emitters(),
-            "detail": self._one_of("detail", {word: word for word in DETAILS}),
-            "size": self._one_of("size", {str(rows): rows for rows in SIZES}),
-            "include": self.words("include", {"radiance", "stages", "mask"}),
+            "detail": self.one_of("detail", {word: word for word in DETAILS}),
+            "size": self.one_of("size", {str(rows): rows for rows in SIZES}),
+            "include": self.include(),
         }
 
     def _emitters(self) -> str | None:
@@ -260,11 +248,11 @@ class Options:
             raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
         return EMITTERS.get(text)
 
-    def _one_of(self, name: str, known: Mapping[str, Any]) -> Any:
+    def one_of(self, name: str, known: Mapping[str, Any], expected: str = "") -> Any:
         """What a word stands for; None where none came."""
         text = self.text(name)
         if text not in (None, *known):
-            raise InputError(f"{name}: expected one of {', '.join(known)}, got {text[:60]!r}")
+            raise InputError(f"{name}: expected {expected or 'one of ' + ', '.join(known)}, got {text[:60]!r}")
         return known.get(text)
 
 

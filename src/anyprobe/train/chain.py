@@ -17,6 +17,7 @@ from anyprobe.light.filtering import blur_cosine_power
 from anyprobe.light.reconstruct import blend_weight
 from anyprobe.nets.blocks import UNet, Unwrap, Up, Wrap, autocast, conv
 from anyprobe.train.config import RunConfig
+from anyprobe.train.lift import irradiance_loss
 
 
 class IrradianceNet(nn.Module):
@@ -134,9 +135,10 @@ class Chain:
         mask = batch.photo[:, 3:]
         irradiance = self._run("irradiance", batch.photo)
         ldr = self._run("illumination", self._object_image(batch, irradiance.detach()))
+        target = gradual_target(batch.ldr, progress) if self.config.gradual else batch.ldr
         return {
             "irradiance": irradiance_loss(irradiance, batch.irradiance * mask, mask),
-            "illumination": self._illumination_loss(ldr, batch.ldr, progress),
+            "illumination": (self.solid_angle * (ldr - target) ** 2).mean(),
             "hdr": self._hdr_loss(ldr.detach(), batch),
         }
 
@@ -152,36 +154,16 @@ class Chain:
         seen = torch.cat([batch.irradiance[:given] * mask[:given], irradiance[given:]])
         return torch.cat([seen, mask], dim=1)
 
-    def _illumination_loss(self, estimate: torch.Tensor, ldr: torch.Tensor, progress: float) -> torch.Tensor:
-        target = gradual_target(ldr, progress) if self.config.gradual else ldr
-        return (self.solid_angle * (estimate - target) ** 2).mean()
-
     def _hdr_loss(self, estimate: torch.Tensor, batch: Batch) -> torch.Tensor:
-        """ln radiance from true and from estimated LDR maps, mostly where Eq. 7 will read it."""
+        """Mean squared error of ln radiance from true and from estimated LDR maps, weighted by solid angle and
+        0.1 + gamma (Eq. 8): mostly where Eq. 7 will read it.
+
+        estimate: display values [B, 3, H, 2H] of the illumination net.
+        """
         quarter = max(1, int(self.config.hdr_share * len(estimate)) // 2)
         true, estimated = slice(0, quarter), slice(len(estimate) - quarter, None)
         ldr = torch.cat([batch.ldr[true], estimate[estimated]])
         saturated = torch.cat([batch.ldr[true], torch.maximum(estimate, batch.ldr)[estimated]])
         target = torch.cat([batch.ln_radiance[true], batch.ln_radiance[estimated]])
-        return hdr_loss(self._run("hdr", ldr), target, saturated, self.solid_angle)
-
-
-def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-    """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
-    share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
-    return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
-
-
-def hdr_loss(
-    estimate: torch.Tensor, target: torch.Tensor, shown: torch.Tensor, solid_angle: torch.Tensor
-) -> torch.Tensor:
-    """Mean squared error of ln radiance, weighted by solid angle and 0.1 + gamma (Eq. 8).
-
-    Args:
-        estimate, target: [B, 3, H, 2H].
-        shown: display values [B, 3, H, 2H], of which gamma is.
-        solid_angle: [1, 1, H, 1].
-    """
-    gamma = blend_weight(shown.permute(0, 2, 3, 1)).permute(0, 3, 1, 2)
-    weight = solid_angle * (0.1 + gamma)
-    return (weight * (estimate - target) ** 2).sum() / weight.sum() / 3
+        weight = self.solid_angle * (0.1 + blend_weight(saturated.permute(0, 2, 3, 1)).permute(0, 3, 1, 2))
+        return (weight * (self._run("hdr", ldr) - target) ** 2).sum() / weight.sum() / 3

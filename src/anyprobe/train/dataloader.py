@@ -237,13 +237,12 @@ class ShardSource:
         fields = parts["json"]
         light = self._light(fields["map_id"], json.dumps(fields["map_from_camera"]))
         radiance = light * np.asarray(fields["gain"], np.float32)
-        low, high = LN_RANGE
         normals = decode_normals(parts[NORMALS]) if self.form > 1 else np.zeros((128, 128, 3), np.float32)
         images: dict[str, Any] = {
             "photo": parts["photo.png"] / np.float32(255),
             "irradiance": parts["irradiance.png"] / np.float32(255),
             "ldr": response(radiance),
-            "ln_radiance": np.log(np.clip(radiance, 1e-6, None)).clip(low, high),
+            "ln_radiance": np.log(np.clip(radiance, 1e-6, None)).clip(*LN_RANGE),
             "normals": normals,
         }
         rows = {name: np.ascontiguousarray(value.transpose(2, 0, 1), np.float32) for name, value in images.items()}

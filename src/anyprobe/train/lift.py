@@ -35,6 +35,12 @@ def normals_loss(normals: torch.Tensor, batch: Batch, where: torch.Tensor | floa
     return ((1 - along) * inside).sum() / inside.sum().clip(min=1.0)
 
 
+def irradiance_loss(estimate: torch.Tensor, target: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    """Mean squared error of images [B, 3, S, S] per object pixel, so that small objects count as much as large."""
+    share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
+    return (((estimate - target) ** 2).mean(dim=(1, 2, 3)) / share).mean()
+
+
 class Normals:
     """Loss of NormalsNet, from the photo alone; float32 weights, the arithmetic of nets.blocks.autocast."""
 
@@ -178,11 +184,9 @@ class Lift:
 
     def _object(self, guess: LightPrediction, batch: Batch, given: torch.Tensor) -> dict[str, torch.Tensor]:
         features, mask = guess.features, batch.photo[:, 3:]
-        share = mask.mean(dim=(1, 2, 3)).clip(min=0.02)
-        squared = (features.irradiance.float() - batch.irradiance * mask) ** 2
         estimated = (given.square().sum(dim=1, keepdim=True) == 0).float()  # given normals are not learned
         return {
-            "irradiance": (squared.mean(dim=(1, 2, 3)) / share).mean(),
+            "irradiance": irradiance_loss(features.irradiance.float(), batch.irradiance * mask, mask),
             "normals": normals_loss(guess.normals, batch, estimated),
             "alpha": (features.root_alpha[:, 0].float() - batch.alpha.sqrt()).abs().mean(),
         }
