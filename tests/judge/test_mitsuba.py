@@ -28,12 +28,13 @@ from support.judged import (
     their_picture,
 )
 from support.mitsuba_scenes import mitsuba_scene, paper_bsdf, perfect_metal, pixel_centres, surface_at, trace
+from support.pyramids import lookup
 from support.zscore import assert_same_picture, measured
 
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
-from anyprobe.light.octahedral import build_pyramid, lookup
+from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade, shading_pyramid
 from anyprobe.scatter.materials import Material, evaluate
 

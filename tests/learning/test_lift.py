@@ -15,9 +15,10 @@ from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
+from anyprobe.nets.blocks import wrap  # noqa: E402
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
 from anyprobe.nets.lifting import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
-from anyprobe.nets.light_net import LightNet, _close, _wrap  # noqa: E402
+from anyprobe.nets.light_net import LightNet, _close  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
 from anyprobe.scatter.materials import MATERIALS, material_input  # noqa: E402
 from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402
@@ -203,7 +204,7 @@ def test_nothing_outside_the_mask_is_lifted():
 def test_no_seam_shows_where_two_sides_disagree():
     """Each side's own account, a ramp over all its columns, is faded into the other's."""
     circle = torch.rand(1, 1, 4, 64)
-    torch.testing.assert_close(_close(_wrap(circle, 8), 8), circle)
+    torch.testing.assert_close(_close(wrap(circle, 8), 8), circle)
     ramp = torch.linspace(0, 1, 80).expand(1, 1, 4, 80)  # the seam's two sides differ by 0.8
     closed = _close(ramp, 8)
     steps = (torch.roll(closed, -1, dims=3) - closed).abs()

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.pyramids import lookup
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import integral
-from anyprobe.light.octahedral import WIDENING, build_pyramid, lookup, take_pixels
+from anyprobe.light.octahedral import WIDENING, build_pyramid, take_pixels
 from anyprobe.render.integrate import (
     NUM_EMITTERS,
     PATCHES,

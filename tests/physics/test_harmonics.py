@@ -8,7 +8,12 @@ import pytest
 from anyprobe.core.frames import normalize, rotation_y
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.light.harmonics import evaluate, irradiance, project, sh_basis
+from anyprobe.light.harmonics import irradiance, project, sh_basis
+
+
+def evaluate(coefficients, d):
+    """Radiance of order 2, sum of L_i Y_i(d): [9, 3] and [..., 3] -> [..., 3]."""
+    return sh_basis(d) @ coefficients
 
 
 def directions(count, seed=0):

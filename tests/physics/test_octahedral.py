@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from support.pyramids import lookup
 
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.light.octahedral import Pyramid, build_pyramid, direction_to_octahedral, lookup, octahedral_to_direction
+from anyprobe.light.octahedral import Pyramid, build_pyramid, direction_to_octahedral, octahedral_to_direction
 
 
 def directions(count, seed=0):

@@ -23,11 +23,6 @@ for command in (render, status, verify):
     data.command()(command)
 
 
-@data.callback()
-def _group() -> None:
-    """Maps and models to train on."""
-
-
 @data.command()
 def fetch(
     source: Annotated[Literal["polyhaven"], typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")],

@@ -178,14 +178,8 @@ def _line(path: Path, error: AnyprobeError) -> str:
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
     """A table of all photos; warnings below it."""
-    columns = (
-        Column("photo", overflow="fold"),
-        "dominant light",
-        "brightness",
-        "seconds",
-        Column("result", overflow="fold"),
-    )
-    table = Table(*columns, box=None, pad_edge=False)
+    photo, result = (Column(title, overflow="fold") for title in ("photo", "result"))
+    table = Table(photo, "dominant light", "brightness", "seconds", result, box=None, pad_edge=False)
     for one in done:
         if one.error:
             table.add_row(str(one.photo), "", "", "", "failed")

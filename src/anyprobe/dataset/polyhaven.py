@@ -115,26 +115,21 @@ def split_of(slug: str, share: float) -> str:
     return "test" if _hash("split", family(slug)) < share else "train"
 
 
+@dataclass
 class Library:
     """A folder that fills with assets; asks the server only for what is not complete."""
 
-    def __init__(
-        self,
-        root: Path,
-        client: Client,
-        *,
-        api: str = API,
-        resolution: str = "1k",
-        map_format: str = "hdr",
-        test_share: float = 0.1,
-    ) -> None:
-        self.root = Path(root)
-        self.client = client
-        self.api = api.rstrip("/")
-        self.resolution = resolution
-        self.map_format = map_format
-        self.test_share = test_share
-        self.manifests = {kind: Manifest(self.root / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()}
+    root: Path
+    client: Client
+    api: str = API
+    resolution: str = "1k"
+    map_format: str = "hdr"
+    test_share: float = 0.1
+
+    def __post_init__(self) -> None:
+        self.manifests = {
+            kind: Manifest(Path(self.root) / name / "manifest.csv", COLUMNS) for kind, name in FOLDERS.items()
+        }
 
     def fetch(self, asset: Asset, watch: Watch = lambda done, total: None) -> Outcome:
         """Bring one asset into the folder.
@@ -166,7 +161,7 @@ class Library:
         if same and asset.files_hash and row.get("files_hash") == asset.files_hash:
             return self._complete(manifest, row, old, target, split)
 
-        sources = _sources(self.client.get_json(f"{self.api}/files/{asset.slug}"), asset.kind, self)
+        sources = _sources(self.client.get_json(f"{self.api.rstrip('/')}/files/{asset.slug}"), asset.kind, self)
         upstream = "+".join(one.md5 for one in sources.values())
         new = {
             "file": f"{split}/{target.name}",

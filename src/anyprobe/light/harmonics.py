@@ -84,11 +84,6 @@ def project(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "9 3"]:
     return (np.stack(parts) * K[:, None]).astype(np.float32)
 
 
-def evaluate(coefficients: Float[np.ndarray, "9 3"], d: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
-    """Radiance of order 2, sum of L_i Y_i(d): [9, 3] and [..., 3] -> [..., 3]."""
-    return sh_basis(d) @ coefficients
-
-
 def irradiance(coefficients: Float[np.ndarray, "9 3"], n: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
     """E(n) = sum of A_l L_i Y_i(n): [9, 3] and [..., 3] -> [..., 3]; Lambert sends albedo E / pi."""
     return sh_basis(n) @ (coefficients * COSINE_LOBE.astype(coefficients.dtype)[:, None])

@@ -133,10 +133,6 @@ class Pyramid:
     emitter_power: Any = None
     emitter_spread: Any = None
 
-    def without_emitters(self) -> Pyramid:
-        """What is left of the map."""
-        return replace(self, emitters=None, emitter_power=None, emitter_spread=None)
-
     def to(self, device) -> Pyramid:
         """The same on another device, for torch."""
         arrays = {name: getattr(self, name) for name in ("texels", "emitters", "emitter_power", "emitter_spread")}
@@ -212,17 +208,9 @@ def build_pyramid(radiance, side: int = 256, emitters: int = 0, patches: int | N
     )
 
 
-def lookup(pyramid: Pyramid, d, lod):
-    """Radiance [..., 3] around unit directions d [..., 3] at the nearest level to lod [...].
-
-    lod 0 is the map itself, each further level averages four texels of the last.
-    """
-    xp = array_namespace(d)
-    return xp.stack(lookup_rgb(pyramid, d[..., 0], d[..., 1], d[..., 2], lod), axis=-1)
-
-
 def lookup_rgb(pyramid: Pyramid, x, y, z, lod):
-    """The same with directions and colours in components, which a compiler turns into vector code.
+    """Radiance around unit directions at the nearest level to lod: 0 is the map itself, each further level averages
+    four texels of the last. Directions and colours are in components, which a compiler turns into vector code.
 
     Args:
         x, y, z, lod: one shape.

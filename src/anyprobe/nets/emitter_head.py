@@ -67,7 +67,9 @@ class EmitterHead(nn.Module):
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
         """The same power in SOURCES discs at the most likely positions, each with the share that is likely near it."""
-        left = torch.exp(_even(logit) - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
+        # means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2
+        even = F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)
+        left = torch.exp(even - logit.amax(dim=(2, 3), keepdim=True)) + LEAST
         left = left * self.solid_angles
         left = left / left.sum(dim=(2, 3), keepdim=True)
         discs = torch.zeros_like(left)  # power per steradian, of a total of 1 at the end
@@ -95,8 +97,3 @@ class EmitterHead(nn.Module):
     @staticmethod
     def _power(ln_power: torch.Tensor) -> torch.Tensor:
         return (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)[:, :, None, None]
-
-
-def _even(logit: torch.Tensor) -> torch.Tensor:
-    """Means over 3 x 3 pixels, across the seam: pixel shuffle leaves a grain of 2 x 2."""
-    return F.avg_pool2d(F.pad(wrap(logit, 1), (0, 0, 1, 1), mode="replicate"), 3, stride=1)

@@ -83,7 +83,8 @@ def radiance_by_maps(
     seen = array(reflectance_normals(size).reshape(-1, 3)) @ turn.T
     toward_eye = seen * 0.0 + middle
     width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
-    _, *terms = specular_by(pyramid.without_emitters(), seen, toward_eye, width, u)
+    rest = replace(pyramid, emitters=None, emitter_power=None, emitter_spread=None)  # what is left of the map
+    _, *terms = specular_by(rest, seen, toward_eye, width, u)
     if u_diffuse is not None:
         terms.append(diffuse_by(wide or pyramid, seen, toward_eye, u_diffuse))
     terms = xp.reshape(xp.concat(terms, axis=-1), (size, size, -1))

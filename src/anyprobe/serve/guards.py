@@ -90,17 +90,14 @@ class OwnNamesOnly:
         if scope["type"] == "lifespan":
             return await self._app(scope, receive, send)
         host = Headers(scope=scope).get("host", "")
-        if self._is_own(host):
+        name = host[: host.find("]") + 1] if host.startswith("[") else host.partition(":")[0]
+        if {"*", name.lower()} & set(self._names) or (self._addresses and _is_address(name)):
             return await self._app(scope, receive, send)
         text = (
             f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; a server answers to no other name, "
             "start it with --allow-host NAME to add one"
         )
         return await JSONResponse({"error": text}, 400)(scope, receive, send)
-
-    def _is_own(self, host: str) -> bool:
-        name = host[: host.find("]") + 1] if host.startswith("[") else host.partition(":")[0]
-        return "*" in self._names or name.lower() in self._names or (self._addresses and _is_address(name))
 
 
 def _is_address(name: str) -> bool:

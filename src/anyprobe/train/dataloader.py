@@ -108,18 +108,12 @@ def load_assets(light: LightConfig, data: Path | None) -> AssetStore:
 
     Files that cannot be used are listed on stderr.
     """
-    worker = multiprocessing.parent_process() is not None
 
     def warn(line: str) -> None:
-        print(f"warning: {line}", file=sys.stderr)
+        if multiprocessing.parent_process() is None:  # else it was said before
+            print(f"warning: {line}", file=sys.stderr)
 
-    return load_asset_store(
-        data,
-        "train",
-        commercial_only=light.commercial_only,
-        extra=light.extra,
-        report=(lambda line: None) if worker else warn,  # it was said before
-    )
+    return load_asset_store(data, "train", commercial_only=light.commercial_only, extra=light.extra, report=warn)
 
 
 def name_assets(store: AssetStore) -> str:
