@@ -78,10 +78,11 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
     soft = estimator.with_emitters("expected")(vase_photo, click=[click])
     found = read_radiance(Path(seen["soft"]["exr"]))
-    # by masks that both cut out anew, around the same click: they differ by some pixels of the edge
-    assert np.abs(response(found) - response(soft.radiance)).mean() < 0.03
-    assert np.abs(response(found[:, ::-1]) - response(soft.radiance)).mean() > 0.05
-    assert found.max() == pytest.approx(soft.radiance.max(), rel=0.25)
+    # by masks that both cut out anew, around the same click: they differ by 2 % of the pixels, at the edge, and either light is
+    # as far from that of the true mask as from the other
+    assert np.abs(response(found) - response(soft.radiance)).mean() < 0.06
+    assert np.abs(response(found[:, ::-1]) - response(soft.radiance)).mean() > 0.1
+    assert found.max() == pytest.approx(soft.radiance.max(), rel=0.4)
     assert sidecar["emitters"] == "mode"
     assert json.loads(Path(seen["soft"]["json"]).read_text())["emitters"] == "expected"
     np.testing.assert_allclose(sidecar["sh9"], project(map_of_page), atol=0.01)
