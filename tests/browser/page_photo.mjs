@@ -32,7 +32,10 @@ export default async ({ page, url, arguments: given }) => {
     return waitForStatus(page, /^Estimated|^Click|^The background/);
   };
   seen.hidden = await ask(() => page.check("#surroundings"));
-  await page.uncheck("#surroundings");
+  await ask(() => page.uncheck("#surroundings"));
+  await ask(() => page.check("#soften"));
+  seen.softAlpha = await save(kindOf("exr"), join(given.folder, "soft-alpha"));
+  await ask(() => page.uncheck("#soften"));
 
   // one without an alpha channel: the mask is the network's, or the click's
   await page.setInputFiles("#file", given.opaque);
