@@ -160,14 +160,31 @@ def write_report(folder: Path, out: Path = HERE) -> None:
     if (folder / "ceilings.npz").is_file():
         with np.load(folder / "ceilings.npz") as stored:
             ceilings = {key: stored[key] for key in stored.files}
+    kept = out / "results.json"
     content = results(points, ceilings)
+    if kept.is_file():
+        content = with_earlier(content, json.loads(kept.read_text()))
     rounded = json.loads(json.dumps(content), parse_float=lambda text: round(float(text), 5))
-    (out / "results.json").write_text(json.dumps(rounded) + "\n")
+    kept.write_text(json.dumps(rounded) + "\n")
     draw(content, out / "curves.png")
     readme = out / "README.md"
     before, rest = readme.read_text().split(BEGIN)
     after = rest.split(END)[1]
     readme.write_text(before + "\n".join([BEGIN, "", *lines(content), "", END]) + after)
+
+
+def with_earlier(content: dict, earlier: dict) -> dict:
+    """Results of the runs under the folder, and from an earlier report those of sizes and ceilings that are not there:
+    pairs, test pairs and seeds are the same whenever they are made."""
+    steps = earlier["steps"] | content["steps"]
+    there = {(row["pairs"], row["seed"], row["after"]) for row in content["curves"]}
+    curves = [row for row in earlier["curves"] if (row["pairs"], row["seed"], row["after"]) not in there]
+    rows = {name: content["rows"].get(name, earlier["rows"].get(name)) for name in TITLES}
+    return content | {
+        "rows": {name: row for name, row in rows.items() if row},
+        "steps": dict(sorted(steps.items(), key=lambda item: int(item[0]))),
+        "curves": sorted(curves + content["curves"], key=lambda row: (row["pairs"], row["seed"], row["after"])),
+    }
 
 
 def lines(content: dict) -> Iterator[str]:

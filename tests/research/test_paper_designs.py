@@ -19,7 +19,7 @@ from research.paper_designs.designs import DESIGNS, Designs, Losses, inputs_of  
 from research.paper_designs.gradual import epoch_of, filtered  # noqa: E402
 from research.paper_designs.judge import Judge, clustered_error, scores, ssim, unwrap_mirror, unwrap_sphere  # noqa: E402
 from research.paper_designs.pairs import Order, balanced, make_batch  # noqa: E402
-from research.paper_designs.report import read_points, verdict, write_report  # noqa: E402
+from research.paper_designs.report import read_points, verdict, with_earlier, write_report  # noqa: E402
 from research.paper_designs.scale import MATERIALS, SCALES, VIEWS  # noqa: E402
 from research.paper_designs.tables import build_tables, views_of  # noqa: E402
 from research.paper_designs.train import Run, Trainer, judged_at, rate_at, train  # noqa: E402
@@ -239,6 +239,24 @@ def test_what_was_trained_becomes_a_page(tables, tmp_path):
     assert "old" not in page
     assert "| Irradiance -> Ours |" in page
     assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_a_report_keeps_earlier_sizes_and_ceilings_and_what_is_new_wins():
+    def row(pairs: int, value: float) -> dict:
+        return {"pairs": pairs, "seed": 0, "after": pairs, "test/direct/rmse": value}
+
+    earlier = {
+        "rows": {"direct": {"test_rmse": 0.3}, "mean map": {"test_rmse": 0.4}},
+        "steps": {"20": "old", "100": "old"},
+        "curves": [row(20, 0.3), row(100, 0.3)],
+    }
+    new = {"rows": {"direct": {"test_rmse": 0.2}}, "steps": {"100": "new", "1000": "new"}, "pairs": 1000}
+    new["curves"] = [row(100, 0.25), row(1000, 0.2)]
+    both = with_earlier(new, earlier)
+    assert both["rows"] == {"direct": {"test_rmse": 0.2}, "mean map": {"test_rmse": 0.4}}
+    assert list(both["steps"].items()) == [("20", "old"), ("100", "new"), ("1000", "new")]
+    assert [one["test/direct/rmse"] for one in both["curves"]] == [0.3, 0.25, 0.2]
+    assert both["pairs"] == 1000
 
 
 def test_scores_do_not_depend_on_who_else_is_judged(tables):
