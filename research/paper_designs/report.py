@@ -161,9 +161,10 @@ def write_report(folder: Path, out: Path = HERE) -> None:
         with np.load(folder / "ceilings.npz") as stored:
             ceilings = {key: stored[key] for key in stored.files}
     kept = out / "results.json"
-    content = results(points, ceilings)
-    if kept.is_file():
-        content = with_earlier(content, json.loads(kept.read_text()))
+    content = {"scale": folder.name} | results(points, ceilings)
+    earlier = json.loads(kept.read_text()) if kept.is_file() else {}
+    if earlier.get("scale") == folder.name:
+        content = with_earlier(content, earlier)
     rounded = json.loads(json.dumps(content), parse_float=lambda text: round(float(text), 5))
     kept.write_text(json.dumps(rounded) + "\n")
     draw(content, out / "curves.png")
@@ -174,15 +175,17 @@ def write_report(folder: Path, out: Path = HERE) -> None:
 
 
 def with_earlier(content: dict, earlier: dict) -> dict:
-    """Results of the runs under the folder, and from an earlier report those of sizes and ceilings that are not there:
-    pairs, test pairs and seeds are the same whenever they are made."""
-    steps = earlier["steps"] | content["steps"]
+    """Results of the runs under the folder, and from an earlier report of the same scale those of runs and ceilings
+    that are not there: a run's pairs, test pairs and seeds are the same whenever it is made. The table is the longest
+    run's."""
+    longest = earlier if earlier["pairs"] > content["pairs"] else content
     there = {(row["pairs"], row["seed"], row["after"]) for row in content["curves"]}
     curves = [row for row in earlier["curves"] if (row["pairs"], row["seed"], row["after"]) not in there]
-    rows = {name: content["rows"].get(name, earlier["rows"].get(name)) for name in TITLES}
-    return content | {
-        "rows": {name: row for name, row in rows.items() if row},
-        "steps": dict(sorted(steps.items(), key=lambda item: int(item[0]))),
+    rows = earlier["rows"] | content["rows"] | longest["rows"]
+    steps = earlier["steps"] | content["steps"]
+    return longest | {
+        "rows": {name: rows[name] for name in TITLES if name in rows},
+        "steps": {size: steps[size] for size in sorted(steps, key=int)},
         "curves": sorted(curves + content["curves"], key=lambda row: (row["pairs"], row["seed"], row["after"])),
     }
 

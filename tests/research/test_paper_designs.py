@@ -246,6 +246,7 @@ def test_a_report_keeps_earlier_sizes_and_ceilings_and_what_is_new_wins():
         return {"pairs": pairs, "seed": 0, "after": pairs, "test/direct/rmse": value}
 
     earlier = {
+        "pairs": 100,
         "rows": {"direct": {"test_rmse": 0.3}, "mean map": {"test_rmse": 0.4}},
         "steps": {"20": "old", "100": "old"},
         "curves": [row(20, 0.3), row(100, 0.3)],
@@ -257,6 +258,9 @@ def test_a_report_keeps_earlier_sizes_and_ceilings_and_what_is_new_wins():
     assert list(both["steps"].items()) == [("20", "old"), ("100", "new"), ("1000", "new")]
     assert [one["test/direct/rmse"] for one in both["curves"]] == [0.3, 0.25, 0.2]
     assert both["pairs"] == 1000
+    shorter = with_earlier(earlier, both)  # the table stays the longest run's
+    assert shorter["pairs"] == 1000
+    assert shorter["rows"] == both["rows"]
 
 
 def test_scores_do_not_depend_on_who_else_is_judged(tables):
