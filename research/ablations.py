@@ -19,13 +19,13 @@ from rich.progress import track
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.errors import InputError
-from anyprobe.evaluate.calibration import PAIRS, left_out_pairs
 from anyprobe.evaluate.methods import Estimate, Method
 from anyprobe.evaluate.scoring import score_pairs
 from anyprobe.nets.light_net import LightNet
 from anyprobe.train.config import LightConfig, RunConfig, lift, normals
 from anyprobe.train.loop import load_nets, train
 from research.compare.study import difference, means
+from research.left_out import PAIRS, left_out_pairs
 from research.results import commit, write_result
 
 app = typer.Typer(help=__doc__, no_args_is_help=True)

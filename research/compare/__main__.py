@@ -10,13 +10,13 @@ from rich.progress import track
 
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
-from anyprobe.dataset.recipe import digest
+from anyprobe.dataset.recipe import digest, read_recipes
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.evaluate.methods import baselines, model_methods
-from anyprobe.evaluate.scoring import GROUPS, score_pairs
-from anyprobe.evaluate.test_sets import FROZEN, kept_pairs, read_recipes
+from anyprobe.evaluate.scoring import FROZEN, GROUPS, score_pairs
 from research.compare.figures import score_pair
 from research.compare.study import difference, means
+from research.kept_pairs import kept_pairs
 from research.results import commit, write_result
 
 AHEAD = ("ldr_rmse", "sphere_rmse", "relight_rmse")

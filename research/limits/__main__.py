@@ -13,13 +13,14 @@ from rich.console import Console
 from rich.table import Table
 
 from anyprobe.dataset.asset_store import load_asset_store
+from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL, POSTERIOR, Models, model_id
-from anyprobe.evaluate.calibration import true_errors
 from anyprobe.evaluate.methods import PRIORS, mean_map, run_with_priors
 from anyprobe.evaluate.scoring import ALPHA_EDGES
-from anyprobe.evaluate.test_sets import FROZEN as LIST
-from anyprobe.evaluate.test_sets import kept_pairs, read_recipes
+from anyprobe.evaluate.scoring import FROZEN as LIST
+from research.export_weights.calibrate import true_errors
+from research.kept_pairs import kept_pairs
 from research.limits.figures import MEAN_MAP, Limits, alpha_bin, kind_of
 from research.limits.sphere import SphereLimit, Views, is_world, paper_draw, world_draw
 from research.results import commit, write_result

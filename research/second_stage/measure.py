@@ -28,8 +28,8 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.pair import Pair
-from anyprobe.evaluate.calibration import left_out_pairs
-from anyprobe.evaluate.test_sets import FROZEN, kept_pairs, read_recipes
+from anyprobe.dataset.recipe import read_recipes
+from anyprobe.evaluate.scoring import FROZEN
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.emitter_head import EmitterHead
 from anyprobe.nets.lifting import given_or_estimated
@@ -37,6 +37,8 @@ from anyprobe.nets.light_net import LightNet
 from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.lift import Lift
 from research.harmonics import real_basis
+from research.kept_pairs import kept_pairs
+from research.left_out import left_out_pairs
 from research.second_stage.net import SecondStage
 from research.second_stage.two_stages import light_of, points
 

@@ -27,11 +27,12 @@ from anyprobe.errors import ModelError, OutputError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import NETS, Chain  # noqa: E402
-from anyprobe.train.checkpoint import init_weights_id, load_init_weights, mean_checkpoint, save_init_weights  # noqa: E402
+from anyprobe.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import LightConfig, lift, normals, paper, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
+from research.export_weights.checkpoints import mean_checkpoint  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +286,7 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
     assert whole["mean_with"] == {"start": init_weights_id(checkpoint), "pairs": 8}
     assert "light" in load_nets(mean)
     save_init_weights(two_steps(paper), other)
-    with pytest.raises(ModelError, match="paper.pt: expected weights of this run.*got another network's"):
+    with pytest.raises(ModelError, match="paper.pt: expected weights of the run.*got another network's"):
         mean_checkpoint(checkpoint, other, tmp_path / "none.pt")
     assert not (tmp_path / "none.pt").exists()
 

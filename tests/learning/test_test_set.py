@@ -6,9 +6,9 @@ from collections import Counter
 
 import pytest
 
-from anyprobe.dataset.recipe import Recipe, digest
+from anyprobe.dataset.recipe import Recipe, digest, read_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.test_sets import FROZEN, read_recipes
+from anyprobe.evaluate.scoring import FROZEN
 
 RECIPES = [Recipe(kind="object", map_id="00000001", shape_id="00000002", material=3, view=k, seed=k) for k in range(5)]
 

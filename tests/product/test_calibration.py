@@ -1,19 +1,12 @@
 """Confidence: claims against what came true, on maps where both are known."""
 
 import pickle
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.some_pair import sphere_pair
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.core.response import response
-from anyprobe.dataset import asset_store
-from anyprobe.errors import InputError, ModelError
-from anyprobe.evaluate.calibration import CLOSE, Calibration, calibrate, calibrate_errors, fit_logit, to_logit
-from anyprobe.scatter.materials import total_reflectance
+from anyprobe.evaluate.calibration import CLOSE, Calibration
 
 
 def maps(rng, confidence, chance):
@@ -153,94 +146,3 @@ def test_what_is_kept_does_not_grow(rng):
         often.add(confidence, estimate, truth)
     assert often.result() == once.result()
     assert len(pickle.dumps(often)) == len(pickle.dumps(once))
-
-
-def test_a_fitted_logit_gives_back_what_was_done_to_it(rng):
-    """Chances of which every claim exaggerates: claimed logit = (true logit + 0.8) / 0.7; pixels weigh unequally."""
-    chance = rng.uniform(0.02, 0.9, size=200_000)
-    claimed = 1 / (1 + np.exp(-(to_logit(chance) + 0.8) / 0.7))
-    right = rng.random(len(chance)) < chance
-    weight = rng.uniform(0.1, 2.0, size=len(chance))
-    slope, offset = fit_logit(claimed, right, weight)
-    assert (slope, offset) == (pytest.approx(0.7, abs=0.02), pytest.approx(-0.8, abs=0.03))
-
-
-def test_weight_decides_whom_a_fit_believes(rng):
-    claimed = rng.uniform(0.2, 0.8, size=20_000)
-    right = np.concatenate([rng.random(10_000) < claimed[:10_000], np.zeros(10_000, bool)])
-    weight = np.concatenate([np.ones(10_000), np.full(10_000, 1e-9)])
-    assert fit_logit(claimed, right, weight) == (pytest.approx(1, abs=0.1), pytest.approx(0, abs=0.1))
-
-
-def test_a_model_that_boasts_is_told_by_how_much(rng):
-    """Right where its claim of 0.9, 0.5 or 0.1 comes true in 0.6, 0.3 or 0.05 of the pixels."""
-    pairs = [sphere_pair(seed) for seed in range(3)]
-    truths = [response(pair.radiance) for pair in pairs]
-    answers = []
-    for truth in truths:
-        which = rng.integers(3, size=truth.shape[:2])
-        wrong = rng.random(which.shape) > np.array([0.6, 0.3, 0.05])[which]
-        ldr = np.where(wrong[..., None], truth + np.where(truth > 0.5, -0.3, 0.3), truth)
-        answers.append(SimpleNamespace(confidence=np.array([0.9, 0.5, 0.1], np.float32)[which], ldr=ldr))
-    given = iter(answers)
-    slope, offset = calibrate(lambda crop, tan_half: next(given), pairs)
-    chance = 1 / (1 + np.exp(-(slope * to_logit(np.array([0.9, 0.5, 0.1])) + offset)))
-    np.testing.assert_allclose(chance, [0.6, 0.3, 0.05], atol=0.1)
-
-
-def test_a_model_without_confidence_cannot_be_calibrated():
-    class Silent:
-        name = "paper"
-
-        def __call__(self, crop, tan_half):
-            return SimpleNamespace(confidence=None)
-
-    with pytest.raises(ModelError, match="paper: expected a model that estimates its confidence"):
-        calibrate(Silent(), [sphere_pair(1)])
-
-
-def test_claimed_errors_hold_in_two_of_three_cases():
-    """A model whose map is twice too bright, whose colour is true and which claims half a stop."""
-    pairs = [sphere_pair(seed) for seed in range(3)]
-    answers = iter([pair for pair in pairs for _ in range(2)])
-
-    def model(crop, tan_half, material=None):
-        pair = next(answers)
-        claims = {"metal": 0.0, "red": 0.3, "green": 0.3, "blue": 0.3, "reflectance_error": 0.5}
-        claims |= {"level_error": 0.5 * np.log(2.0), "color_error": 1.0}
-        return SimpleNamespace(radiance=2 * pair.radiance, posterior=claims)
-
-    of_reflectance, of_level, of_color = calibrate_errors(model, pairs)
-    assert of_level == pytest.approx(2.0, rel=1e-5)
-    assert of_color == pytest.approx(0.0, abs=0.05)
-    given = pairs[0].material
-    true = np.log(0.3 / total_reflectance(given.albedo, given.f0))
-    assert of_reflectance == pytest.approx(np.abs(true).mean() / 0.5, rel=0.5)
-
-
-def test_a_model_without_errors_cannot_be_asked_for_them():
-    class Silent:
-        name = "paper"
-
-        def __call__(self, crop, tan_half, material):
-            return SimpleNamespace(posterior=None)
-
-    with pytest.raises(ModelError, match="paper: expected a model that estimates its errors"):
-        calibrate_errors(Silent(), [sphere_pair(1)])
-
-
-def test_what_is_left_out_is_what_no_run_learns_from(monkeypatch):
-    def assets(names):
-        return [SimpleNamespace(id=name, lifted=name == "d") for name in names]
-
-    made = {True: assets("ab"), False: assets("abcd")}
-    monkeypatch.setattr(
-        asset_store,
-        "load_asset_store",
-        lambda data, split, commercial_only: asset_store.AssetStore(*2 * [made[commercial_only]]),
-    )
-    left = asset_store.load_left_out(Path("data"))
-    assert (list(left.maps), list(left.shapes)) == (["c"], ["c", "d"])  # d: its lights are made up
-    made[False] = made[True]
-    with pytest.raises(InputError, match="0 maps and 0 shapes"):
-        asset_store.load_left_out(Path("data"))

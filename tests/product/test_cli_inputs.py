@@ -185,13 +185,6 @@ def test_emitters_are_drawn_or_spread(work, command, photo_path):
     assert json.loads((work / "expected" / "sphere.json").read_text())["emitters"] == "expected"
 
 
-@pytest.mark.parametrize("option", ["--calibrated", "--int8"])
-def test_weights_that_need_pairs_say_so(work, command, option):
-    assert f"{option}: expected --data with assets" in command("weights", "to", "lift", option).complaint
-    refused = command("weights", "to", "mask", option, "--data", "data").complaint
-    assert "run 'mask': expected a run that estimates light" in refused
-
-
 def test_folder_without_photos(work, command):
     (work / "empty").mkdir()
     assert "expected a folder with photos" in command("estimate", "empty").complaint

@@ -22,7 +22,7 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
         (("train", "mask"), "in a clone, with python -m research.mask_network"),
         (("train", "lift", "--init-weights", "none.pt"), "none.pt: expected weights of this run"),
-        (("weights", "o", "lift", "--data", "d"), "--data d: expected --calibrated, --int8 or --mean-map"),
+        (("weights", "o", "lift", "--data", "d"), "--data d: expected --mean-map"),
         (("weights", "o", "mask"), "in a clone, with python -m research.mask_network"),
         (("weights", "o", "lift", "--mean-map", "m.exr"), "checkpoint, found none; train first"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),

@@ -13,9 +13,9 @@ from anyprobe.dataset import priors
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.pair import render_pair
-from anyprobe.dataset.recipe import WORLD, Recipe, world_recipes
+from anyprobe.dataset.recipe import WORLD, Recipe, read_recipes, world_recipes
 from anyprobe.errors import InputError
-from anyprobe.evaluate.test_sets import FROZEN, read_recipes
+from anyprobe.evaluate.scoring import FROZEN
 from anyprobe.render.shapes import sphere
 from anyprobe.scatter.materials import total_reflectance
 from research.limits.__main__ import limits

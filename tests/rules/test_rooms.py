@@ -22,6 +22,7 @@ ROOMS = {
     "cli.doctor": COMMAND,
     "cli.export": COMMAND,
     "cli.mask": COMMAND,
+    "cli.train": COMMAND,
     "dataset.seen_surroundings": "of dataset.pairs, which would be longer than 400 lines with it",
     "export.templates.blender_world": "a text that is filled in and written, imported by nothing",
     "nets.lifting": "the step between the two halves of nets.light_net, which docs/conventions.md describes",

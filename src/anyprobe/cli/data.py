@@ -1,4 +1,4 @@
-"""anyprobe data fetch and assets: free maps and models for training from their publishers, and their credits."""
+"""anyprobe data fetch: free maps and models for training from their publishers."""
 
 from __future__ import annotations
 
@@ -77,24 +77,6 @@ def fetch(
         talk.print(f"anyprobe: {stopped}", soft_wrap=True)
     if stopped or any(one.status == "failed" for one in outcomes):
         raise typer.Exit(2)
-
-
-@data.command()
-def assets(
-    data: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page to write; else it is printed.")] = None,
-) -> None:
-    """Write whose each map and shape is that shipped weights may learn from, and under which licence, in Markdown."""
-    from anyprobe.dataset.asset_store import asset_page
-    from anyprobe.files.atomic import atomic_path
-
-    page = asset_page(data, report=lambda line: typer.echo(f"warning: {line}", err=True))
-    if out is None:
-        typer.echo(page, nl=False)
-        return
-    with atomic_path(out) as temporary:
-        temporary.write_text(page, encoding="utf-8", newline="\n")
-    typer.echo(out)
 
 
 def _fetch_all(library, chosen: list, progress: Progress) -> tuple[list, str]:

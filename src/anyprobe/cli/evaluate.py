@@ -70,9 +70,8 @@ def evaluate(
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.recipe import digest
     from anyprobe.estimate.runtime import Models, model_id
-    from anyprobe.evaluate.methods import baselines, model_methods
+    from anyprobe.evaluate.methods import baselines, model_methods, with_noisy_mask
     from anyprobe.evaluate.scoring import METRICS, score_pairs
-    from anyprobe.evaluate.test_sets import with_noisy_mask
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
 
@@ -132,9 +131,9 @@ def _test_set(
     """Recipes of so many pairs, drawn by seed or the frozen ones, and the assets they name."""
     from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.catalog import load_maps, load_shapes
-    from anyprobe.dataset.recipe import balanced_recipes
+    from anyprobe.dataset.recipe import balanced_recipes, read_recipes
     from anyprobe.dataset.samples import CONDITIONS
-    from anyprobe.evaluate.test_sets import FROZEN, read_recipes
+    from anyprobe.evaluate.scoring import FROZEN
 
     def warn(line: str) -> None:
         talk.print(f"warning: {line}", soft_wrap=True)

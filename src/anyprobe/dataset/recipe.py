@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import gcd
+from pathlib import Path
 
 import numpy as np
 
@@ -245,3 +247,18 @@ def _digits(value: int, radices: tuple[int, ...]) -> list[int]:
         value, digit = divmod(value, radix)
         digits.append(digit)
     return digits[::-1]
+
+
+def read_recipes(path: str | os.PathLike[str]) -> list[Recipe]:
+    """One recipe a line, the first line `# <digest>`; raises InputError if the digest is another."""
+    try:
+        lines = Path(path).read_text(encoding="ascii").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected a text file of recipes, one a line, got none readable") from error
+    recipes = [Recipe.from_hex(line.strip()) for line in lines[1:] if line.strip()]
+    if lines[0] != f"# {digest(recipes)}":
+        raise InputError(
+            f"{path}: expected the first line '# {digest(recipes)}', got {lines[0][:40]!r}; "
+            "the list was edited or cut short"
+        )
+    return recipes

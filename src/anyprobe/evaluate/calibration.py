@@ -1,24 +1,13 @@
-"""Calibration of the confidence and of the errors that a model claims, on pairs that no run learns from."""
+"""Calibration of the confidence that a model claims, over many maps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.core.response import response
-from anyprobe.dataset.asset_store import load_left_out
-from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.recipe import balanced_recipes, world_recipes
-from anyprobe.errors import ModelError
-from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
-from anyprobe.evaluate.metrics import power_ratio_stops
 from anyprobe.evaluate.scoring import GROUPS
-from anyprobe.evaluate.test_sets import kept_pairs
-from anyprobe.light.environment import integral
-from anyprobe.scatter.materials import LEAST_REFLECTANCE, total_reflectance
 
 NEAREST = 1e-4
 """How near to 0 and 1 a confidence may come before its logit, or its logarithm, is taken."""
@@ -136,94 +125,3 @@ def _short(value: float) -> float:
 def right_of(ldr: np.ndarray, true_ldr: np.ndarray) -> np.ndarray:
     """Where display values [..., 3] are close to the true ones."""
     return np.abs(np.asarray(ldr, np.float64) - true_ldr).mean(axis=-1) < CLOSE
-
-
-def fit_logit(confidence: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Slope and offset of the logit that make confidences as likely as can be (Platt 1999), by Newton's method.
-
-    Args:
-        confidence in [0, 1], right (bool) and weight, of one shape.
-    """
-    logit = to_logit(confidence.ravel().astype(np.float64))
-    rows = np.stack([logit, np.ones_like(logit)])  # [2, N]
-    right, weight = right.ravel(), weight.ravel()
-    line = np.array([1.0, 0.0])
-    for _ in range(20):
-        guess = 1 / (1 + np.exp(-line @ rows))
-        slope = rows @ (weight * (guess - right))
-        bend = (rows * (weight * guess * (1 - guess))) @ rows.T
-        line = line - np.linalg.solve(bend, slope)
-    return float(line[0]), float(line[1])
-
-
-def to_logit(confidence: np.ndarray) -> np.ndarray:
-    """ln c / (1 - c), finite."""
-    c = np.clip(confidence, NEAREST, 1 - NEAREST)
-    return np.log(c / (1 - c))
-
-
-PAIRS = 240
-SEED = 78
-WORLD_PAIRS = 200
-INTERVAL = 0.68
-"""Share of cases in which an error is at most what is claimed."""
-
-
-def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) -> Iterable[Pair]:
-    """Pairs of the training assets that no shipped weights learn from; InputError where there are none.
-
-    conditions: 0 for clean photos, 1 as the world gives them.
-    """
-    store = load_left_out(data)
-    return kept_pairs(balanced_recipes(store, PAIRS, SEED, conditions), store, kept)
-
-
-def left_out_world_pairs(data: Path, kept: Path | None = None) -> Iterable[Pair]:
-    """The same under the priors of dataset.priors, looked up rather than path-traced."""
-    store = load_left_out(data)
-    return kept_pairs(world_recipes(store, WORLD_PAIRS, SEED), store, kept)
-
-
-def true_errors(outputs: Outputs, pair: Pair) -> np.ndarray:
-    """What the claims of Outputs.posterior are of: mean error of ln reflectance, of ln of the map's level, degrees of
-    its mean colour."""
-    said, given = outputs.posterior, pair.material
-    reflectance = np.array([said[name] for name in ("red", "green", "blue")])
-    true = np.maximum(total_reflectance(given.albedo, given.f0), LEAST_REFLECTANCE)
-    means = [integral(np.asarray(one, np.float64)) for one in (outputs.radiance, pair.radiance)]
-    cosine = np.dot(*means) / np.prod([np.linalg.norm(mean) for mean in means])
-    return np.array(
-        [
-            np.abs(np.log(reflectance / true)).mean(),
-            abs(np.log(2.0) * power_ratio_stops(outputs.radiance, pair.radiance)),
-            np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))),
-        ]
-    )
-
-
-def calibrate_errors(models: Models, pairs: Iterable[Pair]) -> tuple[float, float, float]:
-    """Factors that make the claimed errors hold in INTERVAL of the cases, each pair given nothing and its material."""
-    ratios = []
-    for pair in pairs:
-        for material in (None, pair.material):
-            outputs = models(pair.crop, pair.tan_half, material=material)
-            if outputs.posterior is None:
-                raise ModelError(f"{models.name}: expected a model that estimates its errors, got one that does not")
-            claimed = [outputs.posterior[name] for name in POSTERIOR[-3:]]
-            ratios.append(true_errors(outputs, pair) / claimed)
-    first, second, third = np.quantile(ratios, INTERVAL, axis=0).tolist()
-    return first, second, third
-
-
-def calibrate(models: Models, pairs: Iterable[Pair]) -> tuple[float, float]:
-    """Slope and offset that the logit of a model's confidence should have had; ModelError if it has no confidence."""
-    confidence, right = [], []
-    for pair in pairs:
-        outputs = models(pair.crop, pair.tan_half)
-        if outputs.confidence is None:
-            raise ModelError(f"{models.name}: expected a model that estimates its confidence, got one that does not")
-        confidence.append(outputs.confidence)
-        right.append(right_of(outputs.ldr.clip(0.0, 1.0), response(pair.radiance)))
-    claimed = np.stack(confidence)
-    weight = np.broadcast_to(pixel_solid_angles(claimed.shape[1]), claimed.shape)
-    return fit_logit(claimed, np.stack(right), weight)

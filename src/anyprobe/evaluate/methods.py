@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import resources
 
@@ -12,6 +12,7 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
+from anyprobe.dataset.mask_errors import narrow, pierce, widen
 from anyprobe.dataset.pair import Pair, shot_of
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.normals_prior import SHORTEST
@@ -145,3 +146,29 @@ def surroundings(pair: Pair) -> np.ndarray | None:
     shown = bilinear(pair.radiance, direction_to_uv(normalize(rays)).astype(np.float32))
     display = np.round(response(shown, shot_of(pair.recipe).curve).clip(0.0, 1.0) * 255) / 255
     return visible_surroundings(display.astype(np.float32), PHONE_FOV_DEG, np.eye(3), pair.crop, pair.tan_half)
+
+
+ERROR_PX = 3
+HOLES = 0.05
+"""Share of the object that holes take."""
+
+
+def noisy_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A mask [S, S] bool too wide or too narrow by ERROR_PX, and pierced until HOLES of it is gone."""
+    edge = widen(mask, ERROR_PX) if rng.random() < 0.5 else narrow(mask, ERROR_PX)
+    if not edge.any():
+        return mask
+    pierced = edge
+    while pierced.sum() > (1 - HOLES) * edge.sum():
+        pierced = pierce(pierced, 1, rng)
+    return pierced if pierced.any() else edge
+
+
+def with_noisy_mask(pair: Pair) -> Pair:
+    """The pair cut out so; where the mask is too wide the photo is black, as behind a pair it always is."""
+    rng = np.random.default_rng(pair.recipe.seed % 2**32)
+    mask = noisy_mask(pair.photo[..., 3] > 0, rng)
+    photo = pair.photo.copy()
+    photo[..., 3] = mask * np.uint8(255)
+    photo[..., :3] *= mask[..., None]
+    return replace(pair, photo=photo)

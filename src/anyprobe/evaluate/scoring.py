@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
+FROZEN = Path(str(resources.files("anyprobe") / "evaluate" / "frozen.txt"))
+"""1,000 recipes over held-out maps and shapes; they never change."""
 ALPHA_EDGES = (0.0, 0.1, 0.25, 0.5, 0.75, 1.01)
 """Borders of the roughness bins; 0.5 is the paper's border of specular and diffuse."""
 ONE_LIGHT = 0.3

@@ -204,7 +204,7 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
 def load_init_weights(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
     fresh = nets.state_dict()
-    kept = current_names(_read_init_weights(path)[0], fresh)
+    kept = current_names(read_init_weights(path)[0], fresh)
     kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
     try:
         nets.load_state_dict(kept)
@@ -221,45 +221,7 @@ def init_weights_id(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
 
 
-def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
-    """A checkpoint at path, for export alone, of the mean of a run's weights and those kept in other.
-
-    Where a run began from other, what both have learned stays and much of what is each one's chance goes (Wortsman et
-    al. 2022, Model soups).
-
-    Raises:
-        ModelError: no checkpoint, or other holds another network's weights.
-    """
-    stored = read_checkpoint(checkpoint)
-    (kept, pairs), nets = _read_init_weights(other), stored["nets"]
-    kept = current_names(kept, nets)
-    if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
-        raise _not_of_this_run(other, "another network's")
-    mean = {name: (value + kept[name]) / 2 if value.is_floating_point() else value for name, value in nets.items()}
-    mean_with = {"start": init_weights_id(other), "pairs": pairs}
-    torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
-    return path
-
-
-def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
-    """A checkpoint at path, for export alone, of kept weights, with what a graph exported from them says of their run.
-
-    Raises:
-        ModelError: no weights, or no graph of an export.
-    """
-    from onnx import load
-
-    said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
-    if not {"config", "steps", "pairs"} <= said.keys():
-        raise ModelError(f"{graph}: expected a graph of `anyprobe weights`, got one that names no run")
-    nets, _ = _read_init_weights(kept)
-    origin = {name: said[name] for name in ("start", "assets") if name in said}
-    step, pairs = int(said["steps"]), int(said["pairs"])
-    torch.save({"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}, path)
-    return path
-
-
-def _read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
+def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
     """The weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)

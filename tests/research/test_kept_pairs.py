@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.some_pair import sphere_pair
 
-from anyprobe.evaluate import test_sets as module
-from anyprobe.evaluate.test_sets import kept_pairs
+from research import kept_pairs as module
+from research.kept_pairs import kept_pairs
 
 RECIPES = [sphere_pair(seed).recipe for seed in (1, 2)]
 

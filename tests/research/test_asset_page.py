@@ -11,8 +11,9 @@ import pytest
 from support.mesh_files import ply
 
 import anyprobe
-from anyprobe.dataset.asset_store import asset_page
+from anyprobe.errors import InputError
 from anyprobe.files.radiance import write_hdr
+from research.asset_page import asset_page, main
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = Path(anyprobe.__file__).parent / "weights" / "ASSETS.md"
@@ -92,10 +93,10 @@ def data(tmp_path):
     return tmp_path / "data"
 
 
-def test_the_page_lists_what_training_takes_and_nothing_else(work, command, data):
+def test_the_page_lists_what_training_takes_and_nothing_else(work, capsys, data):
     """Neither what may not be sold, nor what nobody lists, nor what cannot be read, nor what is held out."""
-    outcome = command("data", "assets", "--data", data)
-    assert outcome.status == 0
+    main(data)
+    outcome = capsys.readouterr()
     about, tables = outcome.out.split("\n## ", 1)
     assert "## " + tables == TABLES
     assert about.startswith("# Assets that weights learned from\n\nThe 5 files of a data folder")
@@ -105,8 +106,8 @@ def test_the_page_lists_what_training_takes_and_nothing_else(work, command, data
     assert len(warnings) == 4
     assert all(line.startswith("warning: ") for line in warnings)
     assert any("cut.hdr" in line for line in warnings)
-    to_file = command("data", "assets", "--data", data, "-o", "out/ASSETS.md")
-    assert (to_file.status, to_file.out) == (0, "out/ASSETS.md\n")
+    main(data, Path("out/ASSETS.md"))
+    assert capsys.readouterr().out == "out/ASSETS.md\n"
     assert (work / "out" / "ASSETS.md").read_bytes() == outcome.out.encode()
 
 
@@ -119,8 +120,9 @@ def test_a_folder_without_more_light_has_no_table_of_it(data):
     assert "The 4 files" in page
 
 
-def test_no_folder_is_one_clear_line(work, command):
-    assert "expected a folder of .exr/.hdr files" in command("data", "assets", "--data", "none").complaint
+def test_no_folder_is_one_clear_line(work):
+    with pytest.raises(InputError, match="expected a folder of .exr/.hdr files"):
+        main(Path("none"))
     assert not list(work.iterdir())
 
 

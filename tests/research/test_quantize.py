@@ -14,7 +14,7 @@ from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.estimate.runtime import LIFT_INPUTS, Models, weights_folder  # noqa: E402
 from anyprobe.nets.light_net import LightNet  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.export_onnx import EXACT, difference, lift_examples, quantize  # noqa: E402
+from research.export_weights.quantize import EXACT, difference, lift_examples, quantize  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_steps_that_change_too_much_are_refused(graphs, pairs, tmp_path, monkeyp
     given = difference(source, graphs / "int8" / "light.onnx", lift_examples(pairs))
     assert 0 < given < 0.02
     assert difference(source, source, lift_examples(pairs[:2])) == 0
-    monkeypatch.setattr("anyprobe.train.export_onnx.INT8_TOLERANCE", 0.5 * given)
+    monkeypatch.setattr("research.export_weights.quantize.INT8_TOLERANCE", 0.5 * given)
     with pytest.raises(ModelError, match="expected 8 bits to change maps by .* got 0.0"):
         quantize(source, tmp_path / "light.onnx", lift_examples(pairs))
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,107 @@
+"""python -m research.asset_page DATA: whose the maps and shapes are that shipped weights learn from, in Markdown."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from anyprobe.dataset.asset_store import load_asset_store
+from anyprobe.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
+from anyprobe.files.atomic import atomic_path
+
+FOLDERS = {
+    "hdri/train": ("Maps", MAP_SUFFIXES),
+    "hdri/train_extra": ("Maps", MAP_SUFFIXES),
+    "meshes/train": ("Shapes", MESH_SUFFIXES),
+}
+"""Those of load_asset_store, what they hold, and in which files."""
+
+NOT_STATED = "not stated"
+
+PAGE = """\
+# Assets that weights learned from
+
+The {count} files of a data folder that training takes, as the folder's manifests state them; written by
+`python -m research.asset_page`. A file whose licence forbids commercial use, or is not clear, is not taken
+(`anyprobe.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks learned from
+pictures made of them, with maps turned, blended and relit, and shapes turned, mirrored, drawn out, bent and joined.
+[CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
+[4.0](https://creativecommons.org/licenses/by/4.0/) ask to name the author, as MIT, BSD and Apache licences do.
+
+Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.sky`,
+`anyprobe.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
+"""
+
+_NAMES_NOBODY = re.compile(r"cc[\s_-]?0\b|creative commons zero\b|public domain\b|own\b", re.IGNORECASE)
+
+
+def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
+    """The page, in Markdown, of all that load_asset_store takes of a data folder for weights that ship.
+
+    Args:
+        report: as of load_asset_store.
+    Raises:
+        InputError: as load_asset_store.
+    """
+    store = load_asset_store(data, "train", commercial_only=True, report=report)
+    taken = {*store.maps, *store.shapes}
+    tables = {name: list(_credits(data / name, suffixes, taken)) for name, (_, suffixes) in FOLDERS.items()}
+    parts = [PAGE.format(count=sum(map(len, tables.values())))]
+    for name, credits in tables.items():
+        if credits:
+            parts.append(f"## {FOLDERS[name][0]} of `{name}`: {len(credits)}\n\n{_table(credits)}")
+    return "\n".join(parts)
+
+
+CREDIT = ("file", "name", "source", "licence", "author")
+"""Of a file; author: as its licence asks to be named, else empty."""
+
+
+def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, ...]]:
+    """CREDIT of the files of a folder whose ids are among those taken, by name."""
+    for path, row in listed_rows(folder, suffixes, ()) if folder.is_dir() else ():
+        if allows_commercial_use(row["licence"]) and path.is_file() and file_id(path) in taken:
+            name = row.get("name") or row.get("slug") or path.stem
+            yield path.name, name, _source(row), row["licence"], _author(row)
+
+
+def _source(row: dict[str, str]) -> str:
+    """Repository and path, else an address."""
+    stated = ": ".join(row[key] for key in ("source_repo", "source_path") if row.get(key))
+    return stated or row.get("source") or row.get("url") or NOT_STATED
+
+
+def _author(row: dict[str, str]) -> str:
+    """Of a column of its own, else what follows the licence's name, as in "CC BY 4.0; Jane Doe"."""
+    if _NAMES_NOBODY.match(row["licence"].strip()):
+        return ""
+    _, *rest = re.split(r"[;(]", row["licence"], maxsplit=1)
+    return row.get("authors") or row.get("author") or "".join(rest).strip(" )") or NOT_STATED
+
+
+def _table(credits: list[tuple[str, ...]]) -> str:
+    rows = [CREDIT, ["---"] * len(CREDIT), *credits]
+    cells = ([" ".join(text.replace("|", "\\|").split()) for text in row] for row in rows)
+    return "".join(f"| {' | '.join(row)} |\n" for row in cells)
+
+
+def main(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder with hdri/ and meshes/.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="The page to write; else it is printed.")] = None,
+) -> None:
+    """Print or write the page."""
+    text = asset_page(data, report=lambda line: typer.echo(f"warning: {line}", err=True))
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    with atomic_path(out) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    typer.echo(out)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,62 @@
+"""python -m research.export_weights FOLDER --data DATA: the graph of `lift` as it ships."""
+
+from __future__ import annotations
+
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import typer
+
+from anyprobe.estimate.runtime import Models, weights_folder
+from anyprobe.train.export_onnx import Sureness, export
+from research.export_weights.calibrate import calibrate, calibrate_errors
+from research.export_weights.checkpoints import kept_checkpoint, mean_checkpoint
+from research.export_weights.quantize import lift_examples, quantize
+from research.left_out import left_out_pairs, left_out_world_pairs
+
+
+def main(
+    to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for light.onnx.")],
+    data: Annotated[Path, typer.Option(help="Folder with assets that no weights learn from, to calibrate on.")],
+    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = Path("runs"),
+    kept: Annotated[
+        Path | None, typer.Option(help="Weights of the run whose graph ships, instead of its checkpoint.")
+    ] = None,
+    mean_with: Annotated[
+        Path | None, typer.Option(help="Kept weights from which the run began, to take the mean with.")
+    ] = None,
+    int8: Annotated[bool, typer.Option(help="Convolutions in 8-bit numbers.")] = True,
+) -> None:
+    """Export the run `lift`, calibrated on pairs of assets that no weights learn from."""
+    checkpoint = runs / "lift" / "checkpoint.pt"
+    with TemporaryDirectory() as scratch:
+        if kept is not None:
+            graph = weights_folder("lift") / "light.onnx"
+            checkpoint = kept_checkpoint(kept, graph, Path(scratch) / "kept.pt")
+        if mean_with is not None:
+            checkpoint = mean_checkpoint(checkpoint, mean_with, Path(scratch) / "mean.pt")
+        folder, pairs = Path(scratch) / "graphs", runs / "cache" / "left_out"
+        sureness = calibrated(checkpoint, folder, data, pairs)
+        typer.echo("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
+        typer.echo("errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(*sureness.errors))
+        off = export(checkpoint, folder if int8 else to, sureness)["light"]
+        typer.echo(f"{to / 'light.onnx'}: in floats within {off:.2g} of torch")
+        if int8:
+            examples = lift_examples(left_out_pairs(data, pairs, conditions=1))
+            changed = quantize(folder / "light.onnx", to / "light.onnx", examples)
+            typer.echo(f"8 bits change maps by {changed:.2g} in display values, on the mean")
+
+
+def calibrated(checkpoint: Path, folder: Path, data: Path, kept: Path) -> Sureness:
+    """How a checkpoint's claims have to be corrected; its graph as learned is written into folder."""
+    export(checkpoint, folder)
+    models = Models(str(folder))
+    clean = list(left_out_pairs(data, kept))
+    errors = calibrate_errors(models, chain(clean, left_out_world_pairs(data, kept)))
+    return Sureness(logit=calibrate(models, clean), errors=errors)
+
+
+if __name__ == "__main__":
+    typer.run(main)

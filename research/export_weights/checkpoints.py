@@ -1,0 +1,48 @@
+"""Checkpoints for export alone: of kept weights, and of the mean of two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from anyprobe.errors import ModelError
+from anyprobe.train.checkpoint import current_names, init_weights_id, read_checkpoint, read_init_weights
+
+
+def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
+    """A checkpoint at path, for export alone, of the mean of a run's weights and those kept in other.
+
+    Where a run began from other, what both have learned stays and much of what is each one's chance goes (Wortsman et
+    al. 2022, Model soups).
+
+    Raises:
+        ModelError: no checkpoint, or other holds another network's weights.
+    """
+    stored = read_checkpoint(checkpoint)
+    (kept, pairs), nets = read_init_weights(other), stored["nets"]
+    kept = current_names(kept, nets)
+    if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
+        raise ModelError(f"{other}: expected weights of the run {checkpoint}, got another network's")
+    mean = {name: (value + kept[name]) / 2 if value.is_floating_point() else value for name, value in nets.items()}
+    mean_with = {"start": init_weights_id(other), "pairs": pairs}
+    torch.save({**stored, "nets": mean, "optimizer": {}, "mean_with": mean_with}, path)
+    return path
+
+
+def kept_checkpoint(kept: Path, graph: Path, path: Path) -> Path:
+    """A checkpoint at path, for export alone, of kept weights, with what a graph exported from them says of their run.
+
+    Raises:
+        ModelError: no weights, or no graph of an export.
+    """
+    from onnx import load
+
+    said = {entry.key: entry.value for entry in load(str(graph), load_external_data=False).metadata_props}
+    if not {"config", "steps", "pairs"} <= said.keys():
+        raise ModelError(f"{graph}: expected a graph of `anyprobe weights`, got one that names no run")
+    nets, _ = read_init_weights(kept)
+    origin = {name: said[name] for name in ("start", "assets") if name in said}
+    step, pairs = int(said["steps"]), int(said["pairs"])
+    torch.save({"nets": nets, "config": said["config"], "step": step, "pairs": pairs, "origin": origin}, path)
+    return path
