@@ -14,8 +14,9 @@ from anyprobe.core.frames import normalize
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.light.reconstruct import reconstruct
+from research.paper_designs.blocks import picture_of
 from research.paper_designs.designs import DESIGNS, Designs, inputs_of
-from research.paper_designs.pairs import Batch, Which, balanced, make_batch
+from research.paper_designs.pairs import Batch, PairMaker, Which, balanced
 from research.paper_designs.tables import Tables, mirror_places
 from research.paper_designs.transport import TO_EYE
 
@@ -49,26 +50,31 @@ class Judge:
 def scores(nets: Designs, tables: Tables, chosen: Which) -> dict[str, np.ndarray]:
     """ "design/figure" and what each pair is, [pairs] each."""
     parts: list[dict[str, torch.Tensor]] = []
+    maker = PairMaker(tables)
     for first in range(0, len(chosen.map), BLOCK):
         part = Which(**{name: getattr(chosen, name)[first : first + BLOCK] for name in Which.__slots__})
-        parts.append(_block(nets, make_batch(tables, part)))
+        parts.append(_block(nets, maker(part), tables.ldr.shape[2], round(tables.surface.shape[1] ** 0.5)))
     found = {key: torch.cat([part[key] for part in parts]).cpu().numpy() for key in parts[0]}
     return found | {name: getattr(chosen, name).cpu().numpy().astype(np.int16) for name in ("map", "shape", "material")}
 
 
-def _block(nets: Designs, batch: Batch) -> dict[str, torch.Tensor]:
-    estimate = nets.irradiance_image(batch)
+def _block(nets: Designs, batch: Batch, rows: int, side: int) -> dict[str, torch.Tensor]:
+    estimate = nets["image"](batch.photo)
     seen = inputs_of(batch, estimate)
-    maps = {name: nets.run(name, seen[design.sees]) for name, design in DESIGNS.items()}
-    maps["ideal_on_estimate"] = nets.run("ideal", seen["estimate"])
-    maps["georgoulis"] = unwrap_sphere(nets.run("georgoulis", batch.photo), batch.ldr.shape[2])
-    mirror = nets.run("meka", torch.cat([batch.photo, batch.normals], dim=1))
-    maps["meka"] = unwrap_mirror(mirror, batch.normals, batch.photo[:, 3:], batch.ldr.shape[2])
-    found = _figures("image", estimate, batch.irradiance, wraps=False)
+    normals, mask = picture_of(batch.normals, side), picture_of(batch.photo[..., 3:], side)
+    found = _figures("image", picture_of(estimate, side), picture_of(batch.irradiance, side), wraps=False)
+    pixels = {name: nets[name](seen[design.sees]).clip(0, 1) for name, design in DESIGNS.items()}
+    pixels["ideal_on_estimate"] = nets["ideal"](seen["estimate"]).clip(0, 1)
+    maps = {name: picture_of(values, rows) for name, values in pixels.items()}
+    maps["georgoulis"] = unwrap_sphere(picture_of(nets["georgoulis"](batch.photo), side).clip(0, 1), rows)
+    mirror = nets["meka"](torch.cat([batch.photo, batch.normals], dim=2)).clip(0, 1)
+    maps["meka"] = unwrap_mirror(picture_of(mirror, side), normals, mask, rows)
+    truth, ln_truth = picture_of(batch.ldr, rows), picture_of(batch.ln_radiance, rows)
     for name, ldr in maps.items():
-        found |= _figures(name, ldr, batch.ldr, wraps=True)
+        found |= _figures(name, ldr, truth, wraps=True)
         if name in DESIGNS:
-            found |= _hdr_figures(name, nets.run("hdr", ldr), ldr, batch)
+            ln_radiance = picture_of(nets["hdr"](pixels[name]), rows)
+            found |= _hdr_figures(name, ln_radiance, ldr, ln_truth)
     return found
 
 
@@ -76,13 +82,15 @@ def _figures(name: str, estimate: torch.Tensor, truth: torch.Tensor, wraps: bool
     return {f"{name}/rmse": rmse(estimate, truth), f"{name}/ssim": ssim(estimate, truth, wraps)}
 
 
-def _hdr_figures(name: str, ln_radiance: torch.Tensor, ldr: torch.Tensor, batch: Batch) -> dict[str, torch.Tensor]:
+def _hdr_figures(
+    name: str, ln_radiance: torch.Tensor, ldr: torch.Tensor, ln_truth: torch.Tensor
+) -> dict[str, torch.Tensor]:
     """Of Eq. 7's radiance: RMSE of its common logarithm, SSIM of its tone-mapped values."""
 
     def last(x: torch.Tensor) -> torch.Tensor:
         return x.permute(0, 2, 3, 1)
 
-    truth = batch.ln_radiance.exp()
+    truth = ln_truth.exp()
     radiance = reconstruct(last(ldr), last(ln_radiance)).permute(0, 3, 1, 2).clip(min=1e-3)
     tones = response(radiance / HDR_TONE), response(truth / HDR_TONE)
     return {

@@ -1,125 +1,121 @@
-"""The networks (paper Figs. 5, 8 and 9) at any scale. NCHW; no normalisation, so that a pair's result is its own."""
+"""The networks (paper Figs. 5, 8 and 9) at any scale, on pixels in the order of `blocks`: [N, pixels, channels].
+
+Their strided and transposed convolutions do not overlap, so that they are products of matrices. No normalisation, so
+that a pair's result is its own.
+"""
 
 from __future__ import annotations
 
 import torch
 from torch import nn
-from torch.nn import functional as F
 
-SLOPE = 0.1
+from research.paper_designs.blocks import PATCH, joins_of
+
 WIDEST = 256
-DECODER = (2, 2, 3, 4, 6)
-"""Channels of the decoder's layers from its end, in widths."""
+LEAST_BLOCKS = 32
+"""A decoder begins at so many blocks, or up to four times as many."""
 
 
-def conv(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
-    """3 x 3 convolution, leaky ReLU."""
-    return nn.Sequential(nn.Conv2d(inputs, outputs, 3, stride, 1), nn.LeakyReLU(SLOPE, inplace=True))
+def layer(inputs: int, outputs: int, bias: bool = False) -> nn.Sequential:
+    """Linear over channels, ReLU."""
+    linear = nn.Linear(inputs, outputs, bias)
+    nn.init.kaiming_uniform_(linear.weight, nonlinearity="relu")
+    return nn.Sequential(linear, nn.ReLU(inplace=True))
 
 
-def up(inputs: int, outputs: int) -> nn.Sequential:
-    """Transposed convolution to twice the size, leaky ReLU."""
-    return nn.Sequential(nn.ConvTranspose2d(inputs, outputs, 4, 2, 1), nn.LeakyReLU(SLOPE, inplace=True))
+class Encoder(nn.Module):
+    """Pixels [N, side^2, inputs] -> features of every scale, finest first: [N, blocks, channels]."""
 
+    def __init__(self, inputs: int, rows: int, width: int, growth: float) -> None:
+        super().__init__()
+        self.widths = [min(round(width * growth**k), WIDEST) for k in range(joins_of(rows) + 1)]
+        self.patch = layer(PATCH**2 * inputs, self.widths[0])
+        self.joins = nn.ModuleList(layer(4 * a, b) for a, b in zip(self.widths[:-1], self.widths[1:], strict=True))
 
-def encoder(inputs: int, side: int, width: int) -> tuple[nn.Sequential, int]:
-    """Strided convolutions until 3 or 4 pixels are left, flat; and how many numbers that is."""
-    layers: list[nn.Module] = []
-    while side > 4:
-        layers.append(conv(inputs, width, stride=2))
-        inputs, width, side = width, min(2 * width, WIDEST), side // 2
-    return nn.Sequential(*layers, nn.Flatten()), inputs * side * side
+    def forward(self, pixels: torch.Tensor) -> list[torch.Tensor]:
+        features = [self.patch(pixels.reshape(len(pixels), pixels.shape[1] // PATCH**2, -1))]
+        for join in self.joins:
+            features.append(join(features[-1].reshape(len(pixels), features[-1].shape[1] // 4, -1)))
+        return features
 
 
 class PictureNet(nn.Module):
-    """Paper Fig. 8: picture [N, inputs, side, side] -> [N, 3, *size] in [0, 1], through a code.
+    """Paper Fig. 8: a square picture -> RGB of so many pixels of another, through a code."""
 
-    start: rows and columns at which the decoder begins; size is that times a power of two, at least 4. The last
-    doubling is a sub-pixel convolution.
-    """
-
-    def __init__(
-        self, inputs: int, side: int, size: tuple[int, int], start: tuple[int, int], width: int, code: int
-    ) -> None:
+    def __init__(self, inputs: int, side: int, pixels: int, width: int, code: int) -> None:
         super().__init__()
-        self.encoder, numbers = encoder(inputs, side, width)
-        doublings = (size[0] // start[0]).bit_length() - 1
-        widths = [round(width * share) for share in reversed(DECODER[:doublings])]
-        self.code = nn.Sequential(
-            nn.Linear(numbers, code),
-            nn.LeakyReLU(SLOPE),
-            nn.Linear(code, widths[0] * start[0] * start[1]),
-            nn.LeakyReLU(SLOPE),
-            nn.Unflatten(1, (widths[0], *start)),
-        )
-        self.decoder = nn.Sequential(*(up(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True)))
-        self.head = nn.Sequential(nn.Conv2d(widths[-1], 12, 1), nn.PixelShuffle(2))
+        self.encoder = Encoder(inputs, side, width, growth=2)
+        self.blocks, doublings = pixels // PATCH**2, 0
+        while self.blocks % 4 == 0 and self.blocks // 4 >= LEAST_BLOCKS:
+            self.blocks, doublings = self.blocks // 4, doublings + 1
+        widths = [min(width * 2**k, WIDEST) * 2 // 3 for k in range(doublings, -1, -1)]
+        numbers = (side // PATCH >> joins_of(side)) ** 2 * self.encoder.widths[-1]
+        self.code = nn.Sequential(layer(numbers, code, True), layer(code, self.blocks * widths[0], True))
+        self.decoder = nn.ModuleList(layer(a, 4 * b) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        self.head = nn.Sequential(layer(widths[-1], width), nn.Linear(width, 3 * PATCH**2))
 
-    def forward(self, picture: torch.Tensor) -> torch.Tensor:
-        return torch.sigmoid(self.head(self.decoder(self.code(self.encoder(picture)))))
+    def forward(self, pixels: torch.Tensor) -> torch.Tensor:
+        x = self.code(self.encoder(pixels)[-1].flatten(1)).reshape(len(pixels), self.blocks, -1)
+        for up in self.decoder:
+            x = up(x).reshape(len(x), 4 * x.shape[1], -1)
+        return self.head(x).reshape(len(x), -1, 3)
 
 
 class UNet(nn.Module):
-    """Paper Fig. 5: picture [N, inputs, H, W] -> [N, outputs, H, W]; H and W divisible by 2^(depth + 1).
+    """Paper Fig. 5: pixels of a picture [rows, columns] -> `outputs` channels of each.
 
-    The finest scale has half the pixels' resolution and four times their channels; skips are added.
+    The coarsest scale goes through a code; skips are added. It has twice a PictureNet's width, for pixels of their own.
     """
 
-    def __init__(self, inputs: int, outputs: int, width: int, depth: int) -> None:
+    def __init__(self, inputs: int, outputs: int, rows: int, columns: int, width: int, code: int) -> None:
         super().__init__()
-        widths = [min(round(1.5 * width * 2**k), WIDEST) for k in range(depth + 1)]
+        self.encoder = Encoder(inputs, rows, 2 * width, growth=4 / 3)
+        widths = self.encoder.widths
+        numbers = (rows // PATCH >> joins_of(rows)) * (columns // PATCH >> joins_of(rows)) * widths[-1]
+        self.code = nn.Sequential(layer(numbers, code, True), layer(code, numbers, True))
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.first = nn.Sequential(nn.PixelUnshuffle(2), conv(4 * inputs, widths[0]))
-        self.down = nn.ModuleList(conv(a, b, stride=2) for a, b in pairs)
-        self.narrow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairs)
-        self.join = nn.ModuleList(conv(a, a) for a, _ in pairs)
-        self.head = nn.Sequential(nn.Conv2d(widths[0], 4 * outputs, 1), nn.PixelShuffle(2))
+        self.up = nn.ModuleList(nn.Linear(b, 4 * a, bias=False) for a, b in pairs)
+        self.join = nn.ModuleList(layer(a, a) for a, _ in pairs)
+        self.head = nn.Linear(widths[0], PATCH**2 * outputs)
 
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        features = [self.first(x)]
-        for down in self.down:
-            features.append(down(features[-1]))
+    def forward(self, pixels: torch.Tensor) -> torch.Tensor:
+        features = self.encoder(pixels)
         x = features.pop()
-        for narrow, join in zip(reversed(self.narrow), reversed(self.join), strict=True):
-            x = join(F.interpolate(narrow(x), scale_factor=2, mode="nearest") + features.pop())
-        return self.head(x)
+        x = x + self.code(x.flatten(1)).reshape(x.shape)
+        for up, join in zip(reversed(self.up), reversed(self.join), strict=True):
+            skip = features.pop()
+            x = join(up(x).reshape(skip.shape) + skip)
+        return self.head(x).reshape(*pixels.shape[:2], -1)
 
 
 class IrradianceNet(nn.Module):
-    """Paper Fig. 5: photo [N, 4, side, side] -> irradiance image [N, 3, side, side], zero off the object."""
+    """Paper Fig. 5: photo and mask [N, side^2, 4] -> irradiance image [N, side^2, 3], zero off the object."""
 
-    def __init__(self, side: int, width: int) -> None:
+    def __init__(self, side: int, width: int, code: int) -> None:
         super().__init__()
-        self.body = UNet(4, 3, width, depth_of(side))
+        self.body = UNet(4, 3, side, side, width, code)
 
     def forward(self, photo: torch.Tensor) -> torch.Tensor:
-        return (photo[:, :3] + self.body(photo)) * photo[:, 3:]
+        return (photo[..., :3] + self.body(photo)) * photo[..., 3:]
 
 
 class MirrorNet(nn.Module):
-    """Meka et al. 2018: photo, mask and normals [N, 7, side, side] -> grey mirror image [N, 1, side, side]."""
+    """Meka et al. 2018: photo, mask and normals [N, side^2, 7] -> grey mirror image [N, side^2, 1]."""
 
-    def __init__(self, side: int, width: int) -> None:
+    def __init__(self, side: int, width: int, code: int) -> None:
         super().__init__()
-        self.body = UNet(7, 1, width, depth_of(side))
+        self.body = UNet(7, 1, side, side, width, code)
 
     def forward(self, picture: torch.Tensor) -> torch.Tensor:
-        return torch.sigmoid(self.body(picture))
+        return self.body(picture) * picture[..., 3:4]
 
 
 class HdrNet(nn.Module):
-    """Paper Fig. 9: LDR map [N, 3, H, 2H] in [0, 1] -> ln radiance. Some columns go on across the seam."""
+    """Paper Fig. 9: LDR map [N, rows * 2 rows, 3] in [0, 1] -> ln radiance."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, rows: int, width: int, code: int) -> None:
         super().__init__()
-        self.body = UNet(3, 3, width, 2)
+        self.body = UNet(3, 3, rows, 2 * rows, width, code)
 
     def forward(self, ldr: torch.Tensor) -> torch.Tensor:
-        more = ldr.shape[2] // 4
-        wide = torch.cat([ldr[..., -more:], ldr, ldr[..., :more]], dim=3)
-        return self.body(wide)[..., more:-more]
-
-
-def depth_of(side: int) -> int:
-    """Doublings of the half photo's scale until 3 or 4 pixels are left."""
-    return (side // 6).bit_length() - 1
+        return self.body(ldr)

@@ -6,17 +6,20 @@ from dataclasses import dataclass
 
 import torch
 
+from research.paper_designs.blocks import pixels_of
 from research.paper_designs.scale import MATERIALS, VIEWS
 from research.paper_designs.tables import Tables
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batch:
-    """B pairs. Values are display values in [0, 1] unless said otherwise; images are zero off the object.
+    """B pairs, P pixels of photos and Q of maps in the order of `blocks`.
 
-    photo [B, 4, S, S]: RGB and mask. irradiance [B, 3, S, S]: Eq. 5. normals [B, 3, S, S]: unit, camera frame.
-    mirror [B, 1, S, S]: what a grey mirror of this shape shows. sphere [B, 3, S, S]: what a mirror sphere shows.
-    ldr [B, 3, R, 2R]: the map. ln_radiance [B, 3, R, 2R]. light [B]: which map from which camera.
+    Values are display values in [0, 1] unless said otherwise; images are zero off the object.
+
+    photo [B, P, 4]: RGB and mask. irradiance [B, P, 3]: Eq. 5. normals [B, P, 3]: unit, camera frame.
+    mirror [B, P, 1]: what a grey mirror of this shape shows. sphere [B, P, 3]: what a mirror sphere shows.
+    ldr [B, Q, 3]: the map. ln_radiance [B, Q, 3]. light [B]: which map from which camera.
     """
 
     photo: torch.Tensor
@@ -46,26 +49,37 @@ def which(number: torch.Tensor, shapes: int) -> Which:
     return Which(map=number // VIEWS, view=number % VIEWS, material=material, shape=shape)
 
 
-def make_batch(tables: Tables, chosen: Which) -> Batch:
-    """Pictures of these pairs, on the tables' device; no loop over pairs."""
-    light = chosen.map * VIEWS + chosen.view
-    pixels = tables.surface[chosen.shape * VIEWS + chosen.view].long()
-    rows = (light * len(MATERIALS) + chosen.material)[:, None]
-    shades = tables.shades.reshape(-1)[rows * tables.shades.shape[1] + pixels]
-    side = round(pixels.shape[1] ** 0.5)
-    shown = shades.view(torch.uint8).reshape(-1, side, side, 8).permute(0, 3, 1, 2).float() / 255.0
-    background = len(tables.normals) - 1
-    mask = (pixels != background).float().reshape(-1, 1, side, side)
-    return Batch(
-        photo=torch.cat([shown[:, :3], mask], dim=1),
-        irradiance=shown[:, 3:6],
-        mirror=shown[:, 6:7],
-        normals=tables.normals[pixels].reshape(-1, side, side, 3).permute(0, 3, 1, 2),
-        sphere=tables.sphere[light].float() / 255.0,
-        ldr=tables.ldr[light].float() / 255.0,
-        ln_radiance=tables.ln_radiance[light].float(),
-        light=light,
-    )
+class PairMaker:
+    """Pictures of pairs of some tables, on the tables' device; no loop over pairs. dtype: of the pictures."""
+
+    def __init__(self, tables: Tables, dtype: torch.dtype = torch.float32) -> None:
+        self._tables, self._dtype = tables, dtype
+        side = round(tables.surface.shape[1] ** 0.5)
+        self._surface = pixels_of(tables.surface.reshape(-1, 1, side, side))[..., 0].contiguous()
+        self._normals = tables.normals.to(dtype)
+        self._maps = {name: pixels_of(getattr(tables, name)).contiguous() for name in ("ldr", "ln_radiance", "sphere")}
+
+    def __call__(self, chosen: Which) -> Batch:
+        tables = self._tables
+        light = chosen.map * VIEWS + chosen.view
+        pixels = self._surface[chosen.shape * VIEWS + chosen.view].int()
+        rows = (light * len(MATERIALS) + chosen.material)[:, None]
+        shades = tables.shades.reshape(-1)[rows * tables.shades.shape[1] + pixels]
+        shown = self._display(shades.view(torch.uint8).unflatten(1, (-1, 8)))
+        mask = (pixels != len(tables.normals) - 1).to(self._dtype)[..., None]
+        return Batch(
+            photo=torch.cat([shown[..., :3], mask], dim=2),
+            irradiance=shown[..., 3:6],
+            mirror=shown[..., 6:7],
+            normals=self._normals[pixels],
+            sphere=self._display(self._maps["sphere"][light]),
+            ldr=self._display(self._maps["ldr"][light]),
+            ln_radiance=self._maps["ln_radiance"][light].to(self._dtype),
+            light=light,
+        )
+
+    def _display(self, steps: torch.Tensor) -> torch.Tensor:
+        return steps.to(self._dtype).mul_(1.0 / 255.0)
 
 
 class Order:

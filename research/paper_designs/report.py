@@ -20,10 +20,9 @@ STEPS = {
     "Direct -> Irradiance": ("direct", "irradiance"),
     "Irradiance -> Ours": ("irradiance", "ours"),
     "Ours -> Ideal": ("ours", "ideal"),
-    "Ideal, sharp targets -> Ideal": ("ideal_sharp", "ideal"),
     "Georgoulis -> Ours": ("georgoulis", "ours"),
     "Meka -> Ours": ("meka", "ours"),
-    "Ideal, sharp targets -> with true normals": ("ideal_sharp", "normals"),
+    "Ideal -> with true normals": ("ideal", "normals"),
 }
 """The worse and the better by the paper; the last is ours."""
 IMAGE = ("test/image/rmse", "test/image/ssim", "seen/image/rmse", "seen/image/ssim")
@@ -32,7 +31,6 @@ TITLES = {
     "irradiance": "Irradiance",
     "ours": "Ours (gradual targets)",
     "ideal": "Ideal (gradual targets)",
-    "ideal_sharp": "Ideal, sharp targets",
     "ideal_on_estimate": "Ideal's network on estimated irradiance",
     "georgoulis": "Georgoulis et al. (mirror sphere)",
     "meka": "Meka et al. (given normals)",
@@ -253,7 +251,7 @@ def draw(content: dict, path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    shown = ("direct", "irradiance", "ours", "ideal", "ideal_sharp", "normals", "georgoulis", "meka")
+    shown = ("direct", "irradiance", "ours", "ideal", "normals", "georgoulis", "meka")
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4.5))
     for axis, name in zip(axes, ("rmse", "ssim"), strict=True):
         for number, design in enumerate(shown):

@@ -20,8 +20,9 @@ class Scale:
 
     side: of photos. rows: of estimated maps [rows, 2 rows]. light_rows: of the maps that light the objects.
     normals: directions of the visible hemisphere that surfaces can have.
-    width: channels of the networks' first layer; code: numbers between encoder and decoder.
-    batch: pairs a step.
+    width: channels of the finest scale of networks with a code, of a U-Net twice as many.
+    code: numbers between encoder and decoder.
+    batch: pairs a step of a long run.
     """
 
     side: int
@@ -34,8 +35,8 @@ class Scale:
 
 
 SCALES = {
-    "small": Scale(side=24, rows=16, light_rows=64, normals=2048, width=16, code=192, batch=125),
-    "full": Scale(side=128, rows=64, light_rows=128, normals=16384, width=32, code=512, batch=125),
+    "small": Scale(side=24, rows=16, light_rows=64, normals=2048, width=48, code=128, batch=500),
+    "full": Scale(side=128, rows=64, light_rows=128, normals=16384, width=64, code=512, batch=500),
 }
 """full: the paper's photos of 128 x 128."""
 

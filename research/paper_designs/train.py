@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
 
-from research.paper_designs.designs import Designs, Losses
+from anyprobe.nets.blocks import has_bfloat16
+from research.paper_designs.designs import Designs, Losses, SquaredError
 from research.paper_designs.judge import Judge
-from research.paper_designs.pairs import Order, make_batch
+from research.paper_designs.pairs import Order, PairMaker
 from research.paper_designs.scale import Scale
 from research.paper_designs.tables import Tables
 
@@ -21,10 +23,9 @@ COOLDOWN = 0.3
 DECAY = 1e-4
 CHECKPOINT_SECONDS = 180.0
 LOG_EVERY = 500
+STEPS, LEAST_BATCH = 1000, 25
 A_DECADE = 4
 """Evaluations while the pairs seen grow tenfold."""
-SMALL = ("image", "direct", "ours")
-"""Networks of the small checkpoint."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,8 +41,13 @@ class Run:
         return f"pairs_{self.pairs}_seed_{self.seed}"
 
     @property
+    def batch(self) -> int:
+        """Pairs a step: fewer in short runs, so that they too take STEPS steps."""
+        return min(self.scale.batch, max(LEAST_BATCH, self.pairs // STEPS))
+
+    @property
     def steps(self) -> int:
-        return self.pairs // self.scale.batch
+        return self.pairs // self.batch
 
 
 def rate_at(step: int, steps: int) -> float:
@@ -52,26 +58,38 @@ def rate_at(step: int, steps: int) -> float:
 
 
 class Trainer:
-    """Networks, optimizer and the place in a run."""
+    """Networks, optimizer and the place in a run. Steps are computed in bfloat16 where the device has it, from
+    networks that are kept in float32."""
 
     def __init__(self, run: Run, tables: Tables, device: str = "cpu") -> None:
-        self.run, self.tables, self.step = run, tables, 0
-        self.nets = Designs(run.scale, run.seed).to(device, memory_format=torch.channels_last)
-        self.losses = Losses(self.nets, tables)
-        self.order = Order(tables, run.scale.batch, run.seed)
-        self.optimizer = torch.optim.Adam(self.nets.parameters(), RATE, weight_decay=DECAY, fused=True)
+        self.run, self.step = run, 0
+        self.nets = Designs(run.scale, run.seed).to(device)
+        dtype = torch.bfloat16 if has_bfloat16(device) else torch.float32
+        working = copy.deepcopy(self.nets).to(dtype)
+        self._working, self._kept = list(working.parameters()), list(self.nets.parameters())
+        for parameter in self._kept:
+            parameter.grad = torch.zeros_like(parameter)
+        self._losses, self._pairs = Losses(working, tables), PairMaker(tables, dtype)
+        self._order = Order(tables, run.batch, run.seed)
+        self._optimizer = torch.optim.Adam(self._kept, RATE, weight_decay=DECAY, fused=True)
 
-    def advance(self) -> dict[str, torch.Tensor]:
+    def advance(self) -> dict[str, SquaredError]:
         """One step; its losses."""
-        for group in self.optimizer.param_groups:
+        for group in self._optimizer.param_groups:
             group["lr"] = rate_at(self.step, self.run.steps)
-        batch = make_batch(self.tables, self.order.chosen(self.step))
-        losses = self.losses(batch, self.step / self.run.steps)
-        self.optimizer.zero_grad()
-        sum(losses.values()).backward()
-        self.optimizer.step()
+        losses = self._losses(self._pairs(self._order.chosen(self.step)), self.step / self.run.steps)
+        for parameter in self._working:
+            parameter.grad = None
+        torch.autograd.backward([x.output for x in losses.values()], [x.gradient() for x in losses.values()])
+        torch._foreach_copy_([x.grad for x in self._kept], [x.grad for x in self._working])
+        self._optimizer.step()
+        self._copy()
         self.step += 1
-        return {name: loss.detach() for name, loss in losses.items()}
+        return losses
+
+    @torch.no_grad()
+    def _copy(self) -> None:
+        torch._foreach_copy_(self._working, self._kept)
 
     def save(self, path: Path) -> None:
         """All that load needs to go on exactly."""
@@ -79,7 +97,7 @@ class Trainer:
             "run": asdict(self.run),
             "step": self.step,
             "nets": self.nets.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
         }
         _save(state, path)
 
@@ -89,13 +107,9 @@ class Trainer:
         if state["run"] != asdict(self.run):
             raise ValueError(f"{path}: expected the run {asdict(self.run)}, got {state['run']}; use another folder")
         self.nets.load_state_dict(state["nets"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        self._copy()
         self.step = state["step"]
-
-    def save_small(self, path: Path) -> None:
-        """The chain and Direct alone, in half precision."""
-        state = {name: {key: value.half() for key, value in self.nets[name].state_dict().items()} for name in SMALL}
-        _save({"run": asdict(self.run), "step": self.step, "nets": state}, path)
 
 
 def _save(state: dict, path: Path) -> None:
@@ -117,18 +131,17 @@ def train(run: Run, tables: Tables, judge: Judge, folder: Path, device: str = "c
     trainer = Trainer(run, tables, device)
     if (folder / "checkpoint.pt").is_file():
         trainer.load(folder / "checkpoint.pt")
-    marks = judged_at(run.steps, run.scale.batch)
+    marks = judged_at(run.steps, run.batch)
     saved, began, first = time.monotonic(), time.monotonic(), trainer.step
     while trainer.step < min(run.steps, stop or run.steps):
         losses = trainer.advance()
         if trainer.step % LOG_EVERY == 0 or trainer.step in marks:
-            speed = (trainer.step - first) * run.scale.batch / (time.monotonic() - began)
-            shown = " ".join(f"{name} {float(loss):.5f}" for name, loss in losses.items())
+            speed = (trainer.step - first) * run.batch / (time.monotonic() - began)
+            shown = " ".join(f"{name} {loss.value():.5f}" for name, loss in losses.items())
             print(f"{run.name} step {trainer.step}/{run.steps} {speed:.0f} pairs/s {shown}", flush=True)
         if trainer.step in marks:
-            judge.write(trainer.nets, folder / f"after_{trainer.step * run.scale.batch:08d}.npz")
+            judge.write(trainer.nets, folder / f"after_{trainer.step * run.batch:08d}.npz")
         if time.monotonic() - saved > CHECKPOINT_SECONDS or trainer.step == run.steps:
             trainer.save(folder / "checkpoint.pt")
-            trainer.save_small(folder / "small.pt")
             saved = time.monotonic()
     trainer.save(folder / "checkpoint.pt")

@@ -15,17 +15,19 @@ from anyprobe.core.response import inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
 from anyprobe.render.shapes import sphere  # noqa: E402
+from research.paper_designs.blocks import picture_of, pixels_of, unnest  # noqa: E402
 from research.paper_designs.designs import DESIGNS, Designs, Losses, inputs_of  # noqa: E402
 from research.paper_designs.gradual import epoch_of, filtered  # noqa: E402
 from research.paper_designs.judge import Judge, clustered_error, scores, ssim, unwrap_mirror, unwrap_sphere  # noqa: E402
-from research.paper_designs.pairs import Order, balanced, make_batch  # noqa: E402
+from research.paper_designs.nets import PictureNet, UNet  # noqa: E402
+from research.paper_designs.pairs import Order, PairMaker, balanced  # noqa: E402
 from research.paper_designs.report import read_points, verdict, with_earlier, write_report  # noqa: E402
 from research.paper_designs.scale import MATERIALS, SCALES, VIEWS  # noqa: E402
 from research.paper_designs.tables import build_tables, views_of  # noqa: E402
 from research.paper_designs.train import Run, Trainer, judged_at, rate_at, train  # noqa: E402
 from research.paper_designs.transport import TO_EYE, hemisphere  # noqa: E402
 
-SCALE = replace(SCALES["small"], normals=120, light_rows=64, batch=6, width=8, code=16)
+SCALE = replace(SCALES["small"], normals=120, light_rows=64, batch=6, width=12, code=16)
 
 
 def some_map(seed: int) -> np.ndarray:
@@ -72,38 +74,42 @@ def test_photo_and_irradiance_are_what_the_renderer_shades(tables, number):
 
 def test_photo_is_of_the_shape_material_and_light_that_the_numbers_say(tables):
     chosen = balanced(tables, 8, 3)
-    batch = make_batch(tables, chosen)
+    batch = PairMaker(tables)(chosen)
+    photo, irradiance, normals = (picture_of(x, SCALE.side) for x in (batch.photo, batch.irradiance, batch.normals))
     for k in range(8):
-        n = batch.normals[k].permute(1, 2, 0)[12, 12]
+        n = normals[k].permute(1, 2, 0)[12, 12]
         number = int((tables.normals[:-1] @ n).argmax())
         row = (int(chosen.map[k]) * VIEWS + int(chosen.view[k])) * len(MATERIALS) + int(chosen.material[k])
         value = tables.shades[row, number].reshape(1).view(torch.uint8).float() / 255
-        assert torch.equal(batch.photo[k, :3, 12, 12], value[:3])
-        assert torch.equal(batch.irradiance[k, :, 12, 12], value[3:6])
+        assert torch.allclose(photo[k, :3, 12, 12], value[:3])
+        assert torch.allclose(irradiance[k, :, 12, 12], value[3:6])
     light = views_of(some_map(int(chosen.map[0])), 64)[int(chosen.view[0])]
     area = pixel_solid_angles(64)[:, :, None]
     mean = (light * area).reshape(16, 4, 32, 4, 3).sum(axis=(1, 3)) / (area * 4).reshape(16, 4, 1, 1).sum(axis=1)
-    shown = inverse_response(batch.ldr[0].permute(1, 2, 0).numpy())
+    shown = inverse_response(picture_of(batch.ldr, SCALE.rows)[0].permute(1, 2, 0).numpy())
     assert np.abs(shown - mean.clip(0, 1)).max() < 0.05
 
 
 def test_a_sphere_shows_what_is_behind_the_camera_in_its_middle(tables):
     """Normals face the camera, right is right and up is up."""
-    batch = make_batch(tables, balanced(tables, 1, 3))
-    normals = batch.normals[0]
+    batch = PairMaker(tables)(balanced(tables, 1, 3))
+    normals = picture_of(batch.normals, SCALE.side)[0]
     assert normals[2, 12, 12] > 0.95
     assert normals[0, 12, 21] > 0.6
     assert normals[1, 3, 12] > 0.6
-    assert not batch.photo[0, :, 0, 0].any()
+    assert not picture_of(batch.photo, SCALE.side)[0, :, 0, 0].any()
 
 
 def test_true_mirrors_unwrap_to_the_map(tables):
-    batch = make_batch(tables, balanced(tables, 6, 3))
-    unwrapped = unwrap_sphere(batch.sphere, SCALE.rows)
-    grey = unwrap_mirror(batch.mirror, batch.normals, batch.photo[:, 3:], SCALE.rows)
-    flipped = batch.ldr.flip(3)
+    batch = PairMaker(tables)(balanced(tables, 6, 3))
+    photos = (picture_of(x, SCALE.side) for x in (batch.sphere, batch.mirror, batch.normals, batch.photo[..., 3:]))
+    sphere_image, mirror, normals, mask = photos
+    unwrapped = unwrap_sphere(sphere_image, SCALE.rows)
+    grey = unwrap_mirror(mirror, normals, mask, SCALE.rows)
+    ldr = picture_of(batch.ldr, SCALE.rows)
+    flipped = ldr.flip(3)
     for guess, limit in ((unwrapped, 0.06), (grey, 0.12)):
-        error = (guess - batch.ldr).square().mean().sqrt()
+        error = (guess - ldr).square().mean().sqrt()
         assert error < limit
         assert error < 0.8 * (guess - flipped).square().mean().sqrt()
 
@@ -138,10 +144,37 @@ def test_gradual_targets_are_equation_6(tables):
     assert [epoch_of(progress) for progress in (0.0, 0.0908, 0.0910, 0.999)] == [1, 1, 2, 11]
 
 
+def test_pixels_of_a_block_are_neighbours():
+    for rows, columns in ((24, 24), (16, 32), (64, 128)):
+        pictures = torch.randn(2, 3, rows, columns)
+        pixels = pixels_of(pictures)
+        assert torch.equal(picture_of(pixels, rows), pictures)
+        whole = pictures[0].permute(1, 2, 0)
+        assert torch.equal(pixels[0, :16].reshape(4, 4, 3), whole[:4, :4])
+        assert torch.equal(pixels[0, 16:32].reshape(4, 4, 3), whole[:4, 4:8])
+        assert torch.equal(pixels[0, 32:48].reshape(4, 4, 3), whole[4:8, :4])
+
+
+def test_the_first_layer_is_a_strided_convolution():
+    net, pictures = PictureNet(4, 24, 512, 12, 16), torch.randn(2, 4, 24, 24)
+    linear = net.encoder.patch[0]
+    kernel = linear.weight.reshape(12, 4, 4, 4).permute(0, 3, 1, 2)
+    expected = torch.relu(torch.nn.functional.conv2d(pictures, kernel, stride=4))
+    found = unnest(net.encoder(pixels_of(pictures))[0], 6, 1).permute(0, 3, 1, 2)
+    assert torch.allclose(found, expected, atol=1e-5)
+
+
+def test_networks_of_the_full_size_have_the_sizes_of_their_pictures():
+    full = SCALES["full"]
+    photo = torch.zeros(1, full.side**2, 7)
+    assert PictureNet(7, full.side, 2 * full.rows**2, 12, 16)(photo).shape == (1, 2 * full.rows**2, 3)
+    assert UNet(7, 1, full.side, full.side, 12, 16)(photo).shape == (1, full.side**2, 1)
+
+
 def test_a_run_that_stopped_goes_on_as_one_that_did_not(tables, tmp_path):
     run = Run(pairs=10 * SCALE.batch, seed=4, scale=SCALE)
     whole = Trainer(run, tables)
-    expected = [whole.advance() for _ in range(10)]
+    expected = [{name: loss.value() for name, loss in whole.advance().items()} for _ in range(10)]
     first = Trainer(run, tables)
     for _ in range(6):
         first.advance()
@@ -149,38 +182,51 @@ def test_a_run_that_stopped_goes_on_as_one_that_did_not(tables, tmp_path):
     second = Trainer(run, tables)
     second.load(tmp_path / "checkpoint.pt")
     for before in expected[6:]:
-        now = second.advance()
-        assert {name: float(x) for name, x in now.items()} == {name: float(x) for name, x in before.items()}
+        assert {name: loss.value() for name, loss in second.advance().items()} == before
     for name, value in whole.nets.state_dict().items():
         assert torch.equal(value, second.nets.state_dict()[name]), name
     with pytest.raises(ValueError, match="use another folder"):
         Trainer(replace(run, seed=5), tables).load(tmp_path / "checkpoint.pt")
 
 
+def test_a_step_is_adams_on_the_gradient_of_the_mean_squared_errors(tables, monkeypatch):
+    monkeypatch.setattr("research.paper_designs.train.has_bfloat16", lambda device: False)
+    run = Run(pairs=10 * SCALE.batch, seed=4, scale=SCALE)
+    trainer, plain = Trainer(run, tables), Designs(SCALE, 4)
+    trainer.advance()
+    losses = Losses(plain, tables)(PairMaker(tables)(Order(tables, SCALE.batch, 4).chosen(0)), 0.0)
+    means = [((1.0 if x.weight is None else x.weight) * (x.output - x.target).square()).mean() for x in losses.values()]
+    optimizer = torch.optim.Adam(plain.parameters(), rate_at(0, run.steps), weight_decay=1e-4)
+    sum(means).backward()
+    optimizer.step()
+    for name, value in plain.state_dict().items():
+        assert torch.allclose(trainer.nets.state_dict()[name], value, atol=1e-6), name
+
+
 def test_no_loss_reaches_another_network(tables):
     nets = Designs(SCALE, 0)
-    losses = Losses(nets, tables)(make_batch(tables, balanced(tables, 6, 1)), 0.0)
+    losses = Losses(nets, tables)(PairMaker(tables)(balanced(tables, 6, 1)), 0.0)
     assert set(losses) == set(nets)
     for name, loss in losses.items():
         nets.zero_grad()
-        loss.backward(retain_graph=True)
+        loss.output.backward(loss.gradient(), retain_graph=True)
         reached = {other for other in nets if any(p.grad is not None for p in nets[other].parameters())}
         assert reached == {name}
 
 
 def test_designs_see_and_aim_at_what_they_are_named_for(tables):
     """At the first epoch targets that sharpen are a grey blur, the others are the map."""
-    nets, batch = Designs(SCALE, 0), make_batch(tables, balanced(tables, 6, 1))
-    losses = {name: loss.item() for name, loss in Losses(nets, tables)(batch, 0.0).items()}
-    seen = inputs_of(batch, nets.irradiance_image(batch).detach())
-    assert torch.equal(seen["truth"][:, :3], batch.irradiance)
-    assert not torch.equal(seen["estimate"][:, :3], batch.irradiance)
-    soft = filtered(tables.ldr, 1)[batch.light].float()
+    nets, batch = Designs(SCALE, 0), PairMaker(tables)(balanced(tables, 6, 1))
+    losses = {name: loss.value() for name, loss in Losses(nets, tables)(batch, 0.0).items()}
+    seen = inputs_of(batch, nets["image"](batch.photo).detach())
+    assert torch.equal(seen["truth"][..., :3], batch.irradiance)
+    assert not torch.equal(seen["estimate"][..., :3], batch.irradiance)
+    soft = pixels_of(filtered(tables.ldr, 1)[batch.light].float())
     for name, design in DESIGNS.items():
         target = soft if design.gradual else batch.ldr
-        guess = nets.run(name, seen[design.sees])
+        guess = nets[name](seen[design.sees])
         assert losses[name] == pytest.approx((guess - target).square().mean().item(), rel=1e-4)
-    assert {name for name, design in DESIGNS.items() if design.gradual} == {"ours", "ideal"}
+    assert {name for name, design in DESIGNS.items() if design.gradual} == {"ours", "ideal", "normals"}
     a, b = nets["direct"].state_dict(), nets["ideal"].state_dict()
     assert all(torch.equal(a[key], b[key]) for key in a)
 
@@ -219,6 +265,8 @@ def test_a_step_holds_only_where_every_seed_says_so():
 def test_runs_are_judged_evenly_on_a_logarithm_and_rates_rise_and_fall():
     assert judged_at(200_000, 125) >= {20, 200, 2000, 20_000, 200_000}
     assert len(judged_at(200_000, 125)) == 17
+    steps = [Run(pairs=pairs, seed=0, scale=SCALES["small"]).steps for pairs in (2_500, 25_000, 250_000, 25_000_000)]
+    assert steps == [100, 1000, 1000, 50_000]
     rates = [rate_at(step, 20_000) for step in (0, 499, 10_000, 17_000, 19_999)]
     assert rates == pytest.approx([2e-6, 1e-3, 1e-3, 5e-4, 1e-5], rel=1e-3)
 
@@ -231,12 +279,12 @@ def test_what_was_trained_becomes_a_page(tables, tmp_path):
     assert [(point.pairs, point.seed, point.after) for point in points] == [(12, 0, 12), (12, 1, 12)]
     assert points[0].columns["test/direct/rmse"].shape == (40,)
     pytest.importorskip("matplotlib", reason="draws the plot")
-    (tmp_path / "README.md").write_text("# Title\n<!-- results -->\nold\n<!-- end of results -->\nrest\n")
+    (tmp_path / "README.md").write_text("# Title\n<!-- results -->\nyesterday\n<!-- end of results -->\nrest\n")
     write_report(tmp_path, tmp_path)
     page = (tmp_path / "README.md").read_text()
     assert page.startswith("# Title\n<!-- results -->")
     assert page.endswith("<!-- end of results -->\nrest\n")
-    assert "old" not in page
+    assert "yesterday" not in page
     assert "| Irradiance -> Ours |" in page
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 

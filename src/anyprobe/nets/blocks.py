@@ -7,11 +7,14 @@ from torch import nn
 from torch.nn import functional as F
 
 
+def has_bfloat16(device: torch.device | str) -> bool:
+    """Whether the device computes in bfloat16; a processor without it takes seconds for a convolution."""
+    return torch.device(device).type != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
+
+
 def autocast(device: torch.device | str) -> torch.autocast:
-    """bfloat16 arithmetic where the device has it; a processor without it takes seconds for a convolution."""
-    kind = torch.device(device).type
-    has_bfloat16 = kind != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
-    return torch.autocast(kind, dtype=torch.bfloat16, enabled=has_bfloat16)
+    """bfloat16 arithmetic where the device has it."""
+    return torch.autocast(torch.device(device).type, dtype=torch.bfloat16, enabled=has_bfloat16(device))
 
 
 def wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
