@@ -111,9 +111,9 @@ class Outcome:
 
 @pytest.fixture
 def command(capfd, monkeypatch) -> Callable[..., Outcome]:
-    """The installed command's own entry point, called in this process."""
+    """The installed command's own entry point, or another, called in this process."""
 
-    def run(*arguments: object) -> Outcome:
+    def run(*arguments: object, main: Callable[[], None] = main) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["anyprobe", *map(str, arguments)])
         monkeypatch.setenv("COLUMNS", "300")
         capfd.readouterr()

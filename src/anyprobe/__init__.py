@@ -9,7 +9,6 @@ Frame, everywhere: right-handed, +X right, +Y up, the camera looks along -Z.
 
 from anyprobe.errors import (
     AnyprobeError,
-    DownloadError,
     InputError,
     InvalidEnvironment,
     InvalidMask,
@@ -18,7 +17,6 @@ from anyprobe.errors import (
     MissingExtra,
     ModelError,
     OutputError,
-    ServerBusy,
 )
 from anyprobe.estimate.estimator import Estimator, estimate
 from anyprobe.estimate.multiview import fuse_lights
@@ -32,7 +30,6 @@ __version__ = "0.2.0"
 __all__ = [
     "AnyprobeError",
     "DominantLight",
-    "DownloadError",
     "Estimator",
     "InputError",
     "InvalidEnvironment",
@@ -45,7 +42,6 @@ __all__ = [
     "ModelError",
     "OutputError",
     "Photo",
-    "ServerBusy",
     "estimate",
     "fuse_lights",
     "load_photo",

@@ -7,8 +7,6 @@ AnyprobeError
       - InvalidEnvironment          a map that is not H x 2H, negative, NaN
       - InvalidMesh                 a mesh file that cannot be rendered
   + OutputError (OSError)           a file that could not be written
-  + DownloadError                   a page or file that could not be had; others may
-      - ServerBusy                  the server asks to be left alone for long
   + ModelError                      weights absent, damaged or of another contract
   + MissingExtra (ImportError)      an optional package is not installed
 
@@ -42,14 +40,6 @@ class InvalidMesh(InputError):
 
 class OutputError(AnyprobeError, OSError):
     """A result could not be written; nothing half-written is left."""
-
-
-class DownloadError(AnyprobeError):
-    """A page or file that could not be had; others may."""
-
-
-class ServerBusy(DownloadError):
-    """The server asks for a long pause: no further requests are made."""
 
 
 class ModelError(AnyprobeError):

@@ -18,10 +18,10 @@ from anyprobe.estimate.normals_prior import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, said_beside
 from anyprobe.files import headers, images, meshes, poses, radiance
-from anyprobe.files.meshes import buffer_paths, pack_glb, read_gltf
 from anyprobe.masks.depth import read_depth
 from anyprobe.video.clip import open_clip, read_frames
 from fuzz.seeds import instanced_glb, multipart_exr
+from research.fetch_assets.gltf import buffer_paths, pack_glb, read_gltf
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from support.drawn_pairs import DrawnRenderer
 from support.folders import names, snapshot
 from support.mesh_files import obj
 
-from anyprobe.cli import render as render_command
+from anyprobe.cli import data as data_command
 from anyprobe.dataset import render_job, shards
 from anyprobe.dataset.process_pools import run_local
 from anyprobe.dataset.samples import Sample, StoreRenderer, decode
@@ -67,7 +67,7 @@ def whole(rendered, tmp_path) -> Path:
 
 @pytest.fixture
 def drawn_command(command, monkeypatch):
-    monkeypatch.setattr(render_command, "_make", drawn_pairs.make)
+    monkeypatch.setattr(data_command, "_make", drawn_pairs.make)
     monkeypatch.setenv("PYTHONPATH", str(TESTS))
     return lambda *arguments: command("data", *arguments)
 
@@ -369,7 +369,7 @@ def test_progress_adds_up(tmp_path, monkeypatch):
     progress = SimpleNamespace(
         add_task=lambda *_, **__: 0, update=lambda _, completed, rate: shown.append(completed), disable=False
     )
-    watch = render_command._Watch(progress, render_job.status(job.folder))
+    watch = data_command._Watch(progress, render_job.status(job.folder))
 
     def twice(work, tasks, hints):
         hints(0, 4)

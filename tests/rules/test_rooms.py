@@ -18,7 +18,6 @@ COMMAND = "one file a command, registered in cli/app"
 ROOMS = {
     "__main__": "what `python -m anyprobe` runs",
     "cli.app": "the front door of the command line",
-    "cli.data": COMMAND,
     "cli.doctor": COMMAND,
     "cli.export": COMMAND,
     "cli.mask": COMMAND,

@@ -102,10 +102,10 @@ def make() -> type[DrawnRenderer]:
 
 def main() -> None:
     """The command line with drawn pairs."""
-    from anyprobe.cli import render
+    from anyprobe.cli import data
     from anyprobe.cli.app import main as command
 
-    render._make = make
+    data._make = make
     command()
 
 

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import typer
@@ -74,11 +74,11 @@ def _options(
     pass
 
 
-def main() -> None:
+def main(command: Callable[[], Any] = app) -> None:
     """Run a command; what anyprobe raises on purpose becomes one line and exit status 2."""
     try:
         with own_lines():
-            app()
+            command()
     except AnyprobeError as error:
         print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
         sys.exit(2)

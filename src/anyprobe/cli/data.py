@@ -1,129 +1,234 @@
-"""anyprobe data fetch: free maps and models for training from their publishers."""
+"""anyprobe data render, status and verify: the dataset as shards on disk."""
 
 from __future__ import annotations
 
-from collections import Counter
+import json
+import shlex
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-from rich.table import Column, Table
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from anyprobe.cli.render import render, status, verify
-from anyprobe.errors import InputError
+from anyprobe.cli.options import with_bundles
 
-STATUSES = ("fetched", "complete", "kept", "failed", "not tried")
+data = typer.Typer(help="Pairs to train on, as shards on disk.", no_args_is_help=True, rich_markup_mode=None)
 
-data = typer.Typer(help="Maps and models to train on.", no_args_is_help=True, rich_markup_mode=None)
+Conditions = Literal["clean", "world"]
+"""Photos as in the paper, or as the world gives them: dataset.samples.CONDITIONS."""
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
+Assets = Annotated[
+    Path | None, typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/; else maps and shapes of our own.")
+]
 
 
-for command in (render, status, verify):
-    data.command()(command)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanOptions:
+    """What a new dataset is made by, dataset.render_job.SETTINGS; what is not given is the old one's, or a default."""
+
+    split: Annotated[Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")] = None
+    kind: Annotated[
+        Literal["object", "map"] | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
+    ] = None
+    conditions: Annotated[
+        Conditions | None, typer.Option(help="Clean photos as the paper's (default), or the world's.")
+    ] = None
+    pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="The first N; default all.")] = None
+    shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")] = None
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; default 2020.")] = None
+    procedural_maps: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Maps of our own; 32 without --data, 0 with.")
+    ] = None
+    procedural_shapes: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Shapes of our own; 32 without --data, 0 with.")
+    ] = None
+    commercial_only: Annotated[
+        bool,
+        typer.Option(
+            "--commercial-only",
+            help="Leave out assets whose licence, by manifest.csv, forbids commercial use or is not known.",
+        ),
+    ] = False
 
 
 @data.command()
-def fetch(
-    source: Annotated[Literal["polyhaven"], typer.Argument(help="Publisher; polyhaven is polyhaven.com, all CC0.")],
-    kind: Annotated[Literal["hdris", "models", "all"], typer.Option("--type", help="Maps, models or both.")] = "all",
-    category: Annotated[
-        list[str] | None, typer.Option(help="Only assets in this category; several times: in all of them.")
-    ] = None,
-    limit: Annotated[int, typer.Option(min=0, metavar="N", help="Assets of each type; 0 for all.")] = 100,
-    resolution: Annotated[str, typer.Option(help="Width of the maps; training averages them to 512.")] = "1k",
-    map_format: Annotated[Literal["hdr", "exr"], typer.Option("--format", help="Format of the maps.")] = "hdr",
-    to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for hdri/ and meshes/, as train --data reads it.")
-    ] = Path("data"),
-    split: Annotated[float, typer.Option(min=0, max=1, help="Share of assets held out, in test/.")] = 0.1,
-    pause: Annotated[float, typer.Option(min=0, help="Seconds between two requests.")] = 0.5,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the assets, fetch nothing.")] = False,
-    api: Annotated[str | None, typer.Option(hidden=True, help="Another address of the API.")] = None,
+@with_bundles
+def render(
+    folder: Folder,
+    plan: PlanOptions,
+    data: Assets = None,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes on this machine.")] = 2,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a dataset; settings not given are its own.")
+    ] = False,
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="This machine's processes, or a Ray cluster.")
+    ] = "local",
+    address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without it one is begun here.")] = None,
 ) -> None:
-    """Fetch CC0 maps and models; run again to go on, what is complete is not asked for twice."""
-    from anyprobe.dataset import polyhaven
-    from anyprobe.dataset.download import Client
+    """Render pairs into shards that WebDataset reads; what is done stays done, whatever happens."""
+    from anyprobe.dataset import render_job
+    from anyprobe.errors import InputError
 
+    if address is not None and engine != "ray":
+        raise InputError("--address: expected --engine ray with it, got local; add it")
+    given = {name: value for name, value in asdict(plan).items() if value is not None and value is not False}
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn())
-    columns += (DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal) as progress:
-        client = Client(pause_s=pause, say=lambda text: progress.console.print(text, soft_wrap=True))
-        api = api or polyhaven.API
-        kinds = [one for one in polyhaven.FOLDERS if kind in (one, "all")]
-        chosen = []
-        for one in kinds:
-            listed = polyhaven.list_assets(client, one, api)
-            try:
-                matching = polyhaven.choose(listed, category or ())
-            except InputError:
-                if len(kinds) == 1 or (one == kinds[-1] and not chosen):
-                    raise
-                continue  # a category of maps only, or of models only
-            chosen += matching[: limit or None]
-            more = "" if len(matching) <= (limit or len(matching)) else "; --limit 0 for all"
-            talk.print(f"{one}: {min(limit or len(matching), len(matching))} of {len(matching)}{more}")
-        if dry_run:
-            _list(chosen, split, polyhaven)
-            return
-        library = polyhaven.Library(to, client, api=api, resolution=resolution, map_format=map_format, test_share=split)
-        outcomes, stopped = _fetch_all(library, chosen, progress)
-    _report(outcomes, chosen, talk, to)
-    for one in outcomes:
-        if one.status == "failed":
-            talk.print(f"anyprobe: {one.asset.slug}: {' '.join(one.error.splitlines())}", soft_wrap=True)
-    if stopped:
-        talk.print(f"anyprobe: {stopped}", soft_wrap=True)
-    if stopped or any(one.status == "failed" for one in outcomes):
+    say = partial(talk.print, soft_wrap=True)
+    job = render_job.begin(folder, given, data, _make(), resume=resume, report=say)
+    done = render_job.status(job.folder)
+    say(f"{folder}: {done.pairs} pairs in {done.shards} shards, {done.shards_done} of them done")
+    start = time.monotonic()
+    try:
+        with _progress(talk) as progress:
+            watch = _Watch(progress, done)
+            run = _engine(engine, address, workers, partial(progress.console.print, soft_wrap=True), job)
+            render_job.render_missing(job, run, watch)
+    except KeyboardInterrupt:
+        now = render_job.status(job.folder)
+        assets = "" if data is None else f" --data {shlex.quote(str(data))}"
+        say(
+            f"anyprobe: stopped with {now.shards_done} of {now.shards} shards done; go on with "
+            f"anyprobe data render {shlex.quote(str(folder))}{assets} --resume"
+        )
+        raise
+    seconds = time.monotonic() - start
+    now = render_job.status(job.folder)
+    rendered = now.pairs_done - done.pairs_done
+    say(
+        f"{folder}: complete, {now.bytes / 1e6:.1f} MB; {rendered} pairs in {_clock(seconds)}, "
+        f"{rendered / max(seconds, 1e-9):.1f} a second"
+    )
+
+
+def _make() -> Callable:
+    from anyprobe.dataset.samples import StoreRenderer
+
+    return StoreRenderer
+
+
+def _engine(engine: str, address: str | None, workers: int, say: Callable, job) -> Callable:
+    from anyprobe.dataset import process_pools, shards
+
+    if engine == "local":
+        return partial(process_pools.run_local, workers=workers, say=say)
+    return partial(
+        process_pools.run_ray,
+        address=address,
+        workers=workers,
+        say=say,
+        finished=lambda shard: shards.read_index(job.folder, shard).pairs,
+    )
+
+
+def _clock(seconds: float) -> str:
+    return str(timedelta(seconds=round(seconds)))
+
+
+def _progress(talk: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    columns += (TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
+    return Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal, speed_estimate_period=120)
+
+
+class _Watch:
+    """Pairs done in each shard, as a bar, or as a line a minute where there is no terminal."""
+
+    LINE_S = 60
+
+    def __init__(self, progress: Progress, done) -> None:
+        self.progress, self.total = progress, done.pairs
+        self.before = self.now = done.pairs_done
+        self.start = self.said = time.monotonic()
+        self.counts: dict[int, int] = {}
+        self.task = progress.add_task("rendering", total=done.pairs, completed=done.pairs_done, rate="")
+
+    def __call__(self, shard: int, count: int) -> None:
+        self.now += count - self.counts.get(shard, 0)
+        self.counts[shard] = count
+        time_now = time.monotonic()
+        rate = (self.now - self.before) / max(time_now - self.start, 1e-9)
+        self.progress.update(self.task, completed=self.now, rate=f"{rate:.1f} pairs/s")
+        if self.progress.disable and time_now - self.said >= self.LINE_S and rate > 0:
+            self.said = time_now
+            left = _clock((self.total - self.now) / rate)
+            self.progress.console.print(f"{self.now}/{self.total} pairs, {rate:.1f} pairs/s, {left} left")
+
+
+@data.command()
+def status(
+    folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False
+) -> None:
+    """Print how far a dataset is: shards, pairs, bytes, and what is missing."""
+    from anyprobe.dataset import render_job
+
+    found = render_job.status(folder)
+    if as_json:
+        typer.echo(json.dumps(asdict(found)))
+        return
+    typer.echo(f"shards {found.shards_done} of {found.shards}")
+    typer.echo(f"pairs {found.pairs_done} of {found.pairs}, {found.bytes / 1e6:.1f} MB")
+    for names in (("specular", "diffuse"), ("indoor", "outdoor")):
+        if any(name in found.groups for name in names):
+            typer.echo(", ".join(f"{name} {found.groups.get(name, 0)}" for name in names))
+    if found.missing:
+        typer.echo(f"missing shards {_ranges(found.missing)}; anyprobe data render {folder} --resume")
+
+
+def _ranges(numbers: list[int]) -> str:
+    """1, 2, 3, 7 as "1-3, 7"."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
+
+
+@data.command()
+def verify(
+    folder: Folder,
+    again: Annotated[int, typer.Option("--render", min=0, metavar="N", help="Also render N random pairs again.")] = 0,
+    data: Assets = None,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Delete bad shards; render --resume makes them again.")
+    ] = False,
+    workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
+) -> None:
+    """Check every shard: its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
+    from anyprobe.dataset import render_job, shards
+
+    plan = render_job.read_plan(folder)
+    render_job.check_versions(folder, plan)  # another release's shards are no damaged ones
+    talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    bad, there = {}, []
+    with _progress(talk) as progress:
+        task = progress.add_task("verifying", total=render_job.num_shards(plan), rate="")
+        for shard in progress.track(range(render_job.num_shards(plan)), task_id=task):
+            if not shards.index_path(folder, shard).exists():
+                continue
+            there.append(shard)
+            wrong = shards.fault(folder, shard, plan["kind"], len(render_job.shard_range(plan, shard)), plan["format"])
+            if wrong:
+                bad[shard] = wrong
+    if again:
+        whole = [shard for shard in there if shard not in bad]
+        bad |= render_job.differing(folder, data, _make(), whole, again, workers=workers, say=talk.print)
+    for shard, wrong in sorted(bad.items()):
+        typer.echo(f"{shards.tar_path(folder, shard).name}: {wrong}")
+        if repair:
+            shards.remove_shard(folder, shard)
+    absent = render_job.num_shards(plan) - len(there)
+    typer.echo(f"{len(there) - len(bad)} shards good, {len(bad)} bad, {absent} not rendered yet")
+    if bad:
+        did = "deleted" if repair else "delete them, or let --repair do it"
+        typer.echo(f"bad shards: {did}; then anyprobe data render {folder} --resume renders them again")
         raise typer.Exit(2)
-
-
-def _fetch_all(library, chosen: list, progress: Progress) -> tuple[list, str]:
-    """Every asset in turn; what happened to each, and why it stopped before the end, if it did."""
-    from anyprobe.errors import ServerBusy
-
-    outcomes = []
-    for index, asset in enumerate(chosen, 1):
-        place = f"{index}/{len(chosen)} {asset.slug}"
-        task = progress.add_task(place, total=None)
-
-        def watch(done: int, total: int | None, task=task) -> None:
-            progress.update(task, completed=done, total=total)
-
-        try:
-            outcome = library.fetch(asset, watch)
-        except ServerBusy as error:
-            return outcomes, str(error)
-        finally:
-            progress.remove_task(task)
-        outcomes.append(outcome)
-        if progress.disable:
-            progress.console.print(f"{place}: {outcome.status}", soft_wrap=True)
-    return outcomes, ""
-
-
-def _list(chosen: list, share: float, polyhaven) -> None:
-    table = Table(Column("asset", overflow="fold"), "type", "split", "category", "authors", box=None, pad_edge=False)
-    for asset in chosen:
-        table.add_row(asset.slug, asset.kind, polyhaven.split_of(asset.slug, share), asset.category, asset.authors)
-    show = Console(markup=False, emoji=False, highlight=False)
-    show.print(table)
-    show.print(f"Nothing fetched. Powered by Poly Haven, {polyhaven.LICENCE}", soft_wrap=True)
-
-
-def _report(outcomes: list, chosen: list, talk: Console, to: Path) -> None:
-    """Counts by type and split, and where the licences are written."""
-    from anyprobe.dataset.polyhaven import FOLDERS
-
-    rows = [(one.asset.kind, one.split, one.status, one.num_bytes) for one in outcomes]
-    rows += [(one.kind, "", "not tried", 0) for one in chosen[len(outcomes) :]]
-    counts = Counter((kind, split, status) for kind, split, status, _ in rows)
-    shown = [status for status in STATUSES if any(status == one[2] for one in rows)]
-    table = Table("type", "split", *shown, "MB received", box=None, pad_edge=False)
-    for kind, split in dict.fromkeys(sorted((one[0], one[1]) for one in rows)):
-        received = sum(one[3] for one in rows if one[:2] == (kind, split)) / 1e6
-        table.add_row(kind, split, *(str(counts[kind, split, status]) for status in shown), f"{received:.1f}")
-    talk.print(table)
-    manifests = ", ".join(str(to / FOLDERS[kind] / "manifest.csv") for kind in dict.fromkeys(r[0] for r in rows))
-    talk.print(f"Powered by Poly Haven (https://polyhaven.com), CC0; authors: {manifests}", soft_wrap=True)

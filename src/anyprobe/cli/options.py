@@ -7,6 +7,7 @@ spreads its fields into the command's own options, so that one option means the 
 from __future__ import annotations
 
 import functools
+import glob
 import inspect
 import math
 import sys
@@ -328,15 +329,10 @@ def _file_for(photo: Path, given: Path, kind: str, suffixes: tuple[str, ...]) ->
     if not given.is_dir():
         return given
     for stem in (f"{photo.stem}_{kind}", photo.stem, photo.name):
-        for candidate in sorted(given.glob(f"{_literal(stem)}.*")):
+        for candidate in sorted(given.glob(f"{glob.escape(stem)}.*")):
             # the glob finds stem.0002.png too, which is another photo's
             if candidate.stem != stem or candidate.suffix.lower() not in suffixes:
                 continue
             if candidate.resolve() != photo.resolve():
                 return candidate
     raise InvalidMask(f"{photo}: expected {photo.stem}.png or {photo.stem}_{kind}.png in {given}, found neither")
-
-
-def _literal(stem: str) -> str:
-    """The stem with glob's own signs taken literally."""
-    return "".join(f"[{c}]" if c in "[]*?" else c for c in stem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -15,7 +15,6 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment
-from anyprobe.files.atomic import atomic_path, held
 from anyprobe.files.meshes import SUFFIXES as MESH_SUFFIXES
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.paths import visible_files
@@ -240,43 +239,3 @@ def read_table(path: Path) -> tuple[list[str], list[Row]]:
     if "file" not in columns:
         raise InputError(f"{path}: expected a table with the column file; move it away")
     return columns, rows
-
-
-class Manifest:
-    """manifest.csv: one row a file, ours or another's, written whole at every change.
-
-    Several processes may change one table at a time.
-    """
-
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self.path, self._ours = path, list(columns)
-        self._read()
-
-    def _read(self) -> None:
-        found, self.rows = read_table(self.path)
-        self.columns = found + [name for name in self._ours if name not in found]
-
-    def row(self, source: str) -> Row | None:
-        """The row of an asset that was fetched from `source`."""
-        return next((row for row in self.rows if row.get("source") == source), None)
-
-    def has_other(self, source: str, slug: str) -> bool:
-        """Whether a file of that name is listed that did not come from `source`."""
-        return any(Path(row["file"]).stem == slug and row.get("source") != source for row in self.rows)
-
-    def put(self, row: Row) -> None:
-        """Add a row, or replace the one with the same source; rows that others added meanwhile stay. The folder is
-        there."""
-        with held(self.path.parent, wait=True):
-            self._read()
-            old = self.row(row["source"])
-            if old is None:
-                self.rows.append(row)
-            elif {**old, **row} == old:
-                return
-            else:
-                self.rows[self.rows.index(old)] = {**old, **row}
-            with atomic_path(self.path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-                writer = csv.DictWriter(stream, self.columns, restval="", extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(self.rows)

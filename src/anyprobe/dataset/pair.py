@@ -95,9 +95,9 @@ class MapPair:
     indoor: bool
 
 
-def fibonacci_viewpoint(index: int, count: int = VIEWPOINTS) -> tuple[float, float]:
-    """Yaw and elevation [radians] of one of count points spread evenly over the upper hemisphere."""
-    return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / count))
+def fibonacci_viewpoint(index: int) -> tuple[float, float]:
+    """Yaw and elevation [radians] of one of VIEWPOINTS points spread evenly over the upper hemisphere."""
+    return float(index * np.pi * (3.0 - np.sqrt(5.0))), float(np.arcsin((index + 0.5) / VIEWPOINTS))
 
 
 def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, textured: bool = False) -> Pair:

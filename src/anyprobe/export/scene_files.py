@@ -18,17 +18,15 @@ from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import OpenEXR
 
-from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import OutputError
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
 from anyprobe.export.exported_light import SCALE, ExportedLight, numbers, read_template, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
+from anyprobe.files.exr import write_channels
 from anyprobe.files.images import png_bytes
 from anyprobe.files.meshes import glb_file
-from anyprobe.files.paths import utf8_path
 from anyprobe.light.environment import reduced
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
@@ -214,18 +212,14 @@ def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H
 def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the dominant light in the map."""
     pixels = pole_to_pole(OPENEXR.roll(light.radiance)).astype(np.float32)
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "chromaticities": REC709_CHROMATICITIES,
+    attributes = {
         "anyprobe:scale": SCALE,
         "anyprobe:rows": "pole to pole, as Mitsuba 3 reads them: v = row / (rows - 1)",
     }
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     path = folder / f"{light.name}.exr"
     try:
-        with utf8_path(path) as plain:
-            OpenEXR.File(header, channels).write(plain)
+        write_channels(path, channels, attributes, latlong=False)  # whose rows lie elsewhere
     except RuntimeError as error:  # its only report of a full disk
         raise OutputError(f"{path}: cannot be written ({' '.join(str(error).split())})") from error
     scene = (

@@ -297,13 +297,18 @@ def to_rec709(rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault
     return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
 
 
-def write_channels(path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> None:
-    """Write channels [H, W] of a latitude-longitude map, ZIP, Rec. 709, with attributes; RuntimeError if it fails."""
+def write_channels(
+    path: Path, channels: Mapping[str, np.ndarray], attributes: Mapping[str, Any], *, latlong: bool = True
+) -> None:
+    """Write channels [H, W], ZIP, Rec. 709, with attributes; RuntimeError if it fails.
+
+    latlong: whether the header says that they are a latitude-longitude map.
+    """
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "envmap": OpenEXR.ENVMAP_LATLONG,
         "chromaticities": REC709_CHROMATICITIES,
+        **({"envmap": OpenEXR.ENVMAP_LATLONG} if latlong else {}),
         **attributes,
     }
     with utf8_path(path) as plain:

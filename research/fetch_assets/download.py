@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from anyprobe import __version__
-from anyprobe.errors import DownloadError, OutputError, ServerBusy
+from anyprobe.errors import AnyprobeError, OutputError
 
-USER_AGENT = f"anyprobe/{__version__} (anyprobe data fetch)"
+USER_AGENT = f"anyprobe/{__version__} (research.fetch_assets)"
 """Poly Haven's terms ask for one that names the software."""
 
 PAUSE_S = 0.5
@@ -50,6 +50,14 @@ CHUNK_BYTES = 2**16
 
 Watch = Callable[[int, int | None], None]
 Result = TypeVar("Result")
+
+
+class DownloadError(AnyprobeError):
+    """A page or file that could not be had; others may."""
+
+
+class ServerBusy(DownloadError):
+    """The server asks for a long pause: no further requests are made."""
 
 
 class _Transient(Exception):

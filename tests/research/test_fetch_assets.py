@@ -1,4 +1,4 @@
-"""anyprobe data fetch polyhaven, against a local imitation of the site: what lies in the folder, and manners."""
+"""research.fetch_assets polyhaven, against a local imitation of the site: what lies in the folder, and manners."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +19,18 @@ from support.folders import names, snapshot
 from support.polyhaven_server import Fault, PolyHaven, tetrahedron
 
 from anyprobe import __version__
-from anyprobe.dataset import download
-from anyprobe.dataset.catalog import Manifest, allows_commercial_use, load_maps, load_shapes
-from anyprobe.dataset.download import Client, RemoteFile
-from anyprobe.dataset.polyhaven import COLUMNS, LICENCE, Asset, choose, family, split_of
-from anyprobe.errors import DownloadError, OutputError
+from anyprobe.cli.app import main
+from anyprobe.dataset.catalog import allows_commercial_use, load_maps, load_shapes
+from anyprobe.errors import OutputError
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.radiance import read_radiance, write_exr, write_hdr
+from research.fetch_assets import download
+from research.fetch_assets.__main__ import app
+from research.fetch_assets.download import Client, DownloadError, RemoteFile
+from research.fetch_assets.manifest import Manifest
+from research.fetch_assets.polyhaven import COLUMNS, LICENCE, Asset, choose, family, split_of
+
+ROOT = Path(__file__).parents[2]
 
 SMALL = {"hdr": "/file/HDRIs/hdr/1k/{}_1k.hdr", "exr": "/file/HDRIs/exr/1k/{}_1k.exr"}
 ROOF = SMALL["hdr"].format("roof")
@@ -74,8 +80,8 @@ class Fetcher:
 
     def __call__(self, *arguments, pause=0):
         self.site.requests.clear()
-        given = ("data", "fetch", "polyhaven", "--api", self.site.url, "--pause", pause, "--to", self.to)
-        return self.command(*given, *arguments)
+        given = ("polyhaven", "--api", self.site.url, "--pause", pause, "--to", self.to)
+        return self.command(*given, *arguments, main=partial(main, app))
 
     def rows(self, folder="hdri") -> dict[str, dict[str, str]]:
         with (self.to / folder / "manifest.csv").open(newline="", encoding="utf-8") as stream:
@@ -207,7 +213,7 @@ def test_row_without_a_sum_is_fetched_again(fetch, site):
 PUT_SOME = """
 import sys
 from pathlib import Path
-from anyprobe.dataset.catalog import Manifest
+from research.fetch_assets.manifest import Manifest
 _, path, who = sys.argv
 manifest = Manifest(Path(path), ["file", "source"])
 for number in range(20):
@@ -223,7 +229,7 @@ def test_rows_of_processes_that_fetch_at_once_all_stay(tmp_path):
     first.put({"file": "a2.hdr", "source": "a"})
     assert [row["file"] for row in Manifest(tmp_path / "manifest.csv", COLUMNS).rows] == ["a2.hdr", "b.hdr"]
     many = tmp_path / "many.csv"
-    writers = [subprocess.Popen([sys.executable, "-c", PUT_SOME, str(many), who]) for who in "wxyz"]
+    writers = [subprocess.Popen([sys.executable, "-c", PUT_SOME, str(many), who], cwd=ROOT) for who in "wxyz"]
     assert [one.wait(timeout=120) for one in writers] == [0] * 4
     found = {row["source"] for row in Manifest(many, COLUMNS).rows}
     assert found == {f"{who}{number}" for who in "wxyz" for number in range(20)}
@@ -249,7 +255,7 @@ def test_old_and_new_categories_both_filter(fetch, category):
 
 
 def test_unknown_category_names_the_known(fetch):
-    complaint = fetch.command("data", "fetch", "polyhaven", "--api", fetch.site.url, "--category", "moon")
+    complaint = fetch("--category", "moon")
     assert complaint.status == 2
     assert "no models are in all of: moon; the largest are" in complaint.err
 
@@ -534,10 +540,10 @@ def test_one_request_at_a_time_with_a_pause_and_a_name(fetch, site):
 
 def process(site, to) -> subprocess.Popen:
     """The command in a process of its own, on one map only."""
-    program = "from anyprobe.cli.app import main; main()"
-    given = ["data", "fetch", "polyhaven", "--api", site.url, "--pause", "0", "--to", str(to), "--split", "0"]
+    given = ["polyhaven", "--api", site.url, "--pause", "0", "--to", str(to), "--split", "0"]
     given += ["--type", "hdris", "--category", "skies"]
-    return subprocess.Popen([sys.executable, "-c", program, *given], stderr=subprocess.PIPE, text=True)
+    program = [sys.executable, "-m", "research.fetch_assets"]
+    return subprocess.Popen([*program, *given], cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])

@@ -17,12 +17,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from anyprobe.dataset.catalog import Manifest
-from anyprobe.dataset.download import Client, RemoteFile, Watch, md5_of
-from anyprobe.errors import AnyprobeError, DownloadError, InputError, ServerBusy
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.meshes import buffer_paths, pack_glb, read_gltf
 from anyprobe.files.radiance import read_radiance
+from research.fetch_assets.download import Client, DownloadError, RemoteFile, ServerBusy, Watch, md5_of
+from research.fetch_assets.gltf import buffer_paths, pack_glb, read_gltf
+from research.fetch_assets.manifest import Manifest
 
 API = "https://api.polyhaven.com"
 PAGE = "https://polyhaven.com/a/"
