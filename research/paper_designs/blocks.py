@@ -1,4 +1,4 @@
-"""Blocks (noun): pixels in an order in which every convolution that does not overlap is a reshape and a product.
+"""Pixels in an order in which every convolution that does not overlap is a reshape and a product.
 
 A picture is cut into blocks of blocks of pixels, and its pixels are stored block by block. Then the pixels of a block
 are neighbours in memory, and a convolution whose stride is its size is one matrix product.

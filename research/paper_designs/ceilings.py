@@ -1,4 +1,4 @@
-"""Ceilings (noun): what the best linear reading of a picture makes of the map, given shape and material.
+"""What the best linear reading of a picture makes of the map, given shape and material.
 
 Ridge regression (a Wiener filter where light is Gaussian) from display values of the picture's pixels to those of the
 map. It is learned on training maps shown by the test pair's own shape in its own material, from cameras of nearly its

@@ -1,4 +1,4 @@
-"""Designs (noun): every design and rival, trained side by side on the same batches.
+"""Every design and rival, trained side by side on the same batches.
 
     image        photo -> irradiance image (Eq. 5), the first network of the chain
     direct       photo -> map

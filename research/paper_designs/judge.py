@@ -1,4 +1,4 @@
-"""Judge (noun): what the networks of a seed make of unseen and of seen pairs, pair by pair."""
+"""What the networks of a seed make of unseen and of seen pairs, pair by pair."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pairs (noun): photos, their true intermediate images and their light, a whole batch at once by look-ups."""
+"""Photos, their true intermediate images and their light, a whole batch at once by look-ups."""
 
 from __future__ import annotations
 

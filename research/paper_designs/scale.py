@@ -1,4 +1,4 @@
-"""Scale (noun): the sizes of the experiment, and the eight materials."""
+"""The sizes of the experiment, and the eight materials."""
 
 from __future__ import annotations
 

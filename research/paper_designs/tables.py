@@ -1,4 +1,4 @@
-"""Tables (noun): all light and all shapes of a split, shaded once, so that a pair is two look-ups.
+"""All light and all shapes of a split, shaded once, so that a pair is two look-ups.
 
 Light: every map from every camera, and what each normal shows of it in each material. Shapes: which normal each pixel
 has, from every camera. Object and map turn together, as in the paper, which renders from fixed cameras.

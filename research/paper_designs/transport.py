@@ -1,4 +1,4 @@
-"""Transport (noun): what every normal shows under every map, as matrices over the map's pixels.
+"""What every normal shows under every map, as matrices over the map's pixels.
 
 The eye is far away along +Z, light is distant and nothing casts shadows (the paper's Sect. 3.1): radiance depends on
 the normal alone, and is linear in the map.

@@ -21,7 +21,7 @@ from research.paper_designs.gradual import epoch_of, filtered  # noqa: E402
 from research.paper_designs.judge import Judge, clustered_error, scores, ssim, unwrap_mirror, unwrap_sphere  # noqa: E402
 from research.paper_designs.nets import PictureNet, UNet  # noqa: E402
 from research.paper_designs.pairs import Order, PairMaker, balanced  # noqa: E402
-from research.paper_designs.report import read_points, verdict, with_earlier, write_report  # noqa: E402
+from research.paper_designs.report import read_points, verdict, write_report  # noqa: E402
 from research.paper_designs.scale import MATERIALS, SCALES, VIEWS  # noqa: E402
 from research.paper_designs.tables import build_tables, views_of  # noqa: E402
 from research.paper_designs.train import Run, Trainer, judged_at, rate_at, train  # noqa: E402
@@ -287,28 +287,6 @@ def test_what_was_trained_becomes_a_page(tables, tmp_path):
     assert "yesterday" not in page
     assert "| Irradiance -> Ours |" in page
     assert (tmp_path / "curves.png").stat().st_size > 10_000
-
-
-def test_a_report_keeps_earlier_sizes_and_ceilings_and_what_is_new_wins():
-    def row(pairs: int, value: float) -> dict:
-        return {"pairs": pairs, "seed": 0, "after": pairs, "test/direct/rmse": value}
-
-    earlier = {
-        "pairs": 100,
-        "rows": {"direct": {"test_rmse": 0.3}, "mean map": {"test_rmse": 0.4}},
-        "steps": {"20": "old", "100": "old"},
-        "curves": [row(20, 0.3), row(100, 0.3)],
-    }
-    new = {"rows": {"direct": {"test_rmse": 0.2}}, "steps": {"100": "new", "1000": "new"}, "pairs": 1000}
-    new["curves"] = [row(100, 0.25), row(1000, 0.2)]
-    both = with_earlier(new, earlier)
-    assert both["rows"] == {"direct": {"test_rmse": 0.2}, "mean map": {"test_rmse": 0.4}}
-    assert list(both["steps"].items()) == [("20", "old"), ("100", "new"), ("1000", "new")]
-    assert [one["test/direct/rmse"] for one in both["curves"]] == [0.3, 0.25, 0.2]
-    assert both["pairs"] == 1000
-    shorter = with_earlier(earlier, both)  # the table stays the longest run's
-    assert shorter["pairs"] == 1000
-    assert shorter["rows"] == both["rows"]
 
 
 def test_scores_do_not_depend_on_who_else_is_judged(tables):

@@ -1,4 +1,4 @@
-"""Poses (noun): how cameras are turned, and how much their lenses take in, from the files that trackers write."""
+"""How cameras are turned, and how much their lenses take in, from the files that trackers write."""
 
 from __future__ import annotations
 
