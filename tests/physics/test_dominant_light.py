@@ -44,7 +44,7 @@ def test_background_counts_as_emitter():
     emitter, _ = disc(CENTRES["ahead"], 6.0)
     dark, bright = find_dominant_light(50 * emitter), find_dominant_light(50 * emitter + 4)
     np.testing.assert_allclose(bright.irradiance, dark.irradiance, rtol=0.03)
-    assert bright.confidence < dark.confidence
+    assert bright.directionality < dark.directionality
 
 
 def test_color_is_of_the_room():
@@ -92,10 +92,10 @@ def test_solid_angle_counts_pixels():
 def test_confidence_leaves_its_range():
     """A point is certain, even light is not, half a sphere of light is 1 / 2."""
     sun, _ = disc(CENTRES["ahead"], 1.5)
-    assert find_dominant_light(sun).confidence > 0.995
+    assert find_dominant_light(sun).directionality > 0.995
     upper = np.zeros((64, 128, 3), np.float32)
     upper[:32] = 1
-    np.testing.assert_allclose(find_dominant_light(upper).confidence, 0.5, atol=0.01)
+    np.testing.assert_allclose(find_dominant_light(upper).directionality, 0.5, atol=0.01)
 
 
 @pytest.mark.parametrize("level", [0.0, 0.7])
@@ -105,7 +105,7 @@ def test_no_light_gives_nan(level):
     np.testing.assert_array_equal(found.direction, [0, 1, 0])
     np.testing.assert_array_equal(found.irradiance, 0)
     np.testing.assert_array_equal(found.color, 1)
-    assert found.confidence < 1e-6
+    assert found.directionality < 1e-6
 
 
 def test_flood_leaks_or_stops_at_the_seam():

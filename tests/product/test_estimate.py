@@ -395,7 +395,7 @@ def test_sidecar_tells_all(tmp_path, estimator, photo_path):
     main = light.dominant_light()
     for key in ("direction", "color", "irradiance"):
         np.testing.assert_allclose(sidecar["dominant_light"][key], getattr(main, key), atol=1e-6)
-    assert set(sidecar["seconds"]) == {"load", "networks", "turn"}
+    assert set(sidecar["seconds"]) == {"load", "networks", "rotate"}
     assert all(0 <= seconds < 60 for seconds in sidecar["seconds"].values())
     assert sidecar["model"] == estimator.model_id
     assert sidecar["model"].startswith(f"{DEFAULT_MODEL}-")

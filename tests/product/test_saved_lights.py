@@ -12,6 +12,7 @@ from support.two_phase import two_phase
 
 import anyprobe
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
+from anyprobe.estimate.result import SCALE, current_names
 from anyprobe.export.exported_light import check_front, map_from_camera
 from anyprobe.files.objects import OBJECTS
 from anyprobe.files.radiance import read_radiance, write_hdr
@@ -77,6 +78,45 @@ def test_a_light_of_the_page_is_opened(light, tmp_path):
     again = anyprobe.Light.load(path)
     assert (again.well_exposed_fraction, again.warnings, again.info) == (1.0, (), light.info)
     np.testing.assert_array_equal(again.camera_from_crop, np.eye(3))
+
+
+OLDER = {
+    1: {
+        "told": 0.75,
+        "main_light": {"confidence": 0.5},
+        "lamps": "drawn",
+        "known": {"normals": True},
+        "seconds": {"turn": 0.1},
+    },
+    2: {
+        "version": 2,
+        "well_exposed_fraction": 0.75,
+        "dominant_light": {"confidence": 0.5},
+        "emitters": "mode",
+        "priors": {"normals": True},
+        "seconds": {"turn": 0.1},
+    },
+}
+
+
+@pytest.mark.parametrize("version", OLDER)
+def test_a_sidecar_of_an_older_version_has_todays_names(light, tmp_path, version):
+    """Its confidence is the map's, and stays."""
+    path = light.save(tmp_path / "vase.exr")
+    said = {"scale": SCALE, "size": [64, 32], "confidence": 0.3, **OLDER[version]}
+    (tmp_path / "vase.json").write_text(json.dumps(said))
+    again = anyprobe.Light.load(path)
+    assert again.well_exposed_fraction == 0.75
+    assert again.info == {"emitters": "mode", "priors": {"normals": True}, "seconds": {"rotate": 0.1}}
+    renamed = current_names(said)
+    assert (renamed["dominant_light"], renamed["confidence"]) == ({"directionality": 0.5}, 0.3)
+
+
+@pytest.mark.parametrize("change", [{"seconds": [1]}, {"lamps": ["drawn"]}, {"main_light": None}])
+def test_a_damaged_older_sidecar_ends_nothing(light, tmp_path, change):
+    path = light.save(tmp_path / "vase.exr")
+    (tmp_path / "vase.json").write_text(json.dumps({"scale": SCALE, "size": [64, 32], **change}))
+    assert anyprobe.Light.load(path).well_exposed_fraction == 1.0
 
 
 def test_the_servers_answer_may_lie_beside_a_map(light, tmp_path):

@@ -134,7 +134,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "radiance": light.radiance,
         "sh9": light.sh9(),
         "dominant_light": np.concatenate(
-            [main.direction, main.irradiance, main.color, [main.solid_angle, main.confidence]]
+            [main.direction, main.irradiance, main.color, [main.solid_angle, main.directionality]]
         ),
         "confidence": light.confidence,
         "exposure": [light.sidecar()["confidence"], light.well_exposed_fraction],

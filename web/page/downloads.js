@@ -11,7 +11,7 @@ const SCALE =
   "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
 
 /** Of the keys; files that do not say one are of an older release. */
-const VERSION = 2;
+const VERSION = 3;
 
 const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6)));
 
@@ -51,7 +51,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
       irradiance: numbers(dominant.irradiance),
       color: numbers(dominant.color),
       solid_angle_sr: Number(dominant.solidAngle.toFixed(5)),
-      confidence: Number(dominant.confidence.toFixed(4)),
+      directionality: Number(dominant.directionality.toFixed(4)),
     },
   };
 }

@@ -146,8 +146,8 @@ test("one colour behind the object is no place", { skip }, () => {
 test("harmonics and dominant light of Python's own map", { skip }, () => {
   const light = describe(floats("radiance"));
   assertClose(light.sh9, floats("sh9"), 1e-5, "sh9");
-  const { direction, irradiance, color, solidAngle, confidence } = light.dominant;
-  const main = [...direction, ...irradiance, ...color, solidAngle, confidence];
+  const { direction, irradiance, color, solidAngle, directionality } = light.dominant;
+  const main = [...direction, ...irradiance, ...color, solidAngle, directionality];
   assertClose(main, floats("dominant_light"), 1e-4, "dominant light");
 });
 

@@ -91,7 +91,7 @@ export interface DominantLight {
   /** Steradians. */
   solidAngle: number;
   /** In [0, 1]: how much of all light comes from one side. */
-  confidence: number;
+  directionality: number;
   pixels: number[];
   surrounding: Vector3;
 }

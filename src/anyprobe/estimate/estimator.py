@@ -240,7 +240,7 @@ class Estimator:
                 "seconds": {
                     "load": round(loaded - start, 4),
                     "networks": round(estimated - loaded, 4),
-                    "turn": round(time.perf_counter() - estimated, 4),
+                    "rotate": round(time.perf_counter() - estimated, 4),
                 },
             },
         )

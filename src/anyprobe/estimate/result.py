@@ -28,12 +28,14 @@ if TYPE_CHECKING:
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
-VERSION = 2
-"""Of the sidecar. 1 had other names: see RENAMED."""
+VERSION = 3
+"""Of the sidecar; one that says none is of version 1. Older ones had other names: see RENAMED and RENAMED_INSIDE."""
 RENAMED = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "priors"}
 """Keys of a sidecar of version 1, which says no version, and of today's."""
 EMITTERS = {"drawn": "mode", "spread": "expected"}
 """The same for the values of `emitters`."""
+RENAMED_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
+"""The same for what is within a key, up to version 2."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
@@ -268,7 +270,7 @@ class Light:
                 "irradiance": _numbers(main.irradiance),
                 "color": _numbers(main.color),
                 "solid_angle_sr": round(main.solid_angle, 5),
-                "confidence": round(main.confidence, 4),
+                "directionality": round(main.directionality, 4),
             },
             "camera_from_crop": _numbers(self.camera_from_crop),
             "warnings": list(self.warnings),
@@ -310,11 +312,12 @@ class Light:
 
 def current_names(said: Mapping[str, Any]) -> dict[str, Any]:
     """A sidecar under the names of VERSION."""
-    if "version" in said:
-        return dict(said)
-    renamed = {RENAMED.get(name, name): value for name, value in said.items()}
-    if renamed.get("emitters") in EMITTERS:
+    renamed = dict(said) if "version" in said else {RENAMED.get(name, name): value for name, value in said.items()}
+    if str(renamed.get("emitters")) in EMITTERS:
         renamed["emitters"] = EMITTERS[renamed["emitters"]]
+    for key, names in RENAMED_INSIDE.items():
+        if isinstance(renamed.get(key), Mapping):
+            renamed[key] = {names.get(name, name): value for name, value in renamed[key].items()}
     return renamed
 
 

@@ -156,7 +156,7 @@ def sidecar(light: ExportedLight, target: str, frame: Frame, more: Mapping[str, 
             "unit": "irradiance of a plane that faces it; white Lambert there sends irradiance / pi",
             "direction_in_target": numbers(frame.from_ours(light.main.direction)),
             "angle_deg": round(light.main_angle_deg, 3),
-            "confidence": round(float(light.main.confidence), 4),
+            "directionality": round(float(light.main.directionality), 4),
         },
         "sh": {
             "definition": SH_DEFINITION,

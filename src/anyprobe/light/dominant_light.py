@@ -36,14 +36,14 @@ class DominantLight:
     irradiance: [3] E on a plane that faces it, linear Rec. 709; white Lambert there sends E / pi.
     color: [3] irradiance / its largest channel; ones where there is no light.
     solid_angle: of the lobe [sr]; never much below that of the blur.
-    confidence: |sum L d dw| / sum L dw of luminance, 0 (even light) to 1 (one direction).
+    directionality: |sum L d dw| / sum L dw of luminance, 0 (even light) to 1 (one direction).
     """
 
     direction: np.ndarray
     irradiance: np.ndarray
     color: np.ndarray
     solid_angle: float
-    confidence: float
+    directionality: float
 
 
 def dilate(mask: Bool[np.ndarray, "H 2*H"]) -> Bool[np.ndarray, "H 2*H"]:
@@ -115,7 +115,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
     bright = luminance(radiance)
     power = bright * solid_angles
     total = float(power.sum())
-    confidence = float(np.linalg.norm(np.einsum("hw,hwc->c", power, d))) / total if total > 0 else 0.0
+    directionality = float(np.linalg.norm(np.einsum("hw,hwc->c", power, d))) / total if total > 0 else 0.0
 
     lobe, source, surroundings = _find_lobe(bright)
     surrounding = np.average(radiance[surroundings], axis=0, weights=solid_angles[surroundings])
@@ -130,7 +130,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
             irradiance=np.zeros(3, np.float32),
             color=np.ones(3, np.float32),
             solid_angle=0.0,
-            confidence=confidence,
+            directionality=directionality,
         )
         return none, radiance.copy()
     direction = mean / length
@@ -142,7 +142,7 @@ def split_dominant_light(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[Domina
         irradiance=perpendicular.astype(np.float32),
         color=(perpendicular / peak if peak > 0 else np.ones(3)).astype(np.float32),
         solid_angle=float(solid_angles[lobe].sum()),
-        confidence=confidence,
+        directionality=directionality,
     )
     rest = radiance.copy()
     rest[source] -= np.where(perpendicular > 0, excess, 0.0)  # a channel without light stays whole

@@ -65,7 +65,7 @@ export function connected(mask, height, start) {
  *
  * @param {Float32Array} radiance H * 2H * 3
  * @param {number} height
- * @returns {{direction: number[], irradiance: number[], color: number[], solidAngle: number, confidence: number,
+ * @returns {{direction: number[], irradiance: number[], color: number[], solidAngle: number, directionality: number,
  *   pixels: number[], surrounding: number[]}} direction is a unit vector towards the light; irradiance is that of a plane
  *   facing it; a map without a lobe has irradiance 0 and direction +Y; pixels are those it is made of, surrounding the
  *   radiance beside them
@@ -92,7 +92,7 @@ export function findDominantLight(radiance, height) {
     total += rowAngles[row] * sum;
     [x, y, z].forEach((value, axis) => (moment[axis] += rowAngles[row] * value));
   }
-  const confidence = total > 0 ? Math.hypot(...moment) / total : 0;
+  const directionality = total > 0 ? Math.hypot(...moment) / total : 0;
 
   const blurred = blurCap(bright, height, 1, BLUR_RADIUS);
   let peak = 0;
@@ -126,7 +126,7 @@ export function findDominantLight(radiance, height) {
   }
   const length = Math.hypot(...mean);
   if (length <= 1e-6 * total) { // rounding alone, or light from all around: no direction
-    return { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0, confidence, pixels: [], surrounding };
+    return { direction: [0, 1, 0], irradiance: [0, 0, 0], color: [1, 1, 1], solidAngle: 0, directionality, pixels: [], surrounding };
   }
   const direction = mean.map((value) => value / length);
   const irradiance = [0, 0, 0];
@@ -140,7 +140,7 @@ export function findDominantLight(radiance, height) {
   irradiance.forEach((value, c) => (irradiance[c] = Math.max(value, 0)));
   const most = Math.max(...irradiance);
   const color = most > 0 ? irradiance.map((value) => value / most) : [1, 1, 1];
-  return { direction, irradiance, color, solidAngle: lobeAngle, confidence, pixels, surrounding };
+  return { direction, irradiance, color, solidAngle: lobeAngle, directionality, pixels, surrounding };
 }
 
 /**
