@@ -53,9 +53,9 @@ def main(path: Path) -> None:
 def _column(rgb: np.ndarray, covers: np.ndarray, target: int, kind: int, box) -> np.ndarray:
     """The photo with what is told over the mask that is found, [2 TILE + 3 GAP, TILE + GAP, 3] uint8."""
     on, off = _middle(covers[target]), _middle(np.delete(covers, target, axis=0).sum(axis=0))
-    hints = [{}, {"click": [on]}, {"click": [on], "click_off": [off]}, {"box": tuple(map(float, box))}][kind]
+    hints = [{}, {"click": [on]}, {"click": [on], "exclude": [off]}, {"box": tuple(map(float, box))}][kind]
     found = find_mask(read_image(rgb), **hints)
-    clicks = hints.get("click", ()), hints.get("click_off", ())
+    clicks = hints.get("click", ()), hints.get("exclude", ())
     given = Image.fromarray(to_bytes(draw_overlay(rgb, np.ones(rgb.shape[:2], np.float32), *clicks)))
     if "box" in hints:
         ImageDraw.Draw(given).rectangle(hints["box"], outline=(26, 255, 102), width=3)

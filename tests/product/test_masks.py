@@ -435,7 +435,7 @@ def test_results_among_the_photos_are_not_photos(tmp_path, monkeypatch, command)
     ("options", "words"),
     [
         (("--click", "10"), ("--click", "X,Y")),
-        (("--depth", "a.png", "--near", "1", "--not", "5,5"), ("--not", "got --depth")),
+        (("--depth", "a.png", "--near", "1", "--exclude", "5,5"), ("--exclude", "got --depth")),
         (("--click", "80,60", "--far", "9"), ("--far: expected --depth",)),
         (("--click", "500,10"), ("X < 160", "500,10")),
         (("--depth", "gone.png", "--near", "1"), ("gone.png",)),
@@ -475,5 +475,5 @@ def test_a_click_on_a_part_gets_the_whole_where_that_is_likelier(monkeypatch, wh
     monkeypatch.setattr(find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0))
     monkeypatch.setattr(find, "examine", examined)
     photo = read_image(np.full((48, 64, 3), 128, np.uint8))
-    found = find_mask(photo, click=(12, 12), click_off=off or None)
+    found = find_mask(photo, click=(12, 12), exclude=off or None)
     np.testing.assert_array_equal(found.mask, covers[expected])

@@ -336,3 +336,6 @@ def test_words_of_older_clients_are_still_read(estimator, photo):
         old, new = (client.post(f"/v1/estimate?include=radiance&{one}", content=photo).json() for one in queries)
         assert old["radiance"] == new["radiance"]
         assert "emitters" in client.post("/v1/estimate?emitters=soft", content=photo).json()["error"]
+        form = {"files": {"photo": ("a.png", photo)}, "data": {"click_off": ["500,2", "5,2"]}}
+        for sent in ({"content": photo, "params": {"click_off": "500,2"}}, form):
+            assert "click beside" in client.post("/v1/mask", **sent).json()["error"]

@@ -70,10 +70,10 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
 @pytest.mark.parametrize(
     ("address", "name", "known"),
     [
-        ("estimate", "not", "box, click, click_off, fov,"),
+        ("estimate", "not", "box, click, exclude, fov,"),
         ("estimate", "clik", "detail, size, format"),
         ("estimate", "world_from_camera", "material"),
-        ("mask", "material", "one of box, click, click_off, fov, format, got"),
+        ("mask", "material", "one of box, click, exclude, fov, format, got"),
         ("photo", "fov", "expected none here"),
         ("fuse", "clik", "surroundings"),
         ("export/three", "yaw", "one of exposure, world_from_camera, got"),
@@ -116,7 +116,7 @@ def test_all_that_is_described_is_taken(client, photo):
         "include": "mask",
         "format": "json",
     }
-    pointed = {"box": "24,8,104,88", "click": "64,48", "click_off": "2,2"}
+    pointed = {"box": "24,8,104,88", "click": "64,48", "exclude": "2,2"}
     poses = {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}
     assert set(openapi.query_names(openapi.ESTIMATE)) == set(given) | set(pointed)
     assert set(openapi.query_names(openapi.FUSE)) == set(given) | {"box"}

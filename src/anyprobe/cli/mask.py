@@ -47,7 +47,7 @@ def _one(path: Path, out: Path, hints: dict, listed: list[Path]) -> tuple[str, t
     check_names(path, listed, targets.values(), [hints["depth"]])
     pixels = read_image(path)
     found = find_mask(pixels, **hints)
-    overlay = draw_overlay(pixels.rgb, found.mask, hints["click"] or (), hints["click_off"] or ())
+    overlay = draw_overlay(pixels.rgb, found.mask, hints["click"] or (), hints["exclude"] or ())
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())

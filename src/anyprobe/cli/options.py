@@ -45,8 +45,8 @@ class MaskOptions:
     click: Annotated[
         list[str] | None, typer.Option(metavar="X,Y", help="A point on the object, in pixels; repeatable.")
     ] = None
-    click_off: Annotated[
-        list[str] | None, typer.Option("--not", metavar="X,Y", help="A point beside the object; repeatable.")
+    exclude: Annotated[
+        list[str] | None, typer.Option(metavar="X,Y", help="A point beside the object, in pixels; repeatable.")
     ] = None
     box: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")] = None
     depth: Annotated[
@@ -76,9 +76,9 @@ class MaskOptions:
         named = [name for name, value in given.items() if value]
         if len(named) > 1 and named != ["--box", "--click"]:
             raise InputError(f"{' and '.join(named)}: expected one of them, got both")
-        if self.click_off and (mask is not None or self.depth is not None):
+        if self.exclude and (mask is not None or self.depth is not None):
             raise InputError(
-                f"--not: expected --click, --box or neither with it, got {named[0]}; leave one of them out"
+                f"--exclude: expected --click, --box or neither with it, got {named[0]}; leave one of them out"
             )
         if self.depth is None and (self.near is not None or self.far is not None):
             option = "--far" if self.near is None else "--near"
@@ -86,13 +86,13 @@ class MaskOptions:
         for path, what in ((mask, "a mask file"), (self.depth, "a depth image")):
             if path is not None and not path.exists():
                 raise InvalidMask(f"{path}: expected {what} or folder, found none; check the path")
-        points = {"click": ("--click", self.click, "120,90"), "click_off": ("--not", self.click_off, "20,90")}
+        points = {"click": (self.click, "120,90"), "exclude": (self.exclude, "20,90")}
         return {
             "mask": mask,
             "box": None if self.box is None else pixels_of("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
             **{
-                name: [pixels_of(option, text, 2, "X,Y", example) for text in texts] if texts else None
-                for name, (option, texts, example) in points.items()
+                name: [pixels_of(f"--{name}", text, 2, "X,Y", example) for text in texts] if texts else None
+                for name, (texts, example) in points.items()
             },
             "depth": self.depth,
             "near": self.near,

@@ -87,7 +87,7 @@ class Estimator:
         *,
         mask: MaskSource | None = None,
         click: Clicks | None = None,
-        click_off: Clicks | None = None,
+        exclude: Clicks | None = None,
         box: Sequence[float] | None = None,
         depth: DepthSource | None = None,
         near: float | None = None,
@@ -106,7 +106,7 @@ class Estimator:
             mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function
                 from the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the
                 photo's alpha channel is taken, else the mask network's proposal.
-            click, click_off: x, y in pixels on the object and beside it, one or several.
+            click, exclude: x, y in pixels on the object and beside it, one or several.
             box: x0, y0, x1, y1 around the object, in pixels.
             depth: depth image of the same view; near, far: where to cut it, in its unit.
             fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
@@ -127,7 +127,7 @@ class Estimator:
             source,
             mask=mask,
             click=click,
-            click_off=click_off,
+            exclude=exclude,
             box=box,
             depth=depth,
             near=near,
@@ -297,7 +297,7 @@ def estimate(
     *,
     mask: MaskSource | None = None,
     click: Clicks | None = None,
-    click_off: Clicks | None = None,
+    exclude: Clicks | None = None,
     box: Sequence[float] | None = None,
     depth: DepthSource | None = None,
     near: float | None = None,
@@ -318,7 +318,7 @@ def estimate(
     """The light around the object of one photo; an Estimator used once (its networks are kept for the next call).
 
     Args:
-        source, mask, click, click_off, box, depth, near, far, fov_deg, normals, material, albedo, roughness,
+        source, mask, click, exclude, box, depth, near, far, fov_deg, normals, material, albedo, roughness,
             surroundings: of Estimator.__call__, which also lists what is raised.
         model, emitters, segmenter, detail, size, detail_library: of Estimator.
     """
@@ -328,7 +328,7 @@ def estimate(
         source,
         mask=mask,
         click=click,
-        click_off=click_off,
+        exclude=exclude,
         box=box,
         depth=depth,
         near=near,

@@ -123,7 +123,7 @@ def load_photo(
         surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
             the photo itself shows beside the object.
         name: what messages call the photo; None: its file's name, or what it is.
-        where: what is given about the object: mask, depth with near and far, click, click_off,
+        where: what is given about the object: mask, depth with near and far, click, exclude,
             box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
     """
     if fov_deg is not None and not 1.0 < fov_deg < 170.0:

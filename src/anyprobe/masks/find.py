@@ -27,7 +27,7 @@ class Where(TypedDict, total=False):
     mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array);
         or a function that gets the upright photo [H, W, 3] uint8 and returns its mask [H, W].
     depth: depth image of the same view; near, far: the cut, in its unit (see mask_from_depth).
-    click: x, y on the object, or several; click_off: likewise beside it.
+    click: x, y on the object, or several; exclude: likewise beside it.
     box: x0, y0, x1, y1 around it. Pixels of the upright photo, from the top left.
     segmenter: what finds it in the place of our network: a name of load_segmenter, or a Segmenter.
     """
@@ -37,7 +37,7 @@ class Where(TypedDict, total=False):
     near: float | None
     far: float | None
     click: Clicks | None
-    click_off: Clicks | None
+    exclude: Clicks | None
     box: Sequence[float] | None
     segmenter: str | Segmenter | None
 
@@ -69,7 +69,7 @@ def find_mask(
     near: float | None = None,
     far: float | None = None,
     click: Clicks | None = None,
-    click_off: Clicks | None = None,
+    exclude: Clicks | None = None,
     box: Sequence[float] | None = None,
     segmenter: str | Segmenter | None = None,
 ) -> FoundMask:
@@ -89,7 +89,7 @@ def find_mask(
         return FoundMask(mask=mask_from_depth(depth, shape, near, far), source="depth")
     if near is not None or far is not None:
         raise InvalidMask("near, far: expected a depth image to cut, got none; pass --depth FILE too")
-    prompts = _Prompts.checked(click, click_off, box, *shape[::-1])
+    prompts = _Prompts.checked(click, exclude, box, *shape[::-1])
     if prompts.source == "network":
         alpha = mask_from_alpha(pixels.alpha)
         if alpha is not None:
@@ -107,9 +107,9 @@ class _Prompts:
     source: str
 
     @classmethod
-    def checked(cls, click, click_off, box, width: int, height: int) -> _Prompts:
+    def checked(cls, click, exclude, box, width: int, height: int) -> _Prompts:
         on = check_clicks(() if click is None else click, width, height)
-        off = check_clicks(() if click_off is None else click_off, width, height, "click beside")
+        off = check_clicks(() if exclude is None else exclude, width, height, "click beside")
         corners = None if box is None else check_box(box, width, height)
         source = "click" if on or (off and box is None) else "network" if box is None else "box"
         return cls(on=on, off=off, box=corners, source=source)
@@ -194,5 +194,5 @@ def _doubt(name: str, confidence: float, doubts: list[str]) -> str:
     because = f": {doubts[0]}" if doubts else ""
     return (
         f"{name}: the mask may be wrong (expected IoU {confidence:.2f}{because}); look at it, then pass "
-        "--box X0,Y0,X1,Y1 around the object, --click X,Y on it, --not X,Y beside it, or --mask FILE"
+        "--box X0,Y0,X1,Y1 around the object, --click X,Y on it, --exclude X,Y beside it, or --mask FILE"
     )

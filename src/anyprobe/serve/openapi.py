@@ -11,7 +11,7 @@ _FILE = {"type": "string", "format": "binary"}
 _OPTIONS: dict[str, str] = {
     "box": "X0,Y0,X1,Y1 around the object, in pixels of the upright photo",
     "click": "X,Y on the object; may be given again",
-    "click_off": "X,Y beside the object; may be given again",
+    "exclude": "X,Y beside the object; may be given again",
     "fov": "field of view of the photo's longer side, degrees; else EXIF's, else 65",
 }
 
@@ -145,5 +145,5 @@ def query_names(address: dict[str, Any]) -> list[str]:
     return [one["name"] for one in address["parameters"]]
 
 
-OLD_NAMES = {"lamps": "emitters"}
+OLD_NAMES = {"lamps": "emitters", "click_off": "exclude"}
 """Names of older clients that are still read, and what they are called now."""

@@ -48,7 +48,7 @@ class Upload:
         surroundings: of a panorama in the camera's frame, or "photo".
         box: X0, Y0, X1, Y1 in pixels of the upright photo.
         clicks: x, y on the object, in pixels of the upright photo.
-        clicks_off: likewise beside it.
+        exclude: likewise beside it.
         fov_deg: field of view of the longer side.
         material: name of the object's; albedo: its linear albedo, one number or three.
         confidence: bytes of a map that says how much each direction of a map counts.
@@ -66,7 +66,7 @@ class Upload:
     surroundings: bytes | str | None = None
     box: tuple[float, ...] | None = None
     clicks: tuple[tuple[float, float], ...] = ()
-    clicks_off: tuple[tuple[float, float], ...] = ()
+    exclude: tuple[tuple[float, float], ...] = ()
     fov_deg: float | None = None
     material: str | None = None
     albedo: tuple[float, ...] | None = None
@@ -197,7 +197,7 @@ def _open(upload: Upload, max_pixels: int) -> Photo:
         name=upload.name,
         mask=upload.mask,
         click=upload.clicks or None,
-        click_off=upload.clicks_off or None,
+        exclude=upload.exclude or None,
         box=upload.box,
         fov_deg=upload.fov_deg,
         normals=upload.normals,

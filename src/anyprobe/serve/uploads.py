@@ -81,7 +81,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         surroundings=surroundings or option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
         box=option.numbers("box", 4),
         clicks=option.points("click"),
-        clicks_off=option.points("click_off"),
+        exclude=option.points("exclude"),
         exposure=option.number("exposure"),
         world_from_camera=option.turn("world_from_camera"),
         **option.of_light(),
@@ -106,7 +106,7 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
         files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
     option = Options(form, request.query_params)
     unused = [name for name in files if name in ("normals", "surroundings")]
-    unused += [name for name in ("click", "click_off") if option.texts(name)]
+    unused += [name for name in ("click", "exclude") if option.texts(name)]
     if unused:
         raise InvalidPhoto(f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have")
     refuse_unknown(form, request.query_params, FUSE)
@@ -193,14 +193,16 @@ async def read_part(part: UploadFile | str, field: str) -> tuple[bytes, str]:
 
 
 class Options:
-    """Text fields by name, read as what they mean."""
+    """Text fields by name, today's or an older one, read as what they mean."""
 
     def __init__(self, form: FormData, query: QueryParams) -> None:
         self._form, self._query = form, query
 
     def texts(self, name: str) -> list[str]:
-        given = [text for text in self._form.getlist(name) if isinstance(text, str)]
-        return [text.strip() for text in given or self._query.getlist(name) if text.strip()]
+        names = [name, *(old for old, new in OLD_NAMES.items() if new == name)]
+        given = [text for one in names for text in self._form.getlist(one) if isinstance(text, str)]
+        given = given or [text for one in names for text in self._query.getlist(one)]
+        return [text.strip() for text in given if text.strip()]
 
     def number(self, name: str) -> float | None:
         found = self.numbers(name, 1)
@@ -243,7 +245,7 @@ class Options:
         }
 
     def _emitters(self) -> str | None:
-        text = self.text("emitters") or self.text("lamps")  # as older clients call it
+        text = self.text("emitters")
         if text not in (None, *EMITTERS):
             raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
         return EMITTERS.get(text)
