@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ import anyprobe
 from anyprobe.cli.app import main
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.estimate import estimator
+from anyprobe.estimate.runtime import Models
 from anyprobe.files.radiance import map_attributes, read_radiance, write_exr
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
@@ -69,7 +72,7 @@ def test_an_estimator_gives_detail_where_it_is_asked_for(folder):
 
 
 def test_the_function_takes_what_an_estimator_takes(folder):
-    """Each of Estimator's settings but the engine's, on networks that are opened once."""
+    """Each of Estimator's settings, on networks that are opened once."""
     photo, mask = sphere_photo()[..., :3], sphere_photo()[..., 3]
 
     class Given:
@@ -84,10 +87,50 @@ def test_the_function_takes_what_an_estimator_takes(folder):
     plain = anyprobe.estimate(photo, mask=mask)
     assert "detail" not in plain.info
     np.testing.assert_allclose(plain.sh9(), light.sh9(), atol=5e-3 * np.abs(plain.sh9()).max())
-    of_estimator = inspect.signature(anyprobe.Estimator).parameters
+
+
+def test_the_function_takes_and_explains_every_argument():
+    """`help(anyprobe.estimate)` sends nobody elsewhere."""
     taken = inspect.signature(anyprobe.estimate).parameters
-    assert set(of_estimator) - set(taken) == {"threads", "engine"}
-    assert all(name in inspect.getdoc(anyprobe.estimate) for name in taken)
+    for other in (anyprobe.Estimator, anyprobe.Estimator.__call__):
+        given = {name: one for name, one in inspect.signature(other).parameters.items() if name != "self"}
+        assert {name: one.default for name, one in given.items()} == {name: taken[name].default for name in given}
+    text = inspect.getdoc(anyprobe.estimate)
+    assert [name for name in taken if not re.search(rf"\b{name}(, \w+)*: \S", text)] == []
+    assert text.index("Args:") < text.index("    source: ") < text.index("    model: ") < text.index("Raises:")
+
+
+def test_networks_are_opened_anew_for_another_engine_or_other_threads(monkeypatch):
+    opened = []
+
+    def open_networks(*settings):
+        opened.append(settings)
+        return Models(*settings)
+
+    monkeypatch.setattr(estimator, "Models", open_networks)
+    estimator._shared.cache_clear()
+    picture = sphere_photo()
+    for settings in ({"threads": 1}, {"threads": 1, "emitters": "expected"}, {"threads": 2}, {"threads": 1}):
+        anyprobe.estimate(picture, **settings)
+    with pytest.raises(anyprobe.InputError, match="engine 'onyx': expected one of"):
+        anyprobe.estimate(picture, threads=1, engine="onyx")
+    estimator._shared.cache_clear()
+    assert [given[:3] for given in opened] == [
+        ("lift", 1, "onnxruntime"),
+        ("lift", 2, "onnxruntime"),
+        ("lift", 1, "onyx"),
+    ]
+
+
+def test_a_size_that_no_map_has_is_refused_without_detail_too():
+    for make in (anyprobe.Estimator, lambda size: anyprobe.estimate(sphere_photo(), size=size)):
+        with pytest.raises(anyprobe.InputError, match="size: expected one of 64, 128, 256, 512 rows, got 100"):
+            make(size=100)
+
+
+def test_what_a_model_does_not_estimate_is_none():
+    light = anyprobe.estimate(sphere_photo(), model="paper")
+    assert (light.info["object"], light.info["uncertainty"]) == (None, None)
 
 
 def test_the_command_writes_a_map_with_detail(folder, tmp_path, monkeypatch):

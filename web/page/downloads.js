@@ -25,19 +25,15 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     emitters: result.light.emitters,
     long_fov_deg: longFovDeg,
     priors: { surroundings: Number(priors.surroundings.toFixed(4)) },
-    ...(object && {
-      object: {
-        metal: Number(object.metal.toFixed(3)),
-        reflectance: object.reflectance.map((value) => Number(value.toFixed(3))),
-        reflectance_stops: Number(object.reflectanceStops.toFixed(2)),
-      },
-    }),
-    ...(uncertainty && {
-      uncertainty: {
-        level_stops: Number(uncertainty.levelStops.toFixed(2)),
-        color_deg: Number(uncertainty.colorDeg.toFixed(1)),
-      },
-    }),
+    object: object && {
+      metal: Number(object.metal.toFixed(3)),
+      reflectance: object.reflectance.map((value) => Number(value.toFixed(3))),
+      reflectance_stops: Number(object.reflectanceStops.toFixed(2)),
+    },
+    uncertainty: uncertainty && {
+      level_stops: Number(uncertainty.levelStops.toFixed(2)),
+      color_deg: Number(uncertainty.colorDeg.toFixed(1)),
+    },
     frame: FRAME,
     scale: SCALE,
     exposure_ev: 0,

@@ -159,7 +159,7 @@ class Job:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
-        unsure = light.info.get("uncertainty", {}).get("level_stops")
+        unsure = (light.info.get("uncertainty") or {}).get("level_stops")
         return Done(photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings)
 
 

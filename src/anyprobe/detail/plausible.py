@@ -26,6 +26,12 @@ def check_detail(detail: str) -> bool:
     return detail != DETAILS[0]
 
 
+def check_rows(rows: int) -> None:
+    """InputError where a map with detail cannot have so many rows."""
+    if rows not in SIZES:
+        raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another")
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Detailed:
     """radiance: [rows, 2 rows, 3]; name: of the candidate that lent the detail; seed: as given."""
@@ -60,8 +66,7 @@ def add_detail(
     Raises:
         InvalidEnvironment, InputError: one line that says what to do.
     """
-    if rows not in SIZES:
-        raise InputError(f"size: expected one of {', '.join(map(str, SIZES))} rows, got {rows}; choose another")
+    check_rows(rows)
     if seed < 0:
         raise InputError(f"seed: expected 0 or more, got {seed}; 0 takes the best match")
     radiance = check_radiance(radiance, "estimate")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
+from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
+from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
@@ -54,15 +55,22 @@ class Estimator:
         size: int = ROWS,
         detail_library: str | Path | None = None,
     ) -> None:
-        """Open a bundled model, or a folder of graphs, with an engine of estimate.runtime.ENGINES.
+        """Open the networks.
 
-        threads: of the engine; None leaves the choice to it.
-        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
-            the mean radiance over all positions (soft, and truer on matte objects).
-        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
-            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
-        detail: "none", or "plausible": maps of `size` rows with detail of detail_library, a folder of maps (None: our
-            own), see Light.with_detail; of single photos, not of several together.
+        Args:
+            model: name of a bundled one, "lift" or "paper", or a folder of graphs.
+            threads: of the engine; None leaves the choice to it.
+            engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
+            emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or
+                "expected", the mean radiance over all positions (soft, and truer on matte objects).
+            segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+                masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+            detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single
+                photos, not of several together.
+            size: rows of a map with detail: 64, 128, 256 or 512.
+            detail_library: folder of maps that detail is from; None: our own.
+        Raises:
+            InputError, ModelError, MissingExtra: with one line that says what to do.
         """
         self.models = Models(model, threads, engine, emitters)
         self.model_id, self.emitters = model_id(model), emitters
@@ -72,6 +80,7 @@ class Estimator:
         self, segmenter: str | Segmenter | None, detail: str, size: int, detail_library: str | Path | None
     ) -> None:
         check_detail(detail)
+        check_rows(size)
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
         self.detail, self.size, self.detail_library = detail, size, detail_library
 
@@ -106,13 +115,13 @@ class Estimator:
             mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function
                 from the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the
                 photo's alpha channel is taken, else the mask network's proposal.
-            click, exclude: x, y in pixels on the object and beside it, one or several.
-            box: x0, y0, x1, y1 around the object, in pixels.
+            click, exclude: x, y in pixels of the upright photo on the object and beside it, one or several.
+            box: x0, y0, x1, y1 around the object, likewise.
             depth: depth image of the same view; near, far: where to cut it, in its unit.
-            fov_deg: field of view of the photo's longer side; else from EXIF, else 65.
+            fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
             normals: the object's normal map of the photo's size in the camera's frame (see
                 normals_prior.read_normals), or "sphere".
-            material: the object's: a Material, or a name of scatter.materials ("chrome"). Level and colour of the
+            material: the object's: a Material, or "chrome", "gold", "plastic" or "matte". Level and colour of the
                 light are fitted to it.
             albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
             roughness: as in glTF, 0.1 to 1, likewise.
@@ -270,9 +279,9 @@ def _well_exposed(image: np.ndarray) -> float:
 
 
 def _said(posterior: dict[str, float] | None) -> Info:
-    """What a model says of the object and of its own errors, in stops and degrees; nothing where it does not."""
+    """What a model says of the object and of its own errors, in stops and degrees; None where it does not."""
     if posterior is None:
-        return {}
+        return {"object": None, "uncertainty": None}
     stop = math.log(2.0)
     return {
         "object": {
@@ -288,8 +297,8 @@ def _said(posterior: dict[str, float] | None) -> Info:
 
 
 @lru_cache(maxsize=2)
-def _shared(model: str) -> Estimator:
-    return Estimator(model)
+def _shared(model: str, threads: int | None, engine: str) -> Estimator:
+    return Estimator(model, threads=threads, engine=engine)
 
 
 def estimate(
@@ -309,20 +318,16 @@ def estimate(
     roughness: float | None = None,
     surroundings: SurroundingsSource | None = None,
     model: str = DEFAULT_MODEL,
+    threads: int | None = None,
+    engine: str = DEFAULT_ENGINE,
     emitters: str = MODE,
     segmenter: str | Segmenter | None = None,
     detail: str = DETAILS[0],
     size: int = ROWS,
     detail_library: str | Path | None = None,
 ) -> Light:
-    """The light around the object of one photo; an Estimator used once (its networks are kept for the next call).
-
-    Args:
-        source, mask, click, exclude, box, depth, near, far, fov_deg, normals, material, albedo, roughness,
-            surroundings: of Estimator.__call__, which also lists what is raised.
-        model, emitters, segmenter, detail, size, detail_library: of Estimator.
-    """
-    estimator = _shared(model).with_emitters(emitters)
+    """The light around the object of one photo; an Estimator used once (its networks are kept for the next call)."""
+    estimator = _shared(model, threads, engine).with_emitters(emitters)
     estimator._set(segmenter, detail, size, detail_library)
     return estimator(
         source,
@@ -340,3 +345,13 @@ def estimate(
         roughness=roughness,
         surroundings=surroundings,
     )
+
+
+def _arguments(function: Callable) -> str:
+    """The lines of a docstring below "Args:", without what is raised."""
+    return str(getdoc(function)).partition("Args:\n")[2].partition("Raises:")[0]
+
+
+if estimate.__doc__:  # -OO drops docstrings
+    estimate.__doc__ += f"\n\nArgs:\n{_arguments(Estimator.__call__)}{_arguments(Estimator.__init__)}"
+    estimate.__doc__ += "Raises:\n    AnyprobeError: with one line that says what to do."

@@ -82,8 +82,11 @@ class Info(TypedDict, total=False):
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; object and uncertainty: from a model that estimates them; fused: photos of
-    a multiview light; seconds: by step; detail: where it is from, see with_detail.
+    priors: what was given of the object; object and uncertainty: None from a model that does not estimate them
+    (`paper`); seconds: by step.
+
+    Some lights lack a key: exposure where no EXIF says it; fused, the photos of a multiview light; detail, where that
+    is from, see with_detail. A Light that is no estimate of this release may lack any.
     """
 
     photo: str
@@ -94,8 +97,8 @@ class Info(TypedDict, total=False):
     fov_source: str
     mask: MaskInfo
     priors: dict[str, Any]
-    object: ObjectInfo
-    uncertainty: Uncertainty
+    object: ObjectInfo | None
+    uncertainty: Uncertainty | None
     crop: CropInfo
     fused: list[str | None]
     seconds: dict[str, float]
@@ -234,7 +237,7 @@ class Light:
         """A mesh under this light: [S, S, 4] linear radiance and coverage; see files.objects.draw_under.
 
         mesh: a Mesh, a shape's name ("sphere", "vase") or a mesh file. material: a Material or a name ("gold").
-        camera: size, fov_deg, world_from_camera.
+        camera: size in pixels, fov_deg that the object fills, world_from_camera.
         """
         from anyprobe.files.objects import draw_under
 
