@@ -67,10 +67,10 @@ def measure(store: AssetStore, places: int, arc_deg: float, room: float | None, 
 def seen(photo: Photo) -> Photo:
     """The photo, given what it shows beside the object; as it is where that is all black."""
     try:
-        crop_object(replace(photo, surroundings_map=True))
+        crop_object(replace(photo, use_background=True))
     except InputError:
         return photo
-    return replace(photo, surroundings_map=True)
+    return replace(photo, use_background=True)
 
 
 def main() -> None:

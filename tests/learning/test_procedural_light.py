@@ -13,7 +13,7 @@ from anyprobe.dataset.lighting import (
     blend,
     draw_variant,
     move_dominant_light,
-    split_dominant_light,
+    split_light_cap,
     turn,
     white_balance,
 )
@@ -417,7 +417,7 @@ def test_white_balance_scales_channels(maps):
 def test_dominant_light_comes_apart_from_its_room():
     """The two parts add up to the map; what is left has the surround's level where the lamp was."""
     radiance = lamp(128, 1.0, 0.4, 7.0)
-    rest, light, direction = split_dominant_light(radiance)
+    rest, light, direction = split_light_cap(radiance)
     np.testing.assert_allclose(rest + light, radiance, rtol=1e-6)
     assert angle_deg(direction, direction_at(1.0, 0.4)) < 1.0
     assert rest.max() < 0.8
@@ -432,8 +432,8 @@ def test_moved_light_is_there_with_its_power(radius_deg, target):
     radiance, goal = lamp(128, 1.0, 0.4, radius_deg), direction_at(*target)
     moved = move_dominant_light(radiance, goal)
     np.testing.assert_allclose(integral(moved), integral(radiance), rtol=0.02)
-    _, light, _ = split_dominant_light(radiance)
-    rest, again, there = split_dominant_light(moved)
+    _, light, _ = split_light_cap(radiance)
+    rest, again, there = split_light_cap(moved)
     assert angle_deg(there, goal) < 1.5
     near = pixel_directions(128) @ goal > np.cos(np.radians(radius_deg + 4))
     assert near[np.unravel_index(np.argmax(luminance(moved)), near.shape)]
@@ -455,9 +455,9 @@ def test_moved_panel_stays_upright():
 def test_even_light_has_nothing_to_move():
     even = np.full((64, 128, 3), 0.7, np.float32)
     np.testing.assert_array_equal(move_dominant_light(even, UP), even)
-    assert split_dominant_light(even) is None
+    assert split_light_cap(even) is None
     wide = add_lamp(even, UP, np.radians(60.0), np.full(3, 9.0))
-    assert split_dominant_light(wide) is None
+    assert split_light_cap(wide) is None
 
 
 def no_old_map(radiance: np.ndarray, maps: list[np.ndarray]) -> bool:

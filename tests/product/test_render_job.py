@@ -45,7 +45,7 @@ def ignore(*_) -> None:
     pass
 
 
-def begin(folder: Path, resume: bool = False, data: Path | None = None, **given) -> render_job.Job:
+def begin(folder: Path, resume: bool = False, data: Path | None = None, **given) -> render_job.RenderJob:
     if not resume:
         given = {"pairs": 23, "shard_size": 5, "procedural_maps": 3, "procedural_shapes": 0, **given}
     return render_job.begin(folder, given, data, DrawnRenderer, resume=resume)
@@ -186,7 +186,7 @@ def assets(tmp_path) -> Path:
     return tmp_path / "data"
 
 
-def begin_true(folder: Path, data: Path, resume: bool = False, **given) -> tuple[render_job.Job, list[str]]:
+def begin_true(folder: Path, data: Path, resume: bool = False, **given) -> tuple[render_job.RenderJob, list[str]]:
     """A dataset of the true renderer, and what it says."""
     said = []
     job = render_job.begin(folder, given, data, StoreRenderer, resume=resume, report=said.append)
@@ -312,7 +312,7 @@ def test_ctrl_c_says_how_to_go_on(start, rendered, tmp_path):
     wait_for(lambda: not alive(running.pid))  # multiprocessing's own helper ends a moment later
     assert not any(shards.is_temporary(path) for path in folder.iterdir())
     assert "stopped with 2 of 5 shards done" in how
-    assert render_job.Job(folder=folder, data=None, make=DrawnRenderer).missing() == [2, 3, 4]
+    assert render_job.RenderJob(folder=folder, data=None, make=DrawnRenderer).missing() == [2, 3, 4]
     again = start(folder, "--resume")
     _, said = again.communicate(timeout=PATIENCE_S)
     assert again.returncode == 0, said
@@ -668,7 +668,7 @@ def test_pair_of_another_seed_is_found(whole, tmp_path):
     for suffix in ("tar", "json"):
         shutil.copy(tmp_path / "other" / f"shard-000000.{suffix}", whole)
     assert shards.fault(whole, 0, "object", 5) == ""
-    job = render_job.Job(folder=whole, data=None, make=DrawnRenderer)
+    job = render_job.RenderJob(folder=whole, data=None, make=DrawnRenderer)
     assert "is not in it" in render_job.render_again(job, (0, (0,)), lambda count: None)
 
 
@@ -681,7 +681,7 @@ def test_repacked_picture_is_the_same_picture(whole):
     old = list(shards.read_samples(whole / "shard-000000.tar"))
     shards.write_shard(whole, 0, changed(old, 0, "photo.png", repack))
     assert (whole / "shard-000000.tar").stat().st_size > 60_000
-    job = render_job.Job(folder=whole, data=None, make=DrawnRenderer)
+    job = render_job.RenderJob(folder=whole, data=None, make=DrawnRenderer)
     assert render_job.render_again(job, (0, tuple(range(5))), lambda count: None) == ""
 
 

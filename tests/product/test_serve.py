@@ -237,12 +237,12 @@ def test_who_leaves_while_waiting_is_not_computed():
     async def scene():
         pool = WorkerPool(limits)
         stays = asyncio.Event().wait
-        first = asyncio.create_task(pool.run(lambda job: (go_on.wait(20), done.append("first")), stays))
+        first = asyncio.create_task(pool.run(lambda cancellation: (go_on.wait(20), done.append("first")), stays))
 
         async def leaves() -> None:
             await asyncio.sleep(0.05)
 
-        second = asyncio.create_task(pool.run(lambda job: done.append("second"), leaves))
+        second = asyncio.create_task(pool.run(lambda cancellation: done.append("second"), leaves))
         await asyncio.sleep(0.3)
         go_on.set()
         await first
@@ -259,10 +259,10 @@ def test_who_leaves_while_computing_stops_it_at_its_next_step():
         pool = WorkerPool(Limits(workers=1))
         started = threading.Event()
 
-        def work(job):
+        def work(cancellation):
             started.set()
             for _ in range(2000):
-                job.step()
+                cancellation.check()
                 threading.Event().wait(0.01)
             return "too late"
 

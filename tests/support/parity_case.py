@@ -144,7 +144,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
     if estimator.models.stages == LIFT_STAGES:
-        with_background = replace(loaded, surroundings_map=True)
+        with_background = replace(loaded, use_background=True)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence

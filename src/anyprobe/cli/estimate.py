@@ -74,14 +74,14 @@ def estimate(
     estimator = by.estimator(size=size, **fine.settings())
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
-    job = Job(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
+    call = EstimateCall(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
     if poses is not None:
-        done = [job.together(steps, poses)]
+        done = [call.together(steps, poses)]
         _report(done, talk, out)
         if taken.strict and done[0].warnings:
             raise typer.Exit(2)
         return
-    done = [job.one(path) for path in steps]
+    done = [call.one(path) for path in steps]
     failed = [one for one in done if one.error]
     if len(done) > 1 or not failed:
         _report(done, talk, out)
@@ -92,7 +92,7 @@ def estimate(
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Job:
+class EstimateCall:
     """What all photos of a call share."""
 
     estimator: Estimator

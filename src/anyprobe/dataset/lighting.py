@@ -62,7 +62,7 @@ def white_balance(radiance: np.ndarray, gains: np.ndarray) -> np.ndarray:
     return radiance * np.asarray(gains)
 
 
-def split_dominant_light(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def split_light_cap(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """The map without its dominant light, that light alone, and its direction [3]; their sum is the map.
 
     The light is what a cap around the lobe of find_dominant_light has more than the mean of a ring around
@@ -87,7 +87,7 @@ def split_dominant_light(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
 
 def move_dominant_light(radiance: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """The map with its dominant light at direction [3], upright as it was and of the same power."""
-    split = split_dominant_light(radiance)
+    split = split_light_cap(radiance)
     if split is None:
         return radiance
     rest, light, old = split

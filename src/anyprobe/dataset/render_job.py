@@ -25,7 +25,7 @@ from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import held
 
 
-def render_again(job: Job, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
+def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Callable[[int], None]) -> str:
     """What differs when some pairs of a shard (by number in the dataset) are rendered anew; empty if nothing."""
     shard, numbers = task
     renderer = _renderer(job)
@@ -102,7 +102,7 @@ Make = Callable[..., StoreRenderer]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Job:
+class RenderJob:
     """One dataset: where it lies, how it is made and from which folder of assets."""
 
     folder: Path
@@ -119,19 +119,19 @@ class Job:
         return [shard for shard in range(num_shards(self.plan)) if not shards.is_done(self.folder, shard)]
 
 
-def _job(folder: Path, data: Path | None, make: Make) -> Job:
+def _job(folder: Path, data: Path | None, make: Make) -> RenderJob:
     data = None if data is None else Path(os.path.abspath(data))
-    return Job(folder=Path(os.path.abspath(folder)), data=data, make=make)
+    return RenderJob(folder=Path(os.path.abspath(folder)), data=data, make=make)
 
 
 @lru_cache(maxsize=1)
-def _renderer(job: Job) -> StoreRenderer:
+def _renderer(job: RenderJob) -> StoreRenderer:
     """The renderer, opened once a process; InputError if its assets are not the dataset's."""
     # what is left out of a folder of assets was said when the dataset was begun
     return _open(job, job.plan, report=lambda line: None)
 
 
-def _open(job: Job, plan: Mapping, **options) -> StoreRenderer:
+def _open(job: RenderJob, plan: Mapping, **options) -> StoreRenderer:
     """The renderer of a plan; InputError if it is not over the plan's assets."""
     if job.data is None and plan["procedural_maps"] < len(plan["maps"]):
         raise InputError("--data: expected the folder of assets that the dataset was begun with, got none")
@@ -181,7 +181,9 @@ def _check_plan(plan: Mapping) -> None:
             raise ValueError(f"the asset {asset!r}")
 
 
-def begin(folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options) -> Job:
+def begin(
+    folder: Path, given: Mapping[str, object], data: Path | None, make: Make, *, resume: bool, **options
+) -> RenderJob:
     """Write dataset.json of a new dataset, or check that an old one can go on.
 
     given: the settings the caller chose; others are the old dataset's, or as in SETTINGS.
@@ -276,7 +278,7 @@ def locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def check_space(job: Job, missing: Sequence[int]) -> int:
+def check_space(job: RenderJob, missing: Sequence[int]) -> int:
     """Bytes that the missing shards will need, by those that are there; OutputError if they do not fit."""
     plan = job.plan
     done = [shard for shard in range(num_shards(plan)) if shard not in set(missing)][:20]
@@ -294,7 +296,7 @@ def check_space(job: Job, missing: Sequence[int]) -> int:
     return needed
 
 
-def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
+def render_shard(job: RenderJob, shard: int, report: Callable[[int], None]) -> None:
     """Render one shard; report(n) after each pair. Any process on any machine may do this."""
     renderer = _renderer(job)
 
@@ -306,7 +308,7 @@ def render_shard(job: Job, shard: int, report: Callable[[int], None]) -> None:
     shards.write_shard(job.folder, shard, samples())
 
 
-def render_missing(job: Job, engine: Callable, watch: Callable[[int, int], None]) -> None:
+def render_missing(job: RenderJob, engine: Callable, watch: Callable[[int, int], None]) -> None:
     """Render what is missing with engine(work, tasks, watch): run_local or run_ray of process_pools.
 
     watch(shard, pairs done in it) reports the progress.

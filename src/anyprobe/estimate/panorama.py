@@ -32,8 +32,7 @@ DIFFER = 0.12
 
 def cut_out(photo: Photo, *, first: bool) -> Crop:
     """The crop of one photo of several; surroundings from a file are of the first one's frame alone."""
-    own = first or photo.surroundings_map is True
-    return crop_object(photo if own else replace(photo, surroundings_map=None), PHOTO_SIZE)
+    return crop_object(photo if first else replace(photo, surroundings_map=None), PHOTO_SIZE)
 
 
 def window(surroundings_map: np.ndarray, world_from_crop: Float[np.ndarray, "3 3"], gain: float = 1.0) -> np.ndarray:

@@ -49,9 +49,10 @@ class Photo:
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
-        surroundings_map: [64, 128, 4 or 5] what is known of the map, in the camera's frame, see estimate.surroundings;
-            True: what the photo itself shows beside the object; None: nothing.
-        panorama: the same of a file at its own rows, 512 at most; None where there was none.
+        use_background: whether what the photo shows beside the object is known of the map.
+        surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
+            estimate.surroundings; None where there was none.
+        panorama: the same at its own rows, 512 at most.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
     """
 
@@ -64,20 +65,22 @@ class Photo:
     mask_source: str = "mask"
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
-    surroundings_map: np.ndarray | bool | None = None
+    use_background: bool = False
+    surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
     exposure: float | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
-        if self.surroundings_map is True:
+        if self.use_background:
             return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows)
         return None if self.panorama is None else at_rows(self.panorama, rows)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        return replace(self, rgb=rgb, mask=mask, normals=None, surroundings_map=None, panorama=None)
+        bare = replace(self, rgb=rgb, mask=mask, normals=None)
+        return replace(bare, use_background=False, surroundings_map=None, panorama=None)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -129,7 +132,10 @@ def load_photo(
     if fov_deg is not None and not 1.0 < fov_deg < 170.0:
         raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
     pixels = read_image(source, name)
-    surroundings_map, panorama = _known_surroundings(surroundings)
+    use_background = isinstance(surroundings, str) and surroundings == PHOTO
+    surroundings_map, panorama = None, None
+    if surroundings is not None and not use_background:
+        surroundings_map, panorama = read_panorama(surroundings)
     found = find_mask(pixels, **where)
     if fov_deg is not None:
         long_fov_deg, fov_source = float(fov_deg), "given"
@@ -147,6 +153,7 @@ def load_photo(
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
+        use_background=use_background,
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
@@ -163,12 +170,6 @@ def _known_normals(
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     return read_normals(source, mask.shape)
-
-
-def _known_surroundings(source: SurroundingsSource | None) -> tuple[np.ndarray | bool | None, np.ndarray | None]:
-    if source is None:
-        return None, None
-    return (True, None) if isinstance(source, str) and source == PHOTO else read_panorama(source)
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:
@@ -194,14 +195,14 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
     image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
     surroundings_map = None
-    if photo.surroundings_map is True:
+    if photo.use_background:
         surroundings_map = visible_surroundings(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
         if surroundings_map is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"
             )
-    elif isinstance(photo.surroundings_map, np.ndarray):
+    elif photo.surroundings_map is not None:
         surroundings_map = turned(photo.surroundings_map, camera_from_crop)
     return Crop(
         image=image,

@@ -25,7 +25,7 @@ from anyprobe.scatter.materials import given_material
 from anyprobe.serve import answers, openapi
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.page import Page, add_page
-from anyprobe.serve.pool import Busy, Cancelled, Job, Limits, WorkerPool
+from anyprobe.serve.pool import Busy, Cancellation, Cancelled, Limits, WorkerPool
 from anyprobe.serve.tasks import Cut, TooManyPixels, Upload
 from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
@@ -126,9 +126,9 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             start = time.perf_counter()
             taken = await cut(request, upload)
 
-            def work(job: Job) -> Response:
+            def work(cancellation: Cancellation) -> Response:
                 light = asked_of(upload).from_crop(taken.photo, taken.crop, start, material=material)
-                job.step()
+                cancellation.check()
                 light = _detailed(light, upload, taken.seen)
                 return answers.light_response(light, media, upload.include, taken.mask)
 
@@ -152,10 +152,10 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
                 cuts.append(await cut(request, upload, first=not cuts))
                 spent.append(time.perf_counter() - start)
 
-            def work(job: Job) -> Response:
+            def work(cancellation: Cancellation) -> Response:
                 taken = [(one.photo, one.crop) for one in cuts]
                 light = estimate_crops(asked_of(common).from_crop, taken, turns, spent, material)
-                job.step()
+                cancellation.check()
                 light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
 

@@ -32,7 +32,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import read_image
 from anyprobe.serve.answers import light_json, mask_png, png
 from anyprobe.serve.guards import SECURITY_HEADERS
-from anyprobe.serve.pool import Job, WorkerPool
+from anyprobe.serve.pool import Cancellation, WorkerPool
 
 MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -85,15 +85,15 @@ class Page:
             },
         }
 
-    def example(self, job: Job | None = None) -> dict[str, bytes]:
+    def example(self, cancellation: Cancellation | None = None) -> dict[str, bytes]:
         """The finished example by address: photo, mask, and the light as /v1/estimate answers it.
 
         Made at the first call, from a picture whose alpha channel is the mask.
         """
         with self._lock:
             if not self._example:
-                if job is not None:
-                    job.step()
+                if cancellation is not None:
+                    cancellation.check()
                 pixels = read_image(self.files[EXAMPLE])
                 photo = load_photo(pixels.rgb, mask=pixels.alpha, fov_deg=EXAMPLE_FOV_DEG)
                 light = self._estimator.from_photo(photo)

@@ -57,7 +57,7 @@ class Cancelled(Exception):
     """Whoever asked is gone; the work stops at its next step."""
 
 
-class Job:
+class Cancellation:
     """What a piece of work holds to ask whether it is still wanted; shared between threads."""
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class Job:
     def cancel(self) -> None:
         self._gone.set()
 
-    def step(self) -> None:
+    def check(self) -> None:
         """Called between the steps of the work.
 
         Raises:
@@ -176,24 +176,24 @@ class WorkerPool:
         return await self.run(lambda _: self._lanes["slow"].call(task, *arguments), gone, "slow")
 
     async def run(
-        self, work: Callable[[Job], Answer], gone: Callable[[], Awaitable[None]], kind: str = "compute"
+        self, work: Callable[[Cancellation], Answer], gone: Callable[[], Awaitable[None]], kind: str = "compute"
     ) -> Answer:
-        """Compute work(job) in a thread, unless gone() returns first.
+        """Compute work(cancellation) in a thread, unless gone() returns first.
 
         The place is held until a started step has ended, so that clients that leave and come again cannot pile up work.
 
         Raises:
             Cancelled: gone() returned; what waited is dropped, what ran stops at its next step.
         """
-        job = Job()
-        future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, job)
+        cancellation = Cancellation()
+        future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, cancellation)
         leaving = asyncio.ensure_future(gone())
         try:
             await asyncio.wait({future, leaving}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             leaving.cancel()
             if not future.done():
-                job.cancel()
+                cancellation.cancel()
         return await asyncio.shield(future)
 
     def warm(self) -> None:
@@ -209,6 +209,6 @@ class WorkerPool:
             lane.close()
 
 
-def _run(work: Callable[[Job], Answer], job: Job) -> Answer:
-    job.step()  # whoever left while waiting costs nothing
-    return work(job)
+def _run(work: Callable[[Cancellation], Answer], cancellation: Cancellation) -> Answer:
+    cancellation.check()  # whoever left while waiting costs nothing
+    return work(cancellation)

@@ -195,12 +195,12 @@ class ClipRun:
 
         A panorama from a file is of frame 0's camera, whichever frame is the first that gives a light.
         """
-        if self.poses is None or photo.surroundings_map is None:
+        if self.poses is None or (photo.surroundings_map is None and not photo.use_background):
             return self.estimator.from_photo(photo, material=self.material)
         done = self.progress
         crop = cut_out(photo, first=False)
         world_from_crop = self.poses[index] @ crop.camera_from_crop
-        if photo.surroundings_map is not True and done.panorama is None:
+        if photo.surroundings_map is not None and done.panorama is None:
             crop = replace(crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop))
         if crop.surroundings_map is not None:
             done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
