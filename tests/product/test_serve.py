@@ -28,7 +28,8 @@ from anyprobe.estimate.result import Light
 from anyprobe.scatter.materials import Material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import CLIENT_GONE, create_app
-from anyprobe.serve.pool import Busy, Cancelled, Limits, WorkerPool
+from anyprobe.serve.limits import Limits
+from anyprobe.serve.pool import Busy, Cancelled, WorkerPool
 
 LIMITS = Limits(max_bytes=200_000, max_pixels=20_000, workers=1, waiting=1, upload_s=5.0)
 

@@ -22,7 +22,7 @@ from fastapi.testclient import TestClient
 
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
-from anyprobe.serve.pool import Limits
+from anyprobe.serve.limits import Limits
 
 
 @pytest.fixture(scope="module")

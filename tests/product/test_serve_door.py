@@ -27,8 +27,9 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
 from anyprobe.serve.door import DoorProtocol, FewLines
+from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page
-from anyprobe.serve.pool import Busy, Limits, WorkerPool
+from anyprobe.serve.pool import Busy, WorkerPool
 from anyprobe.serve.processes import Lane, TooMuchMemory, TooSlow
 from anyprobe.serve.tasks import Upload
 

@@ -21,8 +21,7 @@ from anyprobe.files.poses import parse_poses
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
-from anyprobe.serve.pool import Limits
-from anyprobe.serve.uploads import MOST_PHOTOS
+from anyprobe.serve.limits import MAX_PHOTOS, Limits
 
 LIMITS = Limits(max_bytes=400_000, max_pixels=20_000, workers=1, waiting=1)
 TURNS = [np.eye(3), rotation_y(0.8)]
@@ -118,8 +117,8 @@ def test_poses_are_read_beside_the_event_loop(client, pictures, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "data", "word"),
     [
-        (lambda files: [], {}, f"photo: expected 1 to {MOST_PHOTOS} file parts"),
-        (lambda files: files[:1] * (MOST_PHOTOS + 1), {}, f"got {MOST_PHOTOS + 1}"),
+        (lambda files: [], {}, f"photo: expected 1 to {MAX_PHOTOS} file parts"),
+        (lambda files: files[:1] * (MAX_PHOTOS + 1), {}, f"got {MAX_PHOTOS + 1}"),
         (lambda files: files[:2], {}, "poses: expected a list of matrices"),
         (lambda files: files[:1] + files[2:], {}, "poses: expected 1 poses, one a photo in order, got 2"),
         (lambda files: files[:2], {"poses": "[[[1]]]"}, "poses: pose 1: expected 3 x 3"),

@@ -25,8 +25,8 @@ from fastapi.testclient import TestClient
 from anyprobe.serve import openapi
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import CLIENT_GONE, create_app
+from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page
-from anyprobe.serve.pool import Limits
 
 
 @pytest.fixture(scope="module")

@@ -54,8 +54,8 @@ def serve(
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.serve.api import create_app
     from anyprobe.serve.door import settings, write_certificate
+    from anyprobe.serve.limits import Limits
     from anyprobe.serve.page import Page, write_static
-    from anyprobe.serve.pool import Limits
 
     estimator = Estimator(model, threads=1)
     page = Page(estimator, model)

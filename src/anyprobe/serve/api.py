@@ -24,8 +24,9 @@ from anyprobe.export.targets import TARGETS, find_target
 from anyprobe.scatter.materials import given_material
 from anyprobe.serve import answers, openapi
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
+from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
-from anyprobe.serve.pool import Busy, Cancellation, Cancelled, Limits, WorkerPool
+from anyprobe.serve.pool import Busy, Cancellation, Cancelled, WorkerPool
 from anyprobe.serve.tasks import Cut, TooManyPixels, Upload
 from anyprobe.serve.uploads import read_upload, read_views, take_unread
 

@@ -19,29 +19,15 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from anyprobe.errors import MissingExtra
-
-HEAD_S = 10.0
-"""Seconds in which a request's head must have arrived."""
-
-READ_S = 30.0
-"""Seconds that a client may leave an answer unread for."""
-
-MAX_CONNECTIONS = 512
-"""Beyond them the one that has kept the server waiting longest is closed."""
-
-SPARE_DESCRIPTORS = 96
-"""Files and pipes that the server needs besides its connections."""
-
-LINES_PER_MINUTE = 60
-"""Lines of the log; what is beyond them is counted."""
+from anyprobe.serve import limits
 
 
 class DoorProtocol(H11Protocol):
     """HTTP/1.1 with time limits for heads and for clients that do not read, and a bound on connections."""
 
-    max_connections = MAX_CONNECTIONS
-    head_s = HEAD_S
-    read_s = READ_S
+    max_connections = limits.MAX_CONNECTIONS
+    head_s = limits.HEAD_S
+    read_s = limits.READ_S
 
     def connection_made(self, transport: asyncio.Transport) -> None:
         self._waits_since: float | None = None
@@ -102,7 +88,7 @@ class DoorProtocol(H11Protocol):
 class FewLines(logging.Filter):
     """Lets so many lines a minute through; the first of the next minute says how many were left out."""
 
-    def __init__(self, most: int = LINES_PER_MINUTE) -> None:
+    def __init__(self, most: int = limits.LINES_PER_MINUTE) -> None:
         super().__init__()
         self._most, self._since, self._count = most, time.monotonic(), 0
 
@@ -118,15 +104,15 @@ class FewLines(logging.Filter):
 def settings() -> dict[str, Any]:
     """uvicorn settings with limits that fit this process. Sets up its descriptors and logs too."""
     descriptors = _most_descriptors()
-    limited = min(MAX_CONNECTIONS, max(16, descriptors - SPARE_DESCRIPTORS))
+    limited = min(limits.MAX_CONNECTIONS, max(16, descriptors - limits.SPARE_DESCRIPTORS))
     few = FewLines()
     for name in ("asyncio", "uvicorn.error", "anyprobe.serve"):
         logging.getLogger(name).addFilter(few)
     return {
         "http": type("Door", (DoorProtocol,), {"max_connections": limited}),
         "ws": "none",
-        "h11_max_incomplete_event_size": 32 * 2**10,
-        "timeout_keep_alive": 5,
+        "h11_max_incomplete_event_size": limits.MAX_HEAD_BYTES,
+        "timeout_keep_alive": limits.IDLE_S,
         "backlog": 128,
         "server_header": False,
         "log_level": "warning",
@@ -138,10 +124,10 @@ def _most_descriptors() -> int:
     try:
         import resource
     except ImportError:  # Windows
-        return MAX_CONNECTIONS
+        return limits.MAX_CONNECTIONS
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with suppress(OSError, ValueError):
-        wanted = MAX_CONNECTIONS + SPARE_DESCRIPTORS
+        wanted = limits.MAX_CONNECTIONS + limits.SPARE_DESCRIPTORS
         wanted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
         if soft < wanted:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from anyprobe.serve.limits import MAX_PHOTOS
+
 FORM = "multipart/form-data"
 
 _FILE = {"type": "string", "format": "binary"}
@@ -107,7 +109,7 @@ def _multiview() -> dict[str, Any]:
     texts = {"fov": _OPTIONS["fov"], **_PRIORS, **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     fields: dict[str, Any] = {
-        "photo": {"type": "array", "items": _FILE, "description": "1 to 16 photos of one object"},
+        "photo": {"type": "array", "items": _FILE, "description": f"1 to {MAX_PHOTOS} photos of one object"},
         "poses": {**_FILE, "description": poses},
         "mask": {"type": "array", "items": _FILE, "description": "none, or one a photo in their order"},
         "box": {"type": "array", "items": {"type": "string"}, "description": "none, or one a photo"},

@@ -14,39 +14,10 @@ from typing import Any, TypeVar
 
 from starlette.exceptions import HTTPException
 
+from anyprobe.serve.limits import Limits
 from anyprobe.serve.processes import Lane, TooSlow
 
 Answer = TypeVar("Answer")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Limits:
-    """Bounds that keep memory flat and answers prompt.
-
-    Attributes:
-        max_bytes: largest body of a request; beyond it 413.
-        max_pixels: largest photo or mask, judged by its header before it is decoded; beyond it 413.
-        workers: photos computed at the same time.
-        waiting: requests that may wait for a worker, read bodies included; beyond them 429.
-        upload_s: seconds in which a body must have arrived; later it is 408.
-        grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
-        retry_after_s: what a 429 asks for.
-        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
-        decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
-        decode_mb: memory for that, beyond the idle process's own; beyond it 422.
-    """
-
-    max_bytes: int = 32 * 2**20
-    max_pixels: int = 25_000_000
-    workers: int = 2
-    waiting: int = 30
-    upload_s: float = 60.0
-    grace_s: float = 5.0
-    least_rate: float = 16_384.0
-    retry_after_s: int = 1
-    quick_s: float = 2.5
-    decode_s: float = 8.0
-    decode_mb: int = 900
 
 
 class Busy(Exception):

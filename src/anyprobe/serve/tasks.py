@@ -22,19 +22,13 @@ from anyprobe.files.headers import declared_pixels
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
+from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 
 PAGE_LONG_PX = 2048
 """Longer side of what /v1/photo sends back: more than a page shows."""
 
-MAP_MAX_ROWS = 512
-"""Largest map that is exported: a cube of it takes 5 seconds; ours have 64."""
-
-MAX_PANORAMA_PIXELS = 8_500_000
-"""Of surroundings, which are brought to 128 x 64."""
-
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
-QUICK_BYTES = 16 * 2**20
-"""JPEG, PNG and WebP up to this are decoded in a moment."""
+"""Of JPEG, PNG and WebP."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -146,7 +140,7 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
     from anyprobe.export.exported_light import map_from_camera, origin_turned
     from anyprobe.export.targets import export
 
-    _check_pixels(upload, min(max_pixels, 2 * MAP_MAX_ROWS**2))
+    _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     with _map_file(upload.photo) as path, tempfile.TemporaryDirectory() as folder:
         radiance = read_radiance(path)
         turned = origin_turned(map_from_camera(path))
@@ -158,7 +152,7 @@ def export_zip(upload: Upload, max_pixels: int, target: str) -> bytes:
 
 def sharpened(upload: Upload, max_pixels: int) -> Light:
     """A map (.exr or .hdr bytes in the place of the photo) as a light with plausible detail."""
-    _check_pixels(upload, min(max_pixels, 2 * MAP_MAX_ROWS**2))
+    _check_pixels(upload, min(max_pixels, 2 * MAX_MAP_ROWS**2))
     confidence = None
     if upload.confidence is not None:
         with _map_file(upload.confidence, "confidence") as path:

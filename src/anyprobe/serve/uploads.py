@@ -22,18 +22,14 @@ from anyprobe.estimate.runtime import EXPECTED, MODE
 from anyprobe.estimate.surroundings import PHOTO
 from anyprobe.files.poses import parse_poses
 from anyprobe.serve.guards import RECEIVED
+from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
 from anyprobe.serve.openapi import FORM, FUSE, OLD_NAMES, form_names, query_names
 from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
-MOST_PHOTOS = 16
-"""Photos in one request."""
-
 SHAPES = {"sphere": SPHERE, "ball": SPHERE}
 EMITTERS = {"mode": MODE, "expected": EXPECTED, "drawn": MODE, "spread": EXPECTED}
 """Words of requests, those of older clients last, and what they stand for."""
-
-UNREAD_S = 5.0
 
 
 async def take_unread(request: Request) -> None:
@@ -97,7 +93,7 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
         HTTPException: 408 too slow.
         InputError: no photos or too many, no poses or not theirs, or an option that is unknown or cannot be read.
     """
-    async with _read_form(request, pool, max_files=2 * MOST_PHOTOS + 1) as form:
+    async with _read_form(request, pool, max_files=2 * MAX_PHOTOS + 1) as form:
         photos = [await read_part(part, "photo") for part in form.getlist("photo")]
         masks = [(await read_part(part, "mask"))[0] for part in form.getlist("mask")]
         _refuse_twice(form, "poses")
@@ -110,8 +106,8 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
     if unused:
         raise InvalidPhoto(f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have")
     refuse_unknown(form, request.query_params, FUSE)
-    if not 1 <= len(photos) <= MOST_PHOTOS:
-        raise InvalidPhoto(f"photo: expected 1 to {MOST_PHOTOS} file parts of this name, got {len(photos)}")
+    if not 1 <= len(photos) <= MAX_PHOTOS:
+        raise InvalidPhoto(f"photo: expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}")
     boxes = [parse_numbers("box", text, 4) for text in option.texts("box")]
     for name, each in (("mask", masks), ("box", boxes)):
         if len(each) not in (0, len(photos)):

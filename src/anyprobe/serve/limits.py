@@ -1,0 +1,69 @@
+"""Limits of requests, all of them; docs/security.md lists them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MAX_CONNECTIONS = 512
+"""Beyond them the one that has kept the server waiting longest is closed."""
+
+SPARE_DESCRIPTORS = 96
+"""Files and pipes that the server needs besides its connections."""
+
+MAX_HEAD_BYTES = 32 * 2**10
+HEAD_S = 10.0
+"""Seconds in which a request's head must have arrived."""
+
+IDLE_S = 5
+"""Seconds that a connection without a request is kept for."""
+
+READ_S = 30.0
+"""Seconds that a client may leave an answer unread for."""
+
+UNREAD_S = 5.0
+"""Seconds for which the body of a request that is sent away is still taken."""
+
+MAX_PHOTOS = 16
+"""Photos in one request."""
+
+MAX_MAP_ROWS = 512
+"""Of a map that is exported: a cube of it takes 5 seconds; ours have 64."""
+
+MAX_PANORAMA_PIXELS = 8_500_000
+"""Of surroundings, which are brought to 128 x 64."""
+
+QUICK_BYTES = 16 * 2**20
+"""JPEG, PNG and WebP up to this are decoded in a moment."""
+
+LINES_PER_MINUTE = 60
+"""Lines of the log; what is beyond them is counted."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Limits:
+    """Bounds that keep memory flat and answers prompt.
+
+    Attributes:
+        max_bytes: largest body of a request; beyond it 413.
+        max_pixels: largest photo or mask, judged by its header before it is decoded; beyond it 413.
+        workers: photos computed at the same time.
+        waiting: requests that may wait for a worker, read bodies included; beyond them 429.
+        upload_s: seconds in which a body must have arrived; later it is 408.
+        grace_s, least_rate: a body that is slower than least_rate [bytes / s] after grace_s is 408 as well.
+        retry_after_s: what a 429 asks for.
+        quick_s: seconds of the processor for decoding a JPEG, PNG or WebP before it waits with the slow formats.
+        decode_s: seconds of the processor for decoding any file, and for an export; beyond them 422.
+        decode_mb: memory for that, beyond the idle process's own; beyond it 422.
+    """
+
+    max_bytes: int = 32 * 2**20
+    max_pixels: int = 25_000_000
+    workers: int = 2
+    waiting: int = 30
+    upload_s: float = 60.0
+    grace_s: float = 5.0
+    least_rate: float = 16_384.0
+    retry_after_s: int = 1
+    quick_s: float = 2.5
+    decode_s: float = 8.0
+    decode_mb: int = 900
