@@ -117,6 +117,10 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         material=Material(albedo=np.array([0.2, 0.3, 0.4]), f0=np.full(3, 0.045), alpha=0.12),
     )
     np.testing.assert_allclose(given["gain"], expected.info["priors"]["gain"], rtol=1e-3)
+    rough = client.post("/v1/estimate?material=plastic&roughness=0.5", content=photo).json()["priors"]
+    expected = estimator(photo_rgba, material="plastic", roughness=0.5).info["priors"]
+    assert rough["material"] == expected["material"]
+    assert rough["material"]["alpha"] == 0.25
     assert client.post("/v1/estimate", content=photo).json()["priors"] == {"normals": False}
     for sphere in (
         client.post("/v1/estimate?normals=sphere", content=photo),
@@ -160,6 +164,8 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
         ("?surroundings=room", None, "or photo"),
         ("?albedo=0.5,0.5", None, "a number or R,G,B"),
         ("?albedo=2", None, "up to 1"),
+        ("?roughness=0", None, "roughness: expected a number from 0.1 to 1"),
+        ("?roughness=0.3,0.4", None, "roughness: expected a number"),
         ("?emitters=bright", None, "expected mode or expected"),
         ("?fov=60&fov=70", None, "expected one value, got 2"),
     ],

@@ -110,6 +110,7 @@ def test_all_that_is_described_is_taken(client, photo):
         "surroundings": "photo",
         "material": "matte",
         "albedo": "0.5",
+        "roughness": "0.4",
         "emitters": "expected",
         "detail": "plausible",
         "size": "64",

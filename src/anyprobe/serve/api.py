@@ -123,7 +123,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.ESTIMATE)
-            material = given_material(upload.material, upload.albedo)
+            material = given_material(upload.material, upload.albedo, upload.roughness)
             start = time.perf_counter()
             taken = await cut(request, upload)
 
@@ -145,7 +145,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         async with pool.place():
             uploads, turns = await read_views(request, pool)
             common = uploads[0]
-            material = given_material(common.material, common.albedo)
+            material = given_material(common.material, common.albedo, common.roughness)
             cuts: list[Cut] = []
             spent: list[float] = []
             for upload in uploads:

@@ -22,6 +22,7 @@ _PRIORS = {
     "surroundings": "photo, if what it shows beside the object lights it; a panorama comes as a file part",
     "material": "the object's, where known: chrome, gold, plastic or matte",
     "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
+    "roughness": "its roughness as in glTF, 0.1 to 1: alpha's root",
 }
 
 _EXPORT = {

@@ -44,7 +44,7 @@ class Upload:
         clicks: x, y on the object, in pixels of the upright photo.
         exclude: likewise beside it.
         fov_deg: field of view of the longer side.
-        material: name of the object's; albedo: its linear albedo, one number or three.
+        material: name of the object's; albedo: its linear albedo, one number or three; roughness: as in glTF.
         confidence: bytes of a map that says how much each direction of a map counts.
         detail: of detail.plausible.DETAILS; size: rows of the map with it, None for the default.
         emitters: how the light sources are asked for, of estimate.runtime.EMITTERS.
@@ -64,6 +64,7 @@ class Upload:
     fov_deg: float | None = None
     material: str | None = None
     albedo: tuple[float, ...] | None = None
+    roughness: float | None = None
     confidence: bytes | None = None
     detail: str | None = None
     size: int | None = None

@@ -234,6 +234,7 @@ class Options:
             "fov_deg": self.number("fov"),
             "material": self.text("material"),
             "albedo": self.numbers("albedo", 1, 3),
+            "roughness": self.number("roughness"),
             "emitters": self._emitters(),
             "detail": self.one_of("detail", {word: word for word in DETAILS}),
             "size": self.one_of("size", {str(rows): rows for rows in SIZES}),
