@@ -32,14 +32,14 @@ NOT_STATED = "not stated"
 PAGE = """\
 # Assets that weights learned from
 
-The {count} files of a data folder that training takes, as the folder's manifests state them; written by
-`python -m research.asset_page`. A file whose licence forbids commercial use, or is not clear, is not taken
-(`anyprobe.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks learned from
-pictures made of them, with maps turned, blended and relit, and shapes turned, mirrored, drawn out, bent and joined.
-[CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
-[4.0](https://creativecommons.org/licenses/by/4.0/) ask to name the author, as MIT, BSD and Apache licences do.
+The {count} files of a data folder that training uses, as the folder's manifests state them; written by
+`python -m research.asset_page`. Files whose licence forbids commercial use, or is not clear, are excluded
+(`anyprobe.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were trained on
+images rendered with them, with maps rotated, blended and relit, and shapes rotated, mirrored, stretched, bent and
+joined. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
+[4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
-Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.sky`,
+Training also uses procedural maps and shapes of anyprobe's own (`anyprobe.dataset.sky`,
 `anyprobe.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
 """
 
