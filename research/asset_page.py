@@ -1,7 +1,9 @@
-"""python -m research.asset_page DATA: whose the maps and shapes are that shipped weights learn from, in Markdown."""
+"""python -m research.asset_page DATA [--test]: maps and shapes that shipped weights learn from, or that the frozen test
+set is rendered from, with source, licence and author, in Markdown."""
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +13,9 @@ import typer
 
 from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.catalog import MAP_SUFFIXES, MESH_SUFFIXES, allows_commercial_use, file_id, listed_rows
+from anyprobe.dataset.recipe import read_recipes
+from anyprobe.errors import InputError
+from anyprobe.evaluate.scoring import FROZEN
 from anyprobe.files.atomic import atomic_path
 
 FOLDERS = {
@@ -20,20 +25,44 @@ FOLDERS = {
 }
 """Those of load_asset_store, what they hold, and in which files."""
 
+TEST_FOLDERS = {"hdri/test": ("Maps", MAP_SUFFIXES), "meshes/test": ("Shapes", MESH_SUFFIXES)}
+
 NOT_STATED = "not stated"
 
 PAGE = """\
 # Assets that weights learned from
 
-The {count} files of a data folder that training takes, as the folder's manifests state them; written by
-`python -m research.asset_page`. A file whose licence forbids commercial use, or is not clear, is not taken
-(`anyprobe.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks learned from
-pictures made of them, with maps turned, blended and relit, and shapes turned, mirrored, drawn out, bent and joined.
-[CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
-[4.0](https://creativecommons.org/licenses/by/4.0/) ask to name the author, as MIT, BSD and Apache licences do.
+The {count} files of a data folder that training uses, as the folder's manifests state them; written by
+`python -m research.asset_page`. Files whose licence forbids commercial use, or is not clear, are excluded
+(`anyprobe.dataset.catalog.allows_commercial_use`). None of these files is in the package: networks were trained on
+images rendered with them, with maps rotated, blended and relit, and shapes rotated, mirrored, stretched, bent and
+joined. [CC BY 3.0](https://creativecommons.org/licenses/by/3.0/) and
+[4.0](https://creativecommons.org/licenses/by/4.0/) require naming the author, as MIT, BSD and Apache licences do.
 
-Beside these, training draws maps and shapes of anyprobe's own from seeds (`anyprobe.dataset.sky`,
+Training also uses procedural maps and shapes of anyprobe's own (`anyprobe.dataset.sky`,
 `anyprobe.dataset.room`, `anyprobe.render.shapes`): they have no files, and are anyprobe's, Apache-2.0.
+"""
+
+TEST_PAGE = """\
+# Test assets
+
+The {count} files that the frozen test set is rendered from, as the manifests of a data folder state them; written by
+`python -m research.asset_page DATA --test`. Recipes (`src/anyprobe/evaluate/frozen.txt`, `research/world/test.txt`)
+name a file by the first eight digits of its SHA-256, so `--frozen` needs these very files. They are not in the
+repository, and no network is trained on them.
+
+They are copies of the sources, prepared as follows; a copy prepared with other software has another SHA-256:
+
+- **Maps**: read as linear floats; NaN, infinite and negative values set to 0; averaged to 512 x 256 pixels, columns
+  as in the source; OpenEXR with half floats and PIZ compression.
+- **Shapes**: vertices merged, small loose parts removed, holes closed, decimated to 16,000 triangles at most, +Y up,
+  smallest enclosing sphere of radius 1 around the origin; binary PLY.
+
+Without these files, `anyprobe evaluate --hdri MAPS --meshes SHAPES` renders a balanced test set from any others; its
+figures do not compare with those of the frozen set.
+
+"By name": the file has the name of an asset of Poly Haven, where all assets are CC0; this was not checked against the
+site. "Not stated": the source names no licence; use for research only.
 """
 
 _NAMES_NOBODY = re.compile(r"cc[\s_-]?0\b|creative commons zero\b|public domain\b|own\b", re.IGNORECASE)
@@ -53,8 +82,35 @@ def asset_page(data: Path, report: Callable[[str], None] | None = None) -> str:
     parts = [PAGE.format(count=sum(map(len, tables.values())))]
     for name, credits in tables.items():
         if credits:
-            parts.append(f"## {FOLDERS[name][0]} of `{name}`: {len(credits)}\n\n{_table(credits)}")
+            parts.append(f"## {FOLDERS[name][0]} of `{name}`: {len(credits)}\n\n{_table([CREDIT, *credits])}")
     return "\n".join(parts)
+
+
+FROZEN_COLUMNS = ("file", "source", "licence, author", "SHA-256")
+
+
+def frozen_page(data: Path) -> str:
+    """The page, in Markdown, of the files that the frozen test set is rendered from.
+
+    Raises:
+        InputError: a folder, or a file that a recipe names, is missing.
+    """
+    wanted = {key for recipe in read_recipes(FROZEN) for key in (recipe.map_id, recipe.shape_id)}
+    parts, found = [], set()
+    for name, (kind, suffixes) in TEST_FOLDERS.items():
+        rows = []
+        for path, row in listed_rows(data / name, suffixes, ()):
+            if path.is_file() and file_id(path) in wanted:
+                found.add(file_id(path))
+                digest = hashlib.sha256(path.read_bytes()).hexdigest()
+                rows.append((path.name, _source(row), row["licence"], f"`{digest}`"))
+        parts.append(f"## {kind} of `{name}`: {len(rows)}\n\n{_table([FROZEN_COLUMNS, *rows])}")
+    if wanted != found:
+        raise InputError(
+            f"{data}: expected all files of the frozen test set, {len(wanted - found)} of {len(wanted)} are missing; "
+            "give the folder with hdri/test and meshes/test"
+        )
+    return "\n".join([TEST_PAGE.format(count=len(found)), *parts])
 
 
 CREDIT = ("file", "name", "source", "licence", "author")
@@ -83,8 +139,9 @@ def _author(row: dict[str, str]) -> str:
     return row.get("authors") or row.get("author") or "".join(rest).strip(" )") or NOT_STATED
 
 
-def _table(credits: list[tuple[str, ...]]) -> str:
-    rows = [CREDIT, ["---"] * len(CREDIT), *credits]
+def _table(table: list[tuple[str, ...]]) -> str:
+    """Its first row is the head."""
+    rows = [table[0], ("---",) * len(table[0]), *table[1:]]
     cells = ([" ".join(text.replace("|", "\\|").split()) for text in row] for row in rows)
     return "".join(f"| {' | '.join(row)} |\n" for row in cells)
 
@@ -92,9 +149,13 @@ def _table(credits: list[tuple[str, ...]]) -> str:
 def main(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="Folder with hdri/ and meshes/.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="The page to write; else it is printed.")] = None,
+    test: Annotated[bool, typer.Option("--test", help="Assets of the frozen test set, with their SHA-256.")] = False,
 ) -> None:
     """Print or write the page."""
-    text = asset_page(data, report=lambda line: typer.echo(f"warning: {line}", err=True))
+    if test:
+        text = frozen_page(data)
+    else:
+        text = asset_page(data, report=lambda line: typer.echo(f"warning: {line}", err=True))
     if out is None:
         typer.echo(text, nl=False)
         return

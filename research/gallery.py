@@ -91,8 +91,8 @@ def main() -> None:
 HEAD = """# Gallery
 
 `python -m research.gallery` makes this page and its pictures: path-traced photos of scenes whose light is known,
-with textured tables and surroundings of our own. Each row: the photo, the estimated environment map above the true one,
-a sphere inserted in the estimated light, the same in the true light. Nothing was chosen by how well it came out.
+with our own textured tables and surroundings. In each row: the photo, the estimated environment map above the true one,
+a sphere inserted in the estimated light, the same in the true light. Scenes were not selected by their results.
 """
 SECTION = """## {name}
 
@@ -106,8 +106,8 @@ TAIL = """## Chrome with plausible detail
 
 ![Photos; chrome spheres of the plain estimate, with detail, and of the truth; the maps of the three](detail.jpg)
 
-Ten scenes that no library has, as they came (`python -m research.detail_library.measure --pairs 10 --sheet
-docs/detail.jpg`). The light is the estimate's, the places are made up: [detail](detail.md).
+Ten scenes, not selected, that are in no library (`python -m research.detail_library.measure --pairs 10 --sheet
+docs/detail.jpg`). The light is the estimate's, the places are invented: [detail](detail.md).
 """
 
 
@@ -163,8 +163,7 @@ def errors(light: np.ndarray, truth: np.ndarray) -> str:
     color = color_angle_deg(*spheres, spheres[1].sum(axis=-1) > 0)
     stops = power_ratio_stops(light, truth)
     return (
-        f"Dominant light {angle:.0f} degrees off, colour of a white sphere {color:.0f} degrees, "
-        f"total power {stops:+.1f} stops."
+        f"Errors: dominant light {angle:.0f}°, colour of a white sphere {color:.0f}°, total power {stops:+.1f} stops."
     )
 
 

@@ -11,12 +11,17 @@ import pytest
 from support.mesh_files import ply
 
 import anyprobe
+from anyprobe.dataset.catalog import file_id
+from anyprobe.dataset.recipe import Recipe, read_recipes
 from anyprobe.errors import InputError
+from anyprobe.evaluate.scoring import FROZEN
 from anyprobe.files.radiance import write_hdr
-from research.asset_page import asset_page, main
+from research import asset_page as module
+from research.asset_page import asset_page, frozen_page, main
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = Path(anyprobe.__file__).parent / "weights" / "ASSETS.md"
+TEST_ASSETS = ROOT / "docs" / "test-assets.md"
 DATA = Path(os.environ.get("ANYPROBE_DATA", ROOT / "data"))
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 SIDES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
@@ -130,6 +135,46 @@ def test_the_shipped_page_is_what_the_command_writes():
     if not (DATA / "hdri" / "train").is_dir():
         pytest.skip(f"the maps and shapes that shipped weights learned from are needed: ANYPROBE_DATA, or {DATA}")
     assert SHIPPED.read_text(encoding="utf-8") == asset_page(DATA, report=lambda line: None)
+
+
+@pytest.fixture
+def frozen(data, monkeypatch) -> list[Recipe]:
+    """A frozen set of one recipe, of the held-out map and a shape beside one that it does not name."""
+    shapes = data / "meshes" / "test"
+    shapes.mkdir()
+    for name, scale in (("goat.ply", 3), ("other.ply", 4)):
+        (shapes / name).write_bytes(ply(scale * CORNERS, SIDES))
+    with (data / "meshes" / "manifest.csv").open("a") as stream:
+        stream.write('test/goat.ply,goat,some/meshes,goat.obj,"CC BY-NC 4.0; Doe",test\n')
+    ids = {"map_id": file_id(data / "hdri" / "test" / "t.hdr"), "shape_id": file_id(shapes / "goat.ply")}
+    recipes = [Recipe(kind="object", **ids, material=0, view=0, seed=1)]
+    monkeypatch.setattr(module, "read_recipes", lambda path: recipes)
+    return recipes
+
+
+def test_the_test_sets_page_lists_what_recipes_name_whatever_its_licence(work, capsys, data, frozen):
+    main(data, test=True)
+    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines() if line.endswith("` |")]
+    assert [row[:3] for row in rows] == [
+        ["t.hdr", "not stated", "CC0"],
+        ["goat.ply", "some/meshes: goat.obj", "CC BY-NC 4.0; Doe"],
+    ]
+    for row, key in zip(rows, (frozen[0].map_id, frozen[0].shape_id), strict=True):
+        assert re.fullmatch(rf"`{key}[0-9a-f]{{56}}`", row[3])
+
+
+def test_a_test_set_that_is_not_whole_has_no_page(data, frozen):
+    (data / "meshes" / "test" / "goat.ply").unlink()
+    with pytest.raises(InputError, match="1 of 2 are missing"):
+        frozen_page(data)
+
+
+def test_the_documented_test_assets_are_those_of_the_frozen_set():
+    page = TEST_ASSETS.read_text(encoding="utf-8")
+    listed = re.findall(r"`([0-9a-f]{8})[0-9a-f]{56}`", page)
+    assert len(listed) == len(set(listed))
+    assert set(listed) == {key for recipe in read_recipes(FROZEN) for key in (recipe.map_id, recipe.shape_id)}
+    assert not re.search(r"(^|\s)/[a-z]+/", page)
 
 
 def test_the_shipped_page_names_no_machine_and_everybody_who_asks_for_it():

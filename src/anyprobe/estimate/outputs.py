@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
+from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import Light
@@ -22,25 +24,49 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
 EXPOSURES_EV = (-2.0, 0.0, 2.0)
+SPHERES = {"diffuse": "matte", "silver": "silver", "mirror": "mirror"}
 ROW = 256
 SPHERE = 128
 GAP = 8
+CAPTION = 20
+BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
+Captioned = tuple[str, np.ndarray]
 
 
 def draw_preview(photo: Photo, light: Light) -> Float[np.ndarray, "H W 3"]:
-    """Display picture [H, W, 3] in [0, 1]: two rows, photo | its mask shown | spheres over three maps."""
+    """Display picture [H, W, 3] in [0, 1]: photo | its mask | spheres over the map at three exposures, with captions.
+
+    The spheres share one exposure, a whole or half EV at which the matte one does not clip, 0 at most.
+    """
     picture = _fit(photo.rgb, ROW)
-    shown = draw_overlay(picture, _fit(photo.mask, ROW))
-    spheres = sphere_images(light.radiance, SPHERE).values()
-    first = [picture, shown] + [_fit(response(sphere), ROW) for sphere in spheres]
-    maps = [_fit(response(light.radiance * 2.0**ev), ROW) for ev in EXPOSURES_EV]
-    rows = [_join(first), _join(maps)]
-    width = max(row.shape[1] for row in rows)
-    canvas = np.full((2 * ROW + 3 * GAP, width + 2 * GAP, 3), 0.08, dtype=np.float32)
+    first: list[Captioned] = [("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]
+    spheres = sphere_images(light.radiance, SPHERE)
+    ev = min(0.0, math.floor(-2 * math.log2(max(spheres["diffuse"].max(), 1e-6))) / 2)
+    for name, sphere in spheres.items():
+        first.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
+    maps = [(f"map, {_stops(ev)}", _fit(response(light.radiance * 2.0**ev), ROW)) for ev in EXPOSURES_EV]
+    return _captioned([first, maps])
+
+
+def _stops(ev: float) -> str:
+    return f"{ev:+g} EV" if ev else "0 EV"
+
+
+def _captioned(rows: list[list[Captioned]]) -> np.ndarray:
+    """Rows of pictures ROW high, each above its caption."""
+    font = ImageFont.load_default(14)
+    placed, widest = [], 0
     for index, row in enumerate(rows):
-        top = GAP + index * (ROW + GAP)
-        canvas[top : top + ROW, GAP : GAP + row.shape[1]] = row
-    return canvas
+        left = GAP
+        for caption, picture in row:
+            placed.append((left, GAP + index * (ROW + CAPTION + GAP), caption, picture))
+            left += max(picture.shape[1], round(font.getlength(caption))) + GAP
+        widest = max(widest, left)
+    canvas = Image.new("RGB", (widest, GAP + len(rows) * (ROW + CAPTION + GAP)), BACKGROUND)
+    for left, top, caption, picture in placed:
+        canvas.paste(Image.fromarray(to_bytes(picture)), (left, top))
+        ImageDraw.Draw(canvas).text((left, top + ROW + 2), caption, CAPTION_COLOR, font)
+    return np.asarray(canvas, np.float32) / 255
 
 
 def _fit(picture: np.ndarray, height: int) -> np.ndarray:
@@ -49,12 +75,6 @@ def _fit(picture: np.ndarray, height: int) -> np.ndarray:
     image = Image.fromarray(np.round(np.clip(picture, 0, 1) * 255).astype(np.uint8))
     resized = image.resize((min(width, 4 * height), height), Image.Resampling.BICUBIC)
     return np.asarray(resized, dtype=np.float32) / 255
-
-
-def _join(pictures: list[np.ndarray]) -> np.ndarray:
-    gap = np.full((ROW, GAP, 3), 0.08, dtype=np.float32)
-    parts = [part for picture in pictures for part in (gap, picture)][1:]
-    return np.concatenate(parts, axis=1)
 
 
 SUFFIXES = (".exr", ".hdr", ".json", ".png")

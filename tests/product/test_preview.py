@@ -1,0 +1,50 @@
+"""The preview that estimate writes: what is clipped, what the captions say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import anyprobe
+from anyprobe.estimate import outputs
+from anyprobe.estimate.outputs import GAP, ROW, draw_preview
+
+
+@pytest.fixture
+def captions(monkeypatch) -> list[str]:
+    """Captions in the order drawn."""
+    seen: list[str] = []
+    arrange = outputs._captioned
+
+    def listed(rows):
+        seen.extend(caption for row in rows for caption, _ in row)
+        return arrange(rows)
+
+    monkeypatch.setattr(outputs, "_captioned", listed)
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("radiance", "exposure"), [(0, "0 EV"), (0.2, "0 EV"), (0.9, "0 EV"), (1.1, "-0.5 EV"), (2.7, "-1.5 EV")]
+)
+def test_a_bright_light_clips_no_white_sphere(photo_path, captions, radiance, exposure):
+    photo = anyprobe.load_photo(photo_path)
+    light = anyprobe.Light(radiance=np.full((64, 128, 3), radiance, np.float32))
+    picture = draw_preview(photo, light)
+    assert captions[2:5] == [f"{sphere}, {exposure}" for sphere in ("matte", "silver", "mirror")]
+    assert captions[5:] == ["map, -2 EV", "map, 0 EV", "map, +2 EV"]
+    width = round(photo.rgb.shape[1] * ROW / photo.rgb.shape[0])
+    middle = GAP + 2 * (width + GAP) + ROW // 2
+    shown = picture[GAP + ROW // 2, middle]
+    assert (shown < 1).all()
+    assert (shown > 0.6).all() or radiance < 0.9
+
+
+def test_a_narrow_photo_keeps_its_captions_apart(photo_rgba, captions):
+    narrow = anyprobe.load_photo(np.tile(photo_rgba[:, 48:80], (4, 1, 1)))  # 21 pixels wide in the preview
+    light = anyprobe.Light(radiance=np.ones((64, 128, 3), np.float32))
+    whole = draw_preview(narrow, light)
+    assert whole.shape == (2 * (ROW + outputs.CAPTION + GAP) + GAP, 3 * (2 * ROW + GAP) + GAP, 3)
+    gap = whole[GAP + ROW + 1 : GAP + ROW + outputs.CAPTION]
+    lit = np.flatnonzero((gap > 0.5).any(axis=(0, 2)))
+    assert (np.diff(lit) >= GAP).sum() == 4  # between five captions
