@@ -21,6 +21,7 @@ from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, w
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
@@ -79,6 +80,8 @@ def test_command_writes_a_track_and_maps(command, work, made):
     assert [one["index"] for one in track["frames"]] == list(range(COUNT))
     np.testing.assert_allclose([one["time_s"] for one in track["frames"]], np.arange(COUNT) / FPS, atol=1e-3)
     assert track["size"] == list(SIZE)
+    assert (track["frame"], track["scale"]) == (FRAME, SCALE)  # not the inserted object's scale, which is a setting
+    assert track["settings"]["scale"] == 0.5
     last = track["frames"][-1]
     steady = read_radiance(work / "out" / "lights" / f"{COUNT - 1:06d}.exr")
     np.testing.assert_allclose(last["sh9"], project(steady), rtol=0.01, atol=0.01)
@@ -132,7 +135,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert f"expected {COUNT} poses, one a frame, got {COUNT - 1}" in command(*order).complaint
     (work / "poses.json").write_text(json.dumps(matrices))
     assert command(*order).status == 0
-    assert json.loads((work / "out" / "track.json").read_text())["poses"]
+    assert json.loads((work / "out" / "track.json").read_text())["settings"]["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
     assert "another poses" in command(*order).complaint
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
