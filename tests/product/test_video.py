@@ -283,12 +283,15 @@ def test_other_settings_are_refused(begin, tmp_path):
         (("--mask", "."), "no frame gave a light"),
         (("--mask", "absent"), "a mask file or folder, found none"),
         (("--insert", "bunni"), "sphere, vase"),
-        (("--insert-material", "glass", "--insert", "sphere"), "chrome, gold"),
+        (("--insert-material", "glass", "--insert", "sphere"), "--insert-material: expected one of chrome, gold"),
+        (("--insert-material", "gold"), "--insert-material: does nothing without --insert"),
+        (("--at", "500,50", "--insert", "sphere", "--mask", "MASKS"), "--at: expected a pixel of the photo"),
     ],
 )
 @pytest.mark.usefixtures("networks_opened_once")
 def test_bad_option_leaves_nothing(command, work, made, arguments, words):
-    assert words in command("video", made / "clip.mp4", "-o", "out", *arguments).complaint
+    arguments = [made / "masks" if one == "MASKS" else one for one in arguments]
+    assert words in command("video", made / "clip.mp4", "-o", "out", "-q", *arguments).complaint
     assert list(work.iterdir()) == []
 
 

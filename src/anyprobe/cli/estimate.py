@@ -64,14 +64,16 @@ def estimate(
         Path | None,
         typer.Option(help="JSON of the photos' camera rotations: several views of one object give one light."),
     ] = None,
-    size: Annotated[int, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.")] = 512,
+    size: Annotated[
+        int | None, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.  [default: 512]")
+    ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
     hints, material = taken.photo_hints() | {"fov_deg": taken.fov}, taken.given_material()
     listed = list_photos(photos)
-    estimator = by.estimator(size=size, **fine.settings())
+    estimator = by.estimator(**fine.settings(size))
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
     job = Job(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)

@@ -11,7 +11,8 @@ import glob
 import inspect
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -36,6 +37,18 @@ DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
+
+
+@contextmanager
+def said_as(**options: str) -> Iterator[None]:
+    """What the library says of an argument is said of the option that gives it: at="--at"."""
+    try:
+        yield
+    except InputError as error:
+        name, _, rest = str(error).partition(": ")
+        if name not in options:
+            raise
+        raise type(error)(f"{options[name]}: {rest}") from error
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -171,7 +184,8 @@ class ObjectOptions(MaskOptions):
         except ValueError:
             raise InputError(f"--albedo: expected numbers, got {self.albedo!r}; for instance --albedo 0.18") from None
         name = self.material or ("chrome" if self.metal else None)
-        return given_material(name, albedo, self.roughness)
+        with said_as(material="--material", albedo="--albedo", roughness="--roughness"):
+            return given_material(name, albedo, self.roughness)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -212,16 +226,24 @@ class DetailOptions:
         None
     )
 
-    def settings(self) -> dict[str, Any]:
-        """For Estimator."""
-        return {"detail": self.detail, "detail_library": self.detail_library}
+    def settings(self, size: int | None = None) -> dict[str, Any]:
+        """For Estimator; size: of --size. InputError for what does nothing without detail."""
+        from anyprobe.detail.plausible import check_detail
+
+        given = {"size": size, "detail_library": self.detail_library}
+        given = {name: value for name, value in given.items() if value is not None}
+        if given and not check_detail(self.detail):
+            option = f"--{next(iter(given)).replace('_', '-')}"
+            raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
+        return {"detail": self.detail, **given}
 
     def library(self) -> Library | None:
         """What detail is from; None where none is asked for."""
         from anyprobe.detail.library import open_library
         from anyprobe.detail.plausible import check_detail
 
-        return open_library(self.detail_library) if check_detail(self.detail) else None
+        given = self.settings()
+        return open_library(given.get("detail_library")) if check_detail(self.detail) else None
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
@@ -253,6 +275,14 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
 
 def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+
+def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
+    """InputError where the command line gives one of these parameters, which does nothing there; why: `beside --x`."""
+    for name in names:
+        if context.get_parameter_source(name).name == "COMMANDLINE":
+            option = next(one.opts[0] for one in context.command.params if one.name == name)
+            raise InputError(f"{option}: does nothing {why}; leave it out")
 
 
 def need_torch(what: str) -> None:

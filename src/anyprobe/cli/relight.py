@@ -22,12 +22,15 @@ from anyprobe.cli.options import (
     QuietOption,
     hints_for,
     pixels_of,
+    refuse_unused,
+    said_as,
     with_bundles,
 )
 from anyprobe.errors import OutputError
 
 if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
+    from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
 Renderer = Literal["auto", "own", "mitsuba"]
@@ -35,6 +38,13 @@ Renderer = Literal["auto", "own", "mitsuba"]
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 SHOWN_AFTER_S = 1.0
+OF_ESTIMATES = tuple(
+    "normals normals_from surroundings material metal roughness albedo emitters model engine threads detail "
+    "detail_library".split()
+)
+"""Parameters that an estimate alone depends on."""
+PLACED = {"at": "--at", "size": "--scale", "pitch_deg": "--pitch"}
+"""Options by the arguments of a place."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
 
@@ -55,9 +65,21 @@ class InsertOptions:
         """The pixel of --at; None where it is absent."""
         return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
 
+    def mesh(self, insert: str) -> Mesh:
+        """What --insert names; InputError where it, or its material, is none."""
+        from anyprobe.files.objects import open_object
+        from anyprobe.relight.insert import PHOTO_MATERIAL
+        from anyprobe.scatter.materials import material_named
+
+        with said_as(material="--insert-material", object="--insert"):
+            if self.insert_material != PHOTO_MATERIAL:
+                material_named(self.insert_material, PHOTO_MATERIAL)
+            return open_object(insert)
+
 
 @with_bundles
 def relight(
+    context: typer.Context,
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
     taken: ObjectOptions,
     by: ModelOptions,
@@ -85,15 +107,16 @@ def relight(
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
     from anyprobe.files.images import picture_bytes, write_png
-    from anyprobe.files.objects import open_object
-    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
-    from anyprobe.scatter.materials import material_named
+    from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
 
+    if light is not None:
+        refuse_unused(context, "beside --light", *OF_ESTIMATES)
+    if strip:
+        refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
     material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
     foot = placed.foot()
-    if material != PHOTO_MATERIAL:
-        material_named(material, PHOTO_MATERIAL)
+    mesh = placed.mesh(insert)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
     if out.suffix.lower() != ".png":
         raise OutputError(f"{out}: expected the name of a .png, got {out.suffix or 'no suffix'}")
@@ -101,15 +124,15 @@ def relight(
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
-    name, mesh = insert, open_object(insert)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
         taken = load_photo(photo, fov_deg=taken.fov, **hints)
     with progress("estimating the light", silent):
         radiance, gain = _radiance(taken, light, by, fine, given)
-    stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
+    with said_as(**PLACED, turn_deg="--turn"):
+        stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     names = STRIP if strip else (material,)
-    with progress(f"drawing the {name}", silent):
+    with progress(f"drawing the {insert}", silent):
         shown = picture_bytes(taken.rgb)
         pictures = [shown] if strip or before else []
         shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
@@ -123,7 +146,7 @@ def relight(
     summary = {
         "photo": str(photo),
         "picture": str(out),
-        "object": name,
+        "object": insert,
         "materials": list(names),
         "renderer": "mitsuba" if traced else "own",
         "foot_px": [round(float(v), 1) for v in spot],
@@ -140,7 +163,7 @@ def relight(
         print(json.dumps(summary))
     elif not quiet:
         print(
-            f"{out}: {name} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
+            f"{out}: {insert} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
             f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
             file=sys.stderr,
         )

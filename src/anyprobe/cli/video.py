@@ -14,8 +14,17 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import DetailOptions, JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
-from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer
+from anyprobe.cli.options import (
+    DetailOptions,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    refuse_unused,
+    said_as,
+    with_bundles,
+)
+from anyprobe.cli.relight import PLACED, SHAPES, InsertOptions, Renderer
 from anyprobe.errors import InputError
 
 LINE_S = 30
@@ -24,6 +33,7 @@ LINE_S = 30
 
 @with_bundles
 def video(
+    context: typer.Context,
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
     taken: ObjectOptions,
     by: ModelOptions,
@@ -50,15 +60,15 @@ def video(
     Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame, sorted by
     name (--normals may be sphere).
     """
-    from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
-    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, uses_mitsuba
-    from anyprobe.scatter.materials import material_named
+    from anyprobe.relight.insert import Arrangement, uses_mitsuba
     from anyprobe.video.clip import open_clip, upright_size
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
     from anyprobe.video.track import forget_run
 
+    if insert is None:
+        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "pitch", "renderer")
     out = out or clip.with_name(f"{clip.stem}_light")
     fov, name, object_material = taken.fov, insert, taken.given_material()
     material, size, pitch = placed.insert_material, placed.scale, placed.pitch
@@ -71,8 +81,7 @@ def video(
     foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
-    if material != PHOTO_MATERIAL:
-        material_named(material, PHOTO_MATERIAL)
+    mesh = None if name is None else placed.mesh(name)
     header = open_clip(clip)
     given_poses = None if poses is None else read_poses(poses)
     turned = None if given_poses is None else given_poses.in_order()
@@ -81,10 +90,10 @@ def video(
     if given_poses is not None and fov is None:
         fov = given_poses.clip_fov_deg(*upright_size(header))
     virtual = None
-    if name is not None:
+    if mesh is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
-        virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
+        virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
     every_frame = {"fov_deg": fov, "near": hints["near"], "far": hints["far"]} | (
         {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
     )
@@ -131,7 +140,8 @@ def video(
     if begun:
         talk.print(f"{out}: resumes at frame {begun}")
     try:
-        outcome = _watched(run, header.num_frames or None, begun, talk)
+        with said_as(**PLACED):
+            outcome = _watched(run, header.num_frames or None, begun, talk)
     except KeyboardInterrupt:
         talk.print(f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
         raise
