@@ -192,7 +192,7 @@ def test_emitters_are_drawn_or_spread(work, command, photo_path):
 
 def test_folder_without_photos(work, command):
     (work / "empty").mkdir()
-    assert "expected a folder with photos" in command("estimate", "empty").complaint
+    assert "empty: no photos in this folder" in command("estimate", "empty").complaint
 
 
 def test_box_cuts_the_object_out(work, command, photo_rgba):

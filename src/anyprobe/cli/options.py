@@ -21,7 +21,8 @@ import typer
 
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
-from anyprobe.files.paths import visible_files
+from anyprobe.files.exr import HEADER_BYTES, parse_header
+from anyprobe.files.paths import open_regular, visible_files
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -315,20 +316,32 @@ def hints_for(photo: Path, hints: dict[str, Any]) -> dict[str, Any]:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in natural order, without hidden files
-    and what `anyprobe mask` wrote: NAME_mask and NAME_overlay."""
+    """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
+    what anyprobe wrote beside NAME: NAME_mask, NAME_overlay and NAME_relit."""
     chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
             chosen.append(path)
             continue
         found = visible_files(path, PHOTO_SUFFIXES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay")}
-        found = [p for p in found if p.stem not in written]
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")}
+        found = [p for p in found if p.stem not in written and not _is_map(p)]
         if not found:
-            raise InputError(f"{path}: expected a folder with photos, found none; check the path")
+            raise InputError(f"{path}: no photos in this folder; check the path")
         chosen += found
     return list(dict.fromkeys(chosen))
+
+
+def _is_map(path: Path) -> bool:
+    """Whether a file is an .exr twice as wide as high, as environment maps are; nothing is decoded."""
+    if path.suffix.lower() != ".exr":
+        return False
+    try:
+        with open_regular(path, InputError) as stream:
+            low, high = parse_header(stream.read(HEADER_BYTES)).display
+    except ValueError:  # what reads it says why
+        return False
+    return bool(high[0] - low[0] == 2 * (high[1] - low[1]))
 
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
