@@ -249,7 +249,9 @@ def test_output_folder_that_cannot_be_written(work, command, folder):
     save_sphere("vase.png")
     (work / "file").write_text("a file")
     before = snapshot(work)
-    assert folder in command("estimate", "vase.png", "-o", folder).complaint
+    said = {"file": "file: is a", "file/deeper": "file/deeper: file is a"}.get(folder)
+    said = f"{said} file, not a folder; choose another with -o" if said else f"{folder}: cannot be written ("
+    assert said in command("estimate", "vase.png", "-o", folder).complaint
     assert snapshot(work) == before
 
 

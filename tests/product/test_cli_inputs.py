@@ -87,7 +87,7 @@ def test_unusable_photo(work, command, photo_rgba, mask_path, kind, words):
 
 
 def test_photo_that_is_not_there(work, command):
-    assert "no such file" in command("estimate", "gone.png", "-o", "out").complaint
+    assert "anyprobe: gone.png: no such file; check the path" in command("estimate", "gone.png", "-o", "out").complaint
     assert list(work.iterdir()) == []
 
 
@@ -123,7 +123,7 @@ def test_unusable_mask(work, command, photo_path, photo_mask, kind):
         "other size": "127 x 96",
         "under 24 px": "24 pixels",
         "no image": "expected an image",
-        "gone": "found none",
+        "gone": "--mask mask.png: no such file or folder; check the path",
         "cut": "damaged",
     }[kind]
     assert word in complaint

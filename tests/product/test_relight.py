@@ -403,7 +403,7 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
     ("arguments", "words"),
     [
         (("--insert", "bunni"), ("anyprobe: --insert: expected", "sphere, vase", "'bunni'")),
-        (("--insert", "absent.glb"), ("mesh file", "no such file")),
+        (("--insert", "absent.glb"), ("absent.glb: no such file; check the path",)),
         (("--insert-material", "glass"), ("anyprobe: --insert-material: expected", "chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),

@@ -281,7 +281,7 @@ def test_other_settings_are_refused(begin, tmp_path):
         (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
         (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
         (("--mask", "."), "no frame gave a light"),
-        (("--mask", "absent"), "a mask file or folder, found none"),
+        (("--mask", "absent"), "anyprobe: --mask absent: no such file or folder; check the path"),
         (("--insert", "bunni"), "sphere, vase"),
         (("--insert-material", "glass", "--insert", "sphere"), "--insert-material: expected one of chrome, gold"),
         (("--insert-material", "gold"), "--insert-material: does nothing without --insert"),
@@ -378,8 +378,8 @@ def test_cut_file_gives_what_it_holds(made, tmp_path):
     ("name", "content", "words"),
     [
         ("absent.mp4", None, "no such file"),
-        ("text.mp4", b"not a video at all" * 50, "FFmpeg can read"),
-        ("empty.mp4", b"", "FFmpeg can read"),
+        ("text.mp4", b"not a video at all" * 50, "FFmpeg cannot read"),
+        ("empty.mp4", b"", "FFmpeg cannot read"),
     ],
 )
 def test_file_that_is_no_video_is_refused(command, work, name, content, words):

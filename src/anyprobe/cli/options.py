@@ -97,9 +97,9 @@ class MaskOptions:
         if self.depth is None and (self.near is not None or self.far is not None):
             option = "--far" if self.near is None else "--near"
             raise InputError(f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it")
-        for path, what in ((mask, "a mask file"), (self.depth, "a depth image")):
+        for option, path in (("--mask", mask), ("--depth", self.depth)):
             if path is not None and not path.exists():
-                raise InvalidMask(f"{path}: expected {what} or folder, found none; check the path")
+                raise InvalidMask(f"{option} {path}: no such file or folder; check the path")
         points = {"click": ("--click", self.click, "120,90"), "click_off": ("--not", self.click_off, "20,90")}
         return {
             "mask": mask,

@@ -119,7 +119,7 @@ def relight(
     mesh = placed.mesh(insert)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
     if out.suffix.lower() != ".png":
-        raise OutputError(f"{out}: expected the name of a .png, got {out.suffix or 'no suffix'}")
+        raise OutputError(f"{out}: the picture is a PNG; choose a name that ends in .png")
     inputs = (photo, light, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")

@@ -100,7 +100,7 @@ def weights(
     """Export a trained run as ONNX and check it against torch."""
     _refuse_mask(run)
     if data is not None and mean_map is None:
-        raise InputError(f"--data {data}: expected --mean-map, which reads it, got none; leave it out")
+        raise InputError(f"--data {data}: does nothing without --mean-map; leave it out")
     need_torch("training")
     from anyprobe.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
     from anyprobe.train.config import RUNS as NAMED
