@@ -18,6 +18,7 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
 
+from anyprobe.cli import video as video_command
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
@@ -270,6 +271,16 @@ def test_other_settings_are_refused(begin, tmp_path):
         begin(tmp_path, size=0.9)
 
 
+@pytest.mark.usefixtures("networks_opened_once")
+def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypatch):
+    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--restart")
+    lines = command(*order).err.splitlines()
+    assert lines[0] == f"frame 1 of {COUNT}"
+    assert len(lines) < COUNT
+    monkeypatch.setattr(video_command, "LINE_S", 0)
+    assert command(*order).err.splitlines()[:COUNT] == [f"frame {i + 1} of {COUNT}" for i in range(COUNT)]
+
+
 # What is refused
 
 
@@ -378,11 +389,14 @@ def test_cut_file_gives_what_it_holds(made, tmp_path):
     ("name", "content", "words"),
     [
         ("absent.mp4", None, "no such file"),
+        *((f"still.{kind}", None, "is a still picture, not a video") for kind in ("png", "jpg", "webp", "tif", "bmp")),
         ("text.mp4", b"not a video at all" * 50, "FFmpeg cannot read"),
         ("empty.mp4", b"", "FFmpeg cannot read"),
     ],
 )
 def test_file_that_is_no_video_is_refused(command, work, name, content, words):
+    if content is None and name.startswith("still"):
+        Image.fromarray(sphere_frame(made_map())).save(name)
     if content is not None:
         (work / name).write_bytes(content)
     assert words in command("video", name, "-o", "out").complaint

@@ -179,12 +179,12 @@ def _line(path: Path, error: AnyprobeError) -> str:
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
-    """A table of all photos; warnings below it."""
-    photo, result = (Column(title, overflow="fold") for title in ("photo", "result"))
-    table = Table(photo, "dominant light", "brightness", "seconds", result, box=None, pad_edge=False)
+    """A table of all photos, and where their results are; warnings below it."""
+    photo = Column("photo", overflow="fold")
+    table = Table(photo, "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
         if one.error:
-            table.add_row(str(one.photo), "", "", "", "failed")
+            table.add_row(str(one.photo), "failed")
             continue
         x, y, z = one.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
@@ -195,9 +195,12 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             where,
             "" if one.level_stops is None else f"± {one.level_stops:.1f} stops",
             f"{one.seconds:.2f}",
-            str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}",
         )
     talk.print(table)
+    written = [stem_of(one.photo) for one in done if not one.error]
+    if written:  # on a line of its own, which a narrow terminal does not cut into pieces
+        name = written[0] if len(written) == 1 else "<stem>"
+        talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
     for one in done:
         for warning in one.warnings:
             talk.print(f"warning: {warning}", soft_wrap=True)

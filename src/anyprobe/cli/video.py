@@ -24,10 +24,10 @@ from anyprobe.cli.options import (
     said_as,
     with_bundles,
 )
-from anyprobe.cli.relight import PLACED, SHAPES, InsertOptions, Renderer
+from anyprobe.cli.relight import PLACED, SHAPES, InsertOptions, Renderer, progress
 from anyprobe.errors import InputError
 
-LINE_S = 30
+LINE_S = 5
 """Between two lines of progress where there is no terminal."""
 
 
@@ -98,7 +98,8 @@ def video(
         {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
     )
     follower = MaskFollower(folders, given, every_frame, surroundings)
-    estimator, library = by.estimator(), fine.library()
+    with progress("opening the model", quiet):
+        estimator, library = by.estimator(), fine.library()
     settings = {
         "clip": clip.name,
         "clip_bytes": clip.stat().st_size,
@@ -168,15 +169,15 @@ def video(
 
 
 def _watched(run, total: int | None, begun: int, talk: Console):
-    """A bar on a terminal, else a line now and then."""
-    said = time.monotonic()
+    """A bar on a terminal, else a line for the first frame and every LINE_S."""
+    said = -LINE_S
     with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
         task = bar.add_task("frames", total=total, completed=begun)
 
         def watch(done: int) -> None:
             nonlocal said
             bar.update(task, completed=done)
-            if not talk.is_terminal and time.monotonic() - said > LINE_S:
+            if not talk.is_terminal and time.monotonic() - said >= LINE_S:
                 said = time.monotonic()
                 talk.print(f"frame {done}" + (f" of {total}" if total else ""))
 

@@ -63,6 +63,8 @@ def open_clip(path: Path) -> Clip:
         raise InputError(f"{path}: {found}; check the path")
     try:
         with _open(path) as container:
+            if container.format.name == "image2" or container.format.name.endswith("_pipe"):
+                raise InputError(f"{path}: is a still picture, not a video; anyprobe estimate and relight take it")
             if not container.streams.video:
                 raise InputError(f"{path}: a file without pictures, not a video; check the path")
             stream = container.streams.video[0]
