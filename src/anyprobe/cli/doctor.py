@@ -7,7 +7,6 @@ import importlib.metadata
 import platform
 import re
 import time
-from collections.abc import Iterable
 from typing import Annotated
 
 import numpy as np
@@ -19,11 +18,8 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 
-def doctor(model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL) -> None:
-    """Check the installation.
-
-    Prints versions, providers and model hashes, and estimates the light of a drawn sphere; OK at the end.
-    """
+def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL) -> None:
+    """Check the installation. Prints versions and model hashes, and estimates the light of a drawn sphere."""
     import onnxruntime
 
     from anyprobe.estimate.runtime import file_hashes
@@ -63,7 +59,7 @@ def lowest_versions() -> dict[str, dict[str, str]]:
     return found
 
 
-def _installed(extra: str, packages: Iterable[str]) -> str:
+def _installed(extra: str, packages: dict[str, str]) -> str:
     """One line: the packages of an extra with their versions, and what is missing."""
     versions: dict[str, str] = {}
     for package in packages:
@@ -72,8 +68,7 @@ def _installed(extra: str, packages: Iterable[str]) -> str:
     missing = ", ".join(package for package in packages if package not in versions)
     line = ", ".join(f"{package} {version}" for package, version in versions.items())
     if missing:
-        advice = f"from a clone: pip install '.[{extra}]'" if extra else "reinstall anyprobe"
-        line += f"{'; ' if line else ''}missing {missing}; {advice}"
+        line += f"{'; ' if line else ''}missing {missing}; from a clone: pip install '.[{extra}]'"
     return f"{extra or 'packages'}: {line}"
 
 

@@ -62,15 +62,13 @@ def estimate(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
-        typer.Option(help="JSON of the photos' camera rotations: several views of one object give one light."),
+        typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
     ] = None,
-    size: Annotated[
-        int | None, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.  [default: 512]")
-    ] = None,
+    size: Annotated[int | None, typer.Option(help="Rows of a map with detail, 64 to 512; default: 512.")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
+    """Estimate the environment map around an object. Writes <stem>.exr, .hdr, .json and .png per photo."""
     hints, material = taken.photo_hints() | {"fov_deg": taken.fov}, taken.given_material()
     listed = list_photos(photos)
     estimator = by.estimator(**fine.settings(size))

@@ -36,7 +36,7 @@ PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".g
 PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
@@ -64,21 +64,21 @@ class MaskOptions:
     ] = None
     box: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")] = None
     depth: Annotated[
-        Path | None, typer.Option(help="Depth image of the same view; or a folder of them named like the photos.")
+        Path | None, typer.Option(help="Depth image of the same view; or a folder of them, named like the photos.")
     ] = None
     near: Annotated[
-        float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
+        float | None, typer.Option(help="Near clipping depth, in the depth image's own unit (often mm).")
     ] = None
-    far: Annotated[float | None, typer.Option(help="Cut the depth image up to here.")] = None
+    far: Annotated[float | None, typer.Option(help="Far clipping depth, in the same unit.")] = None
     segmenter: Annotated[
         str | None,
         typer.Option(
             metavar="NAME[:ARGUMENT]",
-            help="What finds the object instead of the built-in network: rembg[:MODEL], sam:FOLDER, or a plug-in.",
+            help="Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
         ),
     ] = None
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 2 where a result has a warning; it is written all the same.")
+        bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is written all the same.")
     ] = False
 
     def hints(self, mask: Path | None = None) -> dict[str, Any]:
@@ -120,31 +120,31 @@ class ObjectOptions(MaskOptions):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
     mask: Annotated[
-        Path | None, typer.Option(help="Mask image, white = object; or a folder of masks named like the photos.")
+        Path | None, typer.Option(help="Mask image, white = object; or a folder of masks, named like the photos.")
     ] = None
-    fov: Annotated[float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")] = None
+    fov: Annotated[float | None, typer.Option(help="Field of view of the longer side, degrees; default: EXIF.")] = None
     normals: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|sphere",
-            help="The object's normals: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, +Y up, "
-            "+Z to the camera; a folder of them named like the photos; or sphere, if the object is one.",
+            help="The object's normal map: (n + 1) / 2 in a picture, or .exr or .npy, of the photo's size; +X right, "
+            "+Y up, +Z toward the camera; a folder of them, named like the photos; or sphere, if the object is one.",
         ),
     ] = None
     normals_from: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.onnx",
-            help="Estimate the normals by this graph, which FILE.json beside it describes (docs/inputs.md).",
+            help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
     material: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="The object's material: chrome, gold, plastic or matte (albedo 0.6)."),
     ] = None
-    metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
+    metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal; default: chrome.")] = False
     roughness: Annotated[
-        float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF, 0.1 to 1: alpha's root.")
+        float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF: the square root of GGX alpha.")
     ] = None
     albedo: Annotated[
         str | None,
@@ -154,7 +154,7 @@ class ObjectOptions(MaskOptions):
         str | None,
         typer.Option(
             metavar="photo|FILE",
-            help="What is seen of the environment: photo, to use the photo's background; or a panorama in the "
+            help="What is known of the surroundings: photo, to use the photo's background; or a panorama in the "
             "camera's frame, transparent where unknown.",
         ),
     ] = None
@@ -198,12 +198,12 @@ class ModelOptions:
         typer.Option(
             metavar="mode|expected",
             help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
-            "the mean over all positions, soft, and truer on matte objects.",
+            "the mean over all positions, with soft shadows and a smaller error on matte objects.",
         ),
     ] = MODE
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL
-    engine: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")] = None
+    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL
+    engine: Annotated[str, typer.Option(metavar="NAME", help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; default: its choice.")] = None
 
     def estimator(self, **more: Any) -> Estimator:
         """Opened by these options."""
@@ -220,12 +220,12 @@ class DetailOptions:
         str,
         typer.Option(
             metavar="none|plausible",
-            help="plausible: the structure of a real-looking place under the estimated light, for sharp reflections.",
+            help="plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
         ),
     ] = "none"
-    detail_library: Annotated[Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")] = (
-        None
-    )
+    detail_library: Annotated[
+        Path | None, typer.Option(help="Folder of .exr and .hdr maps to take it from; default: the built-in library.")
+    ] = None
 
     def settings(self, size: int | None = None) -> dict[str, Any]:
         """For Estimator; size: of --size. InputError for what does nothing without detail."""
@@ -233,7 +233,7 @@ class DetailOptions:
 
         given = {"size": size, "detail_library": self.detail_library}
         given = {name: value for name, value in given.items() if value is not None}
-        if given and not check_detail(self.detail):
+        if not check_detail(self.detail) and given:
             option = f"--{next(iter(given)).replace('_', '-')}"
             raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
         return {"detail": self.detail, **given}
@@ -241,10 +241,8 @@ class DetailOptions:
     def library(self) -> Library | None:
         """What detail is from; None where none is asked for."""
         from anyprobe.detail.library import open_library
-        from anyprobe.detail.plausible import check_detail
 
-        given = self.settings()
-        return open_library(given.get("detail_library")) if check_detail(self.detail) else None
+        return None if self.settings()["detail"] == "none" else open_library(self.detail_library)
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
@@ -325,7 +323,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
             continue
         found = visible_files(path, PHOTO_SUFFIXES)
         written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")}
-        found = [p for p in found if p.stem not in written and not _is_map(p)]
+        found = [p for p in found if p.stem not in written and not (p.suffix.lower() == ".exr" and _is_map(p))]
         if not found:
             raise InputError(f"{path}: no photos in this folder; check the path")
         chosen += found
@@ -333,9 +331,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
 
 
 def _is_map(path: Path) -> bool:
-    """Whether a file is an .exr twice as wide as high, as environment maps are; nothing is decoded."""
-    if path.suffix.lower() != ".exr":
-        return False
+    """Whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
     try:
         with open_regular(path, InputError) as stream:
             low, high = parse_header(stream.read(HEADER_BYTES)).display

@@ -14,17 +14,8 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import (
-    DetailOptions,
-    JsonOption,
-    ModelOptions,
-    ObjectOptions,
-    QuietOption,
-    refuse_unused,
-    said_as,
-    with_bundles,
-)
-from anyprobe.cli.relight import PLACED, SHAPES, InsertOptions, Renderer, progress
+from anyprobe.cli.options import DetailOptions, JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
+from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError
 
 LINE_S = 5
@@ -40,25 +31,25 @@ def video(
     fine: DetailOptions,
     placed: InsertOptions,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the results; else <stem>_light beside the clip.")
+        Path | None, typer.Option("-o", "--out", help="Folder for the results; default: <stem>_light beside the clip.")
     ] = None,
     insert: Annotated[
         str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
-    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = "own",
-    every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
+    renderer: Annotated[Renderer, typer.Option(help="Renderer of the object, as in relight.")] = "own",
+    every: Annotated[int, typer.Option(min=1, metavar="N", help="Estimate a light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
     poses: Annotated[
-        Path | None, typer.Option(help="JSON of the camera's rotation in each frame; see docs/video.md.")
+        Path | None, typer.Option(help="JSON with the camera's rotation in each frame; see docs/video.md.")
     ] = None,
-    restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="Restart, discarding earlier progress.")] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Follow the light through a clip: track.json, and relit.mp4 with --insert; resumes.
+    """Estimate the light in every frame of a clip.
 
-    Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame, sorted by
-    name (--normals may be sphere).
+    Writes track.json, and relit.mp4 with --insert; an interrupted run resumes. Clicks and box are of the first frame;
+    --mask, --depth and --normals are folders of one file a frame, sorted by name (--normals may be sphere).
     """
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
@@ -68,7 +59,7 @@ def video(
     from anyprobe.video.track import forget_run
 
     if insert is None:
-        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "pitch", "renderer")
+        placed.refuse(context)
     out = out or clip.with_name(f"{clip.stem}_light")
     fov, name, object_material = taken.fov, insert, taken.given_material()
     material, size, pitch = placed.insert_material, placed.scale, placed.pitch
@@ -141,8 +132,7 @@ def video(
     if begun:
         talk.print(f"{out}: resumes at frame {begun}")
     try:
-        with said_as(**PLACED):
-            outcome = _watched(run, header.num_frames or None, begun, talk)
+        outcome = _watched(run, header.num_frames or None, begun, talk)
     except KeyboardInterrupt:
         talk.print(f"anyprobe: stopped; resume with {shlex.join(['anyprobe', *sys.argv[1:]])}", soft_wrap=True)
         raise
@@ -168,6 +158,7 @@ def video(
     talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
 
 
+@placing
 def _watched(run, total: int | None, begun: int, talk: Console):
     """A bar on a terminal, else a line for the first frame and every LINE_S."""
     said = -LINE_S

@@ -105,10 +105,7 @@ def place_beside(
     if at is not None:
         foot = view.on_ground(*at)
         if not np.isfinite(foot).all():
-            raise InputError(
-                f"at: expected a point of the ground, got {at[0]:g},{at[1]:g} above the horizon; "
-                "point lower, or give the camera's pitch"
-            )
+            raise InputError(f"at: {at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down")
         return _standing(unit, upright, foot, height, pitch_deg)
     turned = unit.positions @ upright.T
 
