@@ -142,7 +142,7 @@ class ObjectOptions(MaskOptions):
         str | None,
         typer.Option(metavar="NAME", help="The object's material: chrome, gold, plastic or matte (albedo 0.6)."),
     ] = None
-    metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal; default: chrome.")] = False
+    metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
     roughness: Annotated[
         float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF: the square root of GGX alpha.")
     ] = None
@@ -231,8 +231,7 @@ class DetailOptions:
         """For Estimator; size: of --size. InputError for what does nothing without detail."""
         from anyprobe.detail.plausible import check_detail
 
-        given = {"size": size, "detail_library": self.detail_library}
-        given = {name: value for name, value in given.items() if value is not None}
+        given = {name: it for name, it in (("size", size), ("detail_library", self.detail_library)) if it is not None}
         if not check_detail(self.detail) and given:
             option = f"--{next(iter(given)).replace('_', '-')}"
             raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")

@@ -55,10 +55,12 @@ class InsertOptions:
     insert_material: Annotated[
         str, typer.Option("--insert-material", help="chrome, gold, plastic, matte, or photo: like the real object.")
     ] = "chrome"
-    at: Annotated[str | None, typer.Option(metavar="X,Y", help="Ground contact; default: beside the object.")] = None
+    at: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Its ground contact point, in pixels; default: beside the object.")
+    ] = None
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
     pitch: Annotated[
-        float | None, typer.Option(help="Camera pitch, degrees downwards; default: level, or as its base requires.")
+        float | None, typer.Option(help="Camera pitch, degrees downwards; default: level, or as the object requires.")
     ] = None
 
     def foot(self) -> tuple[float, ...] | None:
@@ -119,8 +121,7 @@ def relight(
         refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
     material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
-    foot = placed.foot()
-    mesh = placed.mesh(insert)
+    foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
     if out.suffix.lower() != ".png":
         raise OutputError(f"{out}: the picture is a PNG; choose a name that ends in .png")
