@@ -10,7 +10,7 @@ AnyprobeError
   + ModelError                      weights absent, damaged or of another contract
   + MissingExtra (ImportError)      an optional package is not installed
 
-Each message is one line: what was expected, what came, what to do.
+Each message is one line: what is wrong and what to do; of a value, what was expected and what came.
 """
 
 
@@ -50,4 +50,4 @@ class MissingExtra(AnyprobeError, ImportError):
     """An optional dependency is absent; the message names the extra."""
 
     def __init__(self, package: str, extra: str, purpose: str) -> None:
-        super().__init__(f"{purpose} needs the package {package}: pip install 'anyprobe[{extra}]'")
+        super().__init__(f"{purpose} needs the package {package}; from a clone: pip install '.[{extra}]'")

@@ -154,7 +154,7 @@ BAD_MAPS = {
 def test_bad_maps_are_listed_and_the_others_go_on(mixed_maps):
     names, lines = listed(load_maps, mixed_maps)
     assert names == ["a", "z"]
-    assert "got a folder" in lines.pop(str(mixed_maps / "folder.exr"))
+    assert "is a folder, not a radiance map" in lines.pop(str(mixed_maps / "folder.exr"))
     assert set(lines) == set(BAD_MAPS)
     for name, word in BAD_MAPS.items():
         assert word in lines[name]

@@ -294,5 +294,5 @@ def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):
 def test_runs_below_a_plain_file_are_one_clear_line(tmp_path):
     (tmp_path / "file").touch()
     for begin in (lambda runs: train(paper(), data=None, runs=runs), lambda runs: run_folder(runs, "mask")):
-        with pytest.raises(OutputError, match="expected a folder that can be written, got Not a directory"):
+        with pytest.raises(OutputError, match="file is a file, not a folder; choose another folder"):
             begin(tmp_path / "file" / "runs")

@@ -60,14 +60,14 @@ def test_failure_half_way_through_the_moves_is_undone(tmp_path, monkeypatch):
 
 def test_folder_in_the_way(tmp_path):
     (tmp_path / "a.txt").mkdir()
-    with pytest.raises(OutputError, match="got a folder"):
+    with pytest.raises(OutputError, match="a.txt: is a folder, not a file to replace"):
         write_new(tmp_path, "a")
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
 
 
 def test_file_where_the_folder_should_be(tmp_path):
     (tmp_path / "taken").write_text("")
-    with pytest.raises(OutputError, match="expected a folder"):
+    with pytest.raises(OutputError, match="taken: is a file, not a folder; choose another with -o"):
         write_new(tmp_path / "taken", "a")
 
 

@@ -132,7 +132,7 @@ def test_normals_in_small_portions_are_the_same(monkeypatch):
 def test_no_mesh_there(tmp_path):
     assert "no such file" in refusal(tmp_path / "gone.ply")
     (tmp_path / "folder.ply").mkdir()
-    assert "got a folder" in refusal(tmp_path / "folder.ply")
+    assert "is a folder, not a mesh file" in refusal(tmp_path / "folder.ply")
 
 
 @pytest.mark.parametrize("name", ["a.fbx", "a", "a.ply.txt", "a.png"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
 import signal
@@ -14,10 +15,12 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from rich.console import Console
 from support.folders import names, snapshot
 from support.scenes import sphere_photo
 
 import anyprobe
+from anyprobe.cli.estimate import Done, _report
 from anyprobe.files import atomic
 from anyprobe.files.radiance import read_radiance
 
@@ -137,10 +140,19 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
     assert "dominant light" in table[0]
     assert [row.split()[0] for row in table[1:4]] == ["first.png", "second.png", "third.png"]
     assert "failed" in table[2]
-    assert "out/third" in table[3]
-    assert [line for line in table if line.startswith("anyprobe: ")] == table[4:]
-    assert len(table) == 5
-    assert "second.png" in table[4]
+    assert table[4] == "results: out/<stem>.{exr,hdr,json,png}"
+    assert [line for line in table if line.startswith("anyprobe: ")] == table[5:]
+    assert len(table) == 6
+    assert "second.png" in table[5]
+
+
+def test_where_the_results_are_is_one_line_on_any_terminal(work):
+    out = Path("a/rather/deep/folder/for the results of a photo")
+    narrow = Console(file=io.StringIO(), width=60)
+    _report([Done(photo=Path("vase.png"), direction=np.array([0, 1, 0]), level_stops=0.7)], narrow, out)
+    shown = narrow.file.getvalue()
+    assert f"results: {out}/vase.{{exr,hdr,json,png}}" in shown.splitlines()
+    assert "uncertainty" in shown
 
 
 def test_folders_and_files_together(work, command):
@@ -249,7 +261,9 @@ def test_output_folder_that_cannot_be_written(work, command, folder):
     save_sphere("vase.png")
     (work / "file").write_text("a file")
     before = snapshot(work)
-    assert folder in command("estimate", "vase.png", "-o", folder).complaint
+    said = {"file": "file: is a", "file/deeper": "file/deeper: file is a"}.get(folder)
+    said = f"{said} file, not a folder; choose another with -o" if said else f"{folder}: cannot be written ("
+    assert said in command("estimate", "vase.png", "-o", folder).complaint
     assert snapshot(work) == before
 
 

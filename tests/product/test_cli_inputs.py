@@ -87,7 +87,7 @@ def test_unusable_photo(work, command, photo_rgba, mask_path, kind, words):
 
 
 def test_photo_that_is_not_there(work, command):
-    assert "no such file" in command("estimate", "gone.png", "-o", "out").complaint
+    assert "anyprobe: gone.png: no such file; check the path" in command("estimate", "gone.png", "-o", "out").complaint
     assert list(work.iterdir()) == []
 
 
@@ -123,7 +123,7 @@ def test_unusable_mask(work, command, photo_path, photo_mask, kind):
         "other size": "127 x 96",
         "under 24 px": "24 pixels",
         "no image": "expected an image",
-        "gone": "found none",
+        "gone": "--mask mask.png: no such file or folder; check the path",
         "cut": "damaged",
     }[kind]
     assert word in complaint
@@ -166,6 +166,11 @@ def test_an_error_of_a_mask_names_the_photo_it_is_of(work, command, photo_rgba, 
         (("--exclude", "20,10", "--mask", "photos/sphere.png"), "--exclude: expected --click, --box or neither"),
         (("--near", "0", "--mask", "photos/sphere.png"), "--near: expected --depth"),
         (("--far", "3"), "--far: expected --depth"),
+        (("--size", "256"), "--size: does nothing without --detail plausible"),
+        (("--detail-library", "photos"), "--detail-library: does nothing without --detail plausible"),
+        (("--size", "256", "--detail", "sharp"), "expected one of none, plausible"),
+        (("--material", "wood"), "--material: expected one of chrome"),
+        (("--albedo", "7"), "--albedo: expected one number"),
         (("--emitters", "bright"), "emitters 'bright': expected one of mode, expected"),
         (("--emitters", "expected", "--model", "paper"), "got paper; use lift"),
     ],
@@ -187,7 +192,7 @@ def test_emitters_are_drawn_or_spread(work, command, photo_path):
 
 def test_folder_without_photos(work, command):
     (work / "empty").mkdir()
-    assert "expected a folder with photos" in command("estimate", "empty").complaint
+    assert "empty: no photos in this folder" in command("estimate", "empty").complaint
 
 
 def test_box_cuts_the_object_out(work, command, photo_rgba):

@@ -21,10 +21,10 @@ TEST_ASSETS = ("--hdri", "h", "--meshes", "m")
         (("train", "lift", "--device", "gpu"), "--device gpu: expected one of cpu, cuda"),
         (("train", "lift", "--steps", "9", "--dry-run", "2"), "--steps 9: expected it or --dry-run"),
         (("train", "mask"), "in a clone, with python -m research.mask_network"),
-        (("train", "lift", "--init-weights", "none.pt"), "none.pt: expected weights of this run"),
-        (("weights", "o", "lift", "--data", "d"), "--data d: expected --mean-map"),
+        (("train", "lift", "--init-weights", "none.pt"), "none.pt: no such file"),
+        (("weights", "o", "lift", "--data", "d"), "--data d: does nothing without --mean-map"),
         (("weights", "o", "mask"), "in a clone, with python -m research.mask_network"),
-        (("weights", "o", "lift", "--mean-map", "m.exr"), "checkpoint, found none; train first"),
+        (("weights", "o", "lift", "--mean-map", "m.exr"), "no such checkpoint; train first"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--seed", "5"), "--seed 5: expected pairs that are drawn"),
         (("evaluate", *TEST_ASSETS, "--frozen", "--pairs", "2000"), "--pairs 2000: expected at most the 1000"),
     ],
@@ -37,7 +37,7 @@ def test_what_is_refused_is_one_line(work, command, arguments, words):
 
 def test_a_gpu_that_is_not_there_is_one_line(work, command, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert "--device cuda: expected a GPU" in command("train", "lift", "--device", "cuda").complaint
+    assert "--device cuda: no GPU" in command("train", "lift", "--device", "cuda").complaint
     assert not list(work.iterdir())
 
 

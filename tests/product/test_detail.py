@@ -220,7 +220,7 @@ def test_our_own_library_is_whole_small_and_free_of_dates(library):
     [
         ({"rows": 100}, InputError, "expected one of 64, 128, 256, 512"),
         ({"seed": -1}, InputError, "seed: expected 0 or more"),
-        ({"library": "nowhere"}, InputError, "nowhere: expected a folder"),
+        ({"library": "nowhere"}, InputError, "nowhere: no such folder"),
         ({"radiance": np.zeros((32, 64, 3))}, InputError, "at least 64 rows"),
         ({"radiance": np.full((64, 128, 3), np.nan)}, InvalidEnvironment, "finite"),
     ],
@@ -234,7 +234,7 @@ def test_what_cannot_be_done_is_said_in_a_line(library, estimate, change, error,
 
 def test_a_folder_without_maps_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    with pytest.raises(InputError, match="expected .exr or .hdr maps, found none"):
+    with pytest.raises(InputError, match="no .exr or .hdr maps in this folder; check the path"):
         open_library(tmp_path)
 
 

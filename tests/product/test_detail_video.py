@@ -160,7 +160,7 @@ def test_command_takes_detail_and_its_library(command, work, made):
     options = ("-o", "out", "--mask", made / "masks", "--every", "4", "--exr", "-q")
     assert command("video", made / "clip.mp4", *options, "--detail", "plausible").status == 0
     track = json.loads((work / "out" / "track.json").read_text())
-    assert track["detail"] == open_library().digest()
+    assert track["settings"]["detail"] == open_library().digest()
     assert all("detail" in one for one in track["frames"] if "held" in one)
     assert "another detail" in command("video", made / "clip.mp4", *options).complaint
     assert (

@@ -46,7 +46,7 @@ def test_bfloat16_says_nearly_the_same(crops):
 
 def test_absent_engine_names_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "openvino", None)
-    with pytest.raises(MissingExtra, match=r"anyprobe\[openvino\]"):
+    with pytest.raises(MissingExtra, match=r"from a clone: pip install '\.\[openvino\]'"):
         Models(engine="openvino")
 
 

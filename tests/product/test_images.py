@@ -150,7 +150,7 @@ def test_heic_without_reader_names_the_extra(tmp_path, monkeypatch):
     (tmp_path / "phone.heic").write_bytes(b"\0\0\0\x18ftypheic" + b"\0" * 100)
     with pytest.raises(MissingExtra) as caught:
         read_image(tmp_path / "phone.heic")
-    assert_one_line(caught, "phone.heic", "pillow-heif", "anyprobe[heic]")
+    assert_one_line(caught, "phone.heic", "pillow-heif", "from a clone: pip install '.[heic]'")
 
 
 # Sizes
@@ -539,7 +539,7 @@ def test_folder_that_cannot_be_made(tmp_path, rgb):
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(OutputError) as caught:
         write_png(tmp_path / "file" / "preview.png", rgb)
-    assert_one_line(caught, "preview.png", "cannot be written")
+    assert_one_line(caught, "preview.png", "file is a file, not a folder")
 
 
 def test_folder_in_place_of_the_file(tmp_path, rgb):

@@ -203,8 +203,17 @@ def test_hidden_files_of_a_folder_are_no_photos(work):
     assert list_photos([hidden]) == [hidden]  # named, it is meant
     for name in ("IMG_1.jpg", "IMG_2.jpg"):
         os.remove(photos / name)
-    with pytest.raises(InputError, match="found none"):
+    with pytest.raises(InputError, match="photos: no photos in this folder; check the path"):
         list_photos([photos])
+
+
+def test_environment_maps_and_what_was_drawn_beside_a_photo_are_no_photos(work):
+    photos = make("photos", "vase.jpg", "vase_relit.png", "vase_overlay.png", "old_relit.png", "cut.exr")
+    even = np.ones((16, 32), np.float32)
+    room = write_exr(photos / "room.exr", {"Y": even})
+    write_exr(photos / "shot.exr", {"Y": even[:, :24]})
+    assert [path.name for path in list_photos([photos])] == ["cut.exr", "old_relit.png", "shot.exr", "vase.jpg"]
+    assert list_photos([room, photos / "vase_relit.png"]) == [room, photos / "vase_relit.png"]  # named, they are meant
 
 
 def test_hidden_files_are_in_no_folder(tmp_path):

@@ -122,7 +122,7 @@ def test_a_spec_that_does_not_fit_is_refused_in_one_line(tmp_path, values, words
 def test_without_spec_or_graph(tmp_path):
     with pytest.raises(InputError, match=r"m\.json: expected a spec beside the graph"):
         open_normals_model(graph(tmp_path / "m.onnx"))
-    with pytest.raises(InputError, match="expected an ONNX graph, found none"):
+    with pytest.raises(InputError, match="no such file; check the path to the ONNX graph"):
         open_normals_model(spec_of(tmp_path / "gone.onnx", **OPENCV))
 
 

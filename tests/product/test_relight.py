@@ -14,6 +14,7 @@ from support.scenes import made_map, sphere_photo
 import anyprobe
 from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
+from anyprobe.errors import InputError
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
@@ -204,7 +205,7 @@ def test_without_room_it_stands_behind_and_says_so():
     stage = Stage(photo, sphere(24))
     assert stage.placement.side == "behind"
     assert "no room beside" in stage.warnings[0]
-    assert "--at" in stage.warnings[0]
+    assert "try another place or size" in stage.warnings[0]
     picture = stage.relit(made_map(), "gold", "own")
     np.testing.assert_array_equal(picture[mask == 1], photo.rgb[mask == 1])
 
@@ -342,6 +343,23 @@ def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
     assert least_scale(replace(photo, rgb=white), dimmed * light) == pytest.approx(gain, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"at": (5000, 5000)}, "at: expected a pixel of"),
+        ({"at": (np.nan, 50)}, "at: expected a pixel of"),
+        ({"at": (120, 2)}, "at: 120,2 is above the horizon"),
+        ({"size": 0}, "size: "),
+        ({"turn_deg": np.inf}, "turn_deg: "),
+        ({"pitch_deg": -80}, "pitch_deg: "),
+    ],
+)
+def test_what_cannot_be_placed_is_said_of_the_python_argument(photo, given, said):
+    with pytest.raises(InputError, match=f"^{said}") as raised:
+        Stage(photo, sphere(8), Arrangement(**given))
+    assert "--" not in str(raised.value)
+
+
 # The command
 
 
@@ -384,16 +402,30 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--insert", "bunni"), ("sphere, vase", "'bunni'")),
-        (("--insert", "absent.glb"), ("mesh file", "no such file")),
-        (("--insert-material", "glass"), ("chrome, gold", "'glass'")),
+        (("--insert", "bunni"), ("anyprobe: --insert: expected", "sphere, vase", "'bunni'")),
+        (("--insert", "absent.glb"), ("absent.glb: no such file; check the path",)),
+        (("--insert-material", "glass"), ("anyprobe: --insert-material: expected", "chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
-        (("--at", "60,2"), ("above the horizon",)),
-        (("--at", "100000,140"), ("a place where the photo shows the object", "choose another")),
-        (("--scale", "0"), ("0.02 to 20",)),
+        (("--at", "60,2"), ("--at", "above the horizon")),
+        (("--at", "100000,140"), ("--at: expected a pixel of 128 x 96, got 100000,140; choose another",)),
+        (("--at", "5000,5000", "--scale", "5"), ("--at: expected a pixel",)),
+        (("--at", "60,95", "--scale", "20"), ("--scale", "reaches behind")),
+        (("--scale", "0"), ("--scale", "0.02 to 20")),
         (("--turn", "nan"), ("--turn", "degrees")),
-        (("--pitch", "-50"), ("below the horizon",)),
+        (("--pitch", "-50"), ("--pitch", "below the horizon")),
+        (("--strip", "--insert-material", "chrome"), ("--insert-material: does nothing beside --strip",)),
+        *(
+            (("--light", "absent.exr", option, *value), (f"{option}: does nothing beside --light",))
+            for option, *value in (
+                ("--material", "gold"),
+                ("--emitters", "mode"),  # the default, but said
+                ("--model", "lift"),
+                ("--detail", "plausible"),
+                ("--normals", "sphere"),
+                ("--metal",),
+            )
+        ),
         (("-o", "out.jpg"), (".png", ".jpg")),
     ],
 )

@@ -530,7 +530,7 @@ def test_plan_that_lacks_something_is_refused(whole, drawn_command, name, value,
 def test_folder_that_cannot_be_made_is_one_line(drawn_command, tmp_path):
     (tmp_path / "file").write_bytes(b"")
     complaint = drawn_command("render", tmp_path / "file" / "set", *SMALL).complaint
-    assert "cannot be written (Not a directory)" in complaint
+    assert "file is a file, not a folder; choose another folder" in complaint
 
 
 def test_worker_that_cannot_write_ends_the_command_with_one_line(tmp_path):

@@ -221,7 +221,7 @@ def test_rembg_models_that_send_photos_away_are_refused(rembg):
 
 def test_rembg_that_is_not_installed_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rembg", None)
-    with pytest.raises(MissingExtra, match=r"anyprobe\[rembg\]"):
+    with pytest.raises(MissingExtra, match=r"from a clone: pip install '\.\[rembg\]'"):
         load_segmenter("rembg")
 
 

@@ -272,7 +272,7 @@ def test_a_foreign_name_is_told_how_to_be_let_in(estimator, host, known):
             assert answer.status_code == 200
             return
         assert refusal(answer, 400) == (
-            "host: expected 127.0.0.1 or localhost or [::1], got 'rebound.example'; a server answers to no other name, "
-            "start it with --allow-host NAME to add one"
+            "host: expected 127.0.0.1 or localhost or [::1], got 'rebound.example'; "
+            "to serve under another name, start with --allow-host NAME"
         )
         assert answer.headers["X-Content-Type-Options"] == "nosniff"

@@ -18,9 +18,11 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 
 from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
 
+from anyprobe.cli import video as video_command
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
+from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
@@ -79,6 +81,8 @@ def test_command_writes_a_track_and_maps(command, work, made):
     assert [one["index"] for one in track["frames"]] == list(range(COUNT))
     np.testing.assert_allclose([one["time_s"] for one in track["frames"]], np.arange(COUNT) / FPS, atol=1e-3)
     assert track["size"] == list(SIZE)
+    assert (track["frame"], track["scale"]) == (FRAME, SCALE)  # not the inserted object's scale, which is a setting
+    assert track["settings"]["scale"] == 0.5
     last = track["frames"][-1]
     steady = read_radiance(work / "out" / "lights" / f"{COUNT - 1:06d}.exr")
     np.testing.assert_allclose(last["sh9"], project(steady), rtol=0.01, atol=0.01)
@@ -132,7 +136,7 @@ def test_command_reads_poses_and_goes_on_with_the_same_alone(command, work, made
     assert f"expected {COUNT} poses, one a frame, got {COUNT - 1}" in command(*order).complaint
     (work / "poses.json").write_text(json.dumps(matrices))
     assert command(*order).status == 0
-    assert json.loads((work / "out" / "track.json").read_text())["poses"]
+    assert json.loads((work / "out" / "track.json").read_text())["settings"]["poses"]
     (work / "poses.json").write_text(json.dumps(matrices[::-1]))
     assert "another poses" in command(*order).complaint
     assert "expected one of them" in command(*order, "--insert", "sphere").complaint
@@ -267,6 +271,16 @@ def test_other_settings_are_refused(begin, tmp_path):
         begin(tmp_path, size=0.9)
 
 
+@pytest.mark.usefixtures("networks_opened_once")
+def test_progress_is_said_from_the_first_frame_on(command, work, made, monkeypatch):
+    order = ("video", made / "clip.mp4", "-o", "out", "--mask", made / "masks", "--restart")
+    lines = command(*order).err.splitlines()
+    assert lines[0] == f"frame 1 of {COUNT}"
+    assert len(lines) < COUNT
+    monkeypatch.setattr(video_command, "LINE_S", 0)
+    assert command(*order).err.splitlines()[:COUNT] == [f"frame {i + 1} of {COUNT}" for i in range(COUNT)]
+
+
 # What is refused
 
 
@@ -278,14 +292,17 @@ def test_other_settings_are_refused(begin, tmp_path):
         (("--box", "12,32,70,90", "--mask", "."), "expected one of them"),
         (("--surroundings", "absent.png", "--mask", "."), "surroundings: absent.png"),
         (("--mask", "."), "no frame gave a light"),
-        (("--mask", "absent"), "a mask file or folder, found none"),
+        (("--mask", "absent"), "anyprobe: --mask absent: no such file or folder; check the path"),
         (("--insert", "bunni"), "sphere, vase"),
-        (("--insert-material", "glass", "--insert", "sphere"), "chrome, gold"),
+        (("--insert-material", "glass", "--insert", "sphere"), "--insert-material: expected one of chrome, gold"),
+        (("--insert-material", "gold"), "--insert-material: does nothing without --insert"),
+        (("--at", "500,50", "--insert", "sphere", "--mask", "MASKS"), "--at: expected a pixel of"),
     ],
 )
 @pytest.mark.usefixtures("networks_opened_once")
 def test_bad_option_leaves_nothing(command, work, made, arguments, words):
-    assert words in command("video", made / "clip.mp4", "-o", "out", *arguments).complaint
+    arguments = [made / "masks" if one == "MASKS" else one for one in arguments]
+    assert words in command("video", made / "clip.mp4", "-o", "out", "-q", *arguments).complaint
     assert list(work.iterdir()) == []
 
 
@@ -372,11 +389,14 @@ def test_cut_file_gives_what_it_holds(made, tmp_path):
     ("name", "content", "words"),
     [
         ("absent.mp4", None, "no such file"),
-        ("text.mp4", b"not a video at all" * 50, "FFmpeg can read"),
-        ("empty.mp4", b"", "FFmpeg can read"),
+        *((f"still.{kind}", None, "is a still picture, not a video") for kind in ("png", "jpg", "webp", "tif", "bmp")),
+        ("text.mp4", b"not a video at all" * 50, "FFmpeg cannot read"),
+        ("empty.mp4", b"", "FFmpeg cannot read"),
     ],
 )
 def test_file_that_is_no_video_is_refused(command, work, name, content, words):
+    if content is None and name.startswith("still"):
+        Image.fromarray(sphere_frame(made_map())).save(name)
     if content is not None:
         (work / name).write_bytes(content)
     assert words in command("video", name, "-o", "out").complaint

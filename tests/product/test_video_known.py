@@ -86,7 +86,7 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
     for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
         done = command(*order, "-o", folder, *given)
         assert done.status == 0, done.err
-        found = json.loads((work / folder / "track.json").read_text())["fov_deg"]
+        found = json.loads((work / folder / "track.json").read_text())["settings"]["fov_deg"]
         assert np.tan(np.radians(found / 2)) == pytest.approx(tangent)
 
 

@@ -50,7 +50,7 @@ class Sections(TyperGroup):
 
 
 app = typer.Typer(
-    help="Any object is a light probe: HDR surrounding light from one photo.",
+    help="HDR environment maps from one photo: any object is a light probe.",
     cls=Sections,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

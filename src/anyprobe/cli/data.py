@@ -18,14 +18,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from anyprobe.cli.options import with_bundles
 
-data = typer.Typer(help="Pairs to train on, as shards on disk.", no_args_is_help=True, rich_markup_mode=None)
+data = typer.Typer(help="Render and check training pairs on disk.", no_args_is_help=True, rich_markup_mode=None)
 
 Conditions = Literal["clean", "world"]
 """Photos as in the paper, or as the world gives them: dataset.samples.CONDITIONS."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the dataset.")]
 Assets = Annotated[
-    Path | None, typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/; else maps and shapes of our own.")
+    Path | None, typer.Option(metavar="FOLDER", help="Folder with hdri/ and meshes/; default: procedural assets.")
 ]
 
 
@@ -33,27 +33,27 @@ Assets = Annotated[
 class PlanOptions:
     """What a new dataset is made by, dataset.render_job.SETTINGS; what is not given is the old one's, or a default."""
 
-    split: Annotated[Literal["train", "test"] | None, typer.Option(help="Which assets; default train.")] = None
+    split: Annotated[Literal["train", "test"] | None, typer.Option(help="Assets to use; default: train.")] = None
     kind: Annotated[
         Literal["object", "map"] | None, typer.Option(help="Pairs of objects (default), or maps for the HDR network.")
     ] = None
     conditions: Annotated[
-        Conditions | None, typer.Option(help="Clean photos as the paper's (default), or the world's.")
+        Conditions | None, typer.Option(help="clean (default), or world: as phones take them, see docs/data.md.")
     ] = None
-    pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="The first N; default all.")] = None
-    shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs a shard; default 500.")] = None
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the plan; default 2020.")] = None
+    pairs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Render the first N; default: all.")] = None
+    shard_size: Annotated[int | None, typer.Option(min=1, metavar="N", help="Pairs per shard; default: 500.")] = None
+    seed: Annotated[int | None, typer.Option(min=0, help="Random seed of the plan; default: 2020.")] = None
     procedural_maps: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Maps of our own; 32 without --data, 0 with.")
+        int | None, typer.Option(min=0, metavar="N", help="Procedural maps; default: 32 without --data, 0 with it.")
     ] = None
     procedural_shapes: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Shapes of our own; 32 without --data, 0 with.")
+        int | None, typer.Option(min=0, metavar="N", help="Procedural shapes; default: 32 without --data, 0 with it.")
     ] = None
     commercial_only: Annotated[
         bool,
         typer.Option(
             "--commercial-only",
-            help="Leave out assets whose licence, by manifest.csv, forbids commercial use or is not known.",
+            help="Leave out assets whose licence in manifest.csv forbids commercial use or is unknown.",
         ),
     ] = False
 
@@ -66,14 +66,14 @@ def render(
     data: Assets = None,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes on this machine.")] = 2,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a dataset; settings not given are its own.")
+        bool, typer.Option("--resume", help="Continue a dataset; settings not given are taken from it.")
     ] = False,
     engine: Annotated[
-        Literal["local", "ray"], typer.Option(help="This machine's processes, or a Ray cluster.")
+        Literal["local", "ray"], typer.Option(help="local: processes on this machine; ray: a Ray cluster.")
     ] = "local",
-    address: Annotated[str | None, typer.Option(help="Of the Ray cluster; without it one is begun here.")] = None,
+    address: Annotated[str | None, typer.Option(help="Address of the Ray cluster; default: a new one here.")] = None,
 ) -> None:
-    """Render pairs into shards that WebDataset reads; what is done stays done, whatever happens."""
+    """Render training pairs into shards. WebDataset reads them; finished ones are kept, whatever happens."""
     from anyprobe.dataset import render_job
     from anyprobe.errors import InputError
 
@@ -164,9 +164,9 @@ class _Watch:
 
 @data.command()
 def status(
-    folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False
+    folder: Folder, as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False
 ) -> None:
-    """Print how far a dataset is: shards, pairs, bytes, and what is missing."""
+    """Print how much of a dataset is rendered. Shards, pairs, bytes, and what is missing."""
     from anyprobe.dataset import render_job
 
     found = render_job.status(folder)
@@ -203,7 +203,7 @@ def verify(
     ] = False,
     workers: Annotated[int, typer.Option(min=1, metavar="N", help="Processes for --render.")] = 2,
 ) -> None:
-    """Check every shard: its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
+    """Check every shard. Its SHA-256, members, offsets, images and, if asked, pairs rendered again."""
     from anyprobe.dataset import render_job, shards
 
     plan = render_job.read_plan(folder)

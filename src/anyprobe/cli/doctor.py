@@ -18,22 +18,19 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
 
 
-def doctor(model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL) -> None:
-    """Check versions, print providers and model hashes, and estimate the light of a drawn sphere."""
+def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL) -> None:
+    """Check the installation. Prints versions and model hashes, and estimates the light of a drawn sphere."""
     import onnxruntime
 
     from anyprobe.estimate.runtime import file_hashes
 
-    talk = Console(highlight=False)
+    talk = Console(markup=False, emoji=False, highlight=False)
     talk.print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
     wanted = lowest_versions()
     talk.print(f"anyprobe {__version__}")
-    for package in wanted:
-        try:
-            talk.print(f"{package} {importlib.metadata.version(package)}")
-        except importlib.metadata.PackageNotFoundError:
-            talk.print(f"{package} not installed (optional)")
-    check_versions(wanted)
+    for extra, packages in wanted.items():
+        talk.print(_installed(extra, packages), soft_wrap=True)
+    check_versions({package: lowest for packages in wanted.values() for package, lowest in packages.items()})
     talk.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
     for stage, digest in file_hashes(model).items():
         talk.print(f"model {model}/{stage} sha256 {digest}")
@@ -44,15 +41,35 @@ def doctor(model: Annotated[str, typer.Option(help="Bundled model, or a folder o
             f"self-test: expected the dominant light within {SELF_TEST_DEG} degrees, got {error:.0f}; "
             "reinstall anyprobe"
         )
+    talk.print("OK")
 
 
 SELF_TEST_DEG = 45
+OTHERS = ("dev", "judge")
+"""Extras of those who work on anyprobe itself."""
 
 
-def lowest_versions() -> dict[str, str]:
-    """Every package that this one can use, and the lowest version of it that works."""
-    found = (re.match(r"([\w.-]+)\s*>=\s*([\w.]+)", one) for one in importlib.metadata.requires("anyprobe") or ())
-    return {one[1]: one[2] for one in found if one}
+def lowest_versions() -> dict[str, dict[str, str]]:
+    """By extra ("" for what is always needed), its packages and the lowest version of each that works."""
+    found: dict[str, dict[str, str]] = {"": {}}
+    for one in importlib.metadata.requires("anyprobe") or ():
+        match = re.match(r"([\w.-]+)\s*>=\s*([\w.]+)(?:.*extra\s*==\s*['\"](\w+))?", one)
+        if match and match[3] not in OTHERS:
+            found.setdefault(match[3] or "", {})[match[1]] = match[2]
+    return found
+
+
+def _installed(extra: str, packages: dict[str, str]) -> str:
+    """One line: the packages of an extra with their versions, and what is missing."""
+    versions: dict[str, str] = {}
+    for package in packages:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            versions[package] = importlib.metadata.version(package)
+    missing = ", ".join(package for package in packages if package not in versions)
+    line = ", ".join(f"{package} {version}" for package, version in versions.items())
+    if missing:
+        line += f"{'; ' if line else ''}missing {missing}; from a clone: pip install '.[{extra}]'"
+    return f"{extra or 'packages'}: {line}"
 
 
 def check_versions(wanted: dict[str, str]) -> None:

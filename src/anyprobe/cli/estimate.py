@@ -62,16 +62,16 @@ def estimate(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("light"),
     poses: Annotated[
         Path | None,
-        typer.Option(help="JSON of the photos' camera rotations: several views of one object give one light."),
+        typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
     ] = None,
-    size: Annotated[int, typer.Option(help="Rows of a map with detail: 64, 128, 256 or 512.")] = 512,
+    size: Annotated[int | None, typer.Option(help="Rows of a map with detail, 64 to 512; default: 512.")] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Estimate the light around an object: <stem>.exr, .hdr, .json and .png per photo."""
+    """Estimate the environment map around an object. Writes <stem>.exr, .hdr, .json and .png per photo."""
     hints, material = taken.photo_hints() | {"fov_deg": taken.fov}, taken.given_material()
     listed = list_photos(photos)
-    estimator = by.estimator(size=size, **fine.settings())
+    estimator = by.estimator(**fine.settings(size))
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
     call = EstimateCall(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
@@ -177,12 +177,12 @@ def _line(path: Path, error: AnyprobeError) -> str:
 
 
 def _report(done: list[Done], talk: Console, out: Path) -> None:
-    """A table of all photos; warnings below it."""
-    photo, result = (Column(title, overflow="fold") for title in ("photo", "result"))
-    table = Table(photo, "dominant light", "brightness", "seconds", result, box=None, pad_edge=False)
+    """A table of all photos, and where their results are; warnings below it."""
+    photo = Column("photo", overflow="fold")
+    table = Table(photo, "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
         if one.error:
-            table.add_row(str(one.photo), "", "", "", "failed")
+            table.add_row(str(one.photo), "failed")
             continue
         x, y, z = one.direction
         azimuth, elevation = np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(np.clip(y, -1, 1)))
@@ -193,9 +193,12 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             where,
             "" if one.level_stops is None else f"± {one.level_stops:.1f} stops",
             f"{one.seconds:.2f}",
-            str(out / stem_of(one.photo)) + ".{exr,hdr,json,png}",
         )
     talk.print(table)
+    written = [stem_of(one.photo) for one in done if not one.error]
+    if written:  # on a line of its own, which a narrow terminal does not cut into pieces
+        name = written[0] if len(written) == 1 else "<stem>"
+        talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
     for one in done:
         for warning in one.warnings:
             talk.print(f"warning: {warning}", soft_wrap=True)

@@ -42,9 +42,9 @@ def evaluate(
     meshes: Annotated[Path, typer.Option(help="Folder of held-out shapes (.ply, .obj, ...).")],
     pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = PAIRS,
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
-    frozen: Annotated[bool, typer.Option("--frozen", help="The first of the 1,000 recipes that never change.")] = False,
+    frozen: Annotated[bool, typer.Option("--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
     conditions: Annotated[
-        Conditions, typer.Option(help="clean photos, or as phones take them: noise, JPEG, blur, rough masks.")
+        Conditions, typer.Option(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
     ] = "clean",
     noisy_masks: Annotated[
         bool, typer.Option("--noisy-masks", help="Masks 3 pixels too wide or narrow, with 5 % holes.")
@@ -52,17 +52,17 @@ def evaluate(
     path_traced: Annotated[
         bool, typer.Option("--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
     ] = False,
-    textured: Annotated[bool, typer.Option("--textured", help="Objects of mild texture or of two materials.")] = False,
+    textured: Annotated[bool, typer.Option("--textured", help="Objects with mild texture or two materials.")] = False,
     priors: Annotated[
-        bool, typer.Option("--priors", help="Also with true normals, material and surroundings given.")
+        bool, typer.Option("--priors", help="Also score with true normals, material and surroundings given.")
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
     ),
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
-    engine: Annotated[str, typer.Option(help=f"One of {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
+    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
+    engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
-    """Render a fixed test set, score a model and two baselines on it, print the table."""
+    """Score a model and two baselines on a test set. Renders a fixed test set and prints the table."""
     if frozen and seed != SEED:
         raise InputError(f"--seed {seed}: expected pairs that are drawn, got --frozen; leave one of them out")
     if textured and path_traced:

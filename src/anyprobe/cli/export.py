@@ -19,22 +19,22 @@ MAX_PIXELS = 8192 * 4096
 
 
 def export(
-    light: Annotated[Path, typer.Argument(metavar="LIGHT", help="Map that estimate wrote: .exr (all of it) or .hdr.")],
+    light: Annotated[Path, typer.Argument(metavar="LIGHT", help="Map that estimate wrote: .exr (full range) or .hdr.")],
     to: Annotated[str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the files.")] = Path("export"),
     world_from_camera: Annotated[
         str | None,
         typer.Option(
             metavar="YAW,ELEVATION[,ROLL]",
-            help="How the camera stood, degrees: turned left, raised (looking down), rolled; or a rotation "
-            "matrix, nine numbers row by row. Without it the export is in the camera's frame.",
+            help="Camera orientation, degrees: yaw to the left, elevation (positive looks down), roll; or a rotation "
+            "matrix, nine numbers row by row. Default: the export is in the camera's frame.",
         ),
     ] = None,
-    exposure: Annotated[float, typer.Option(help="Stops; 1 doubles the light.")] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object per target on stdout.")] = False,
+    exposure: Annotated[float, typer.Option(help="Exposure change in stops: 1 doubles the light.")] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per target on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
-    """Write a light for other programs: <stem>_<target>.*, with a .json each that says how it lies."""
+    """Export a light to Blender, Unity, three.js and others. A .json beside each file describes its orientation."""
     from anyprobe.export import targets
     from anyprobe.files.radiance import read_radiance
 

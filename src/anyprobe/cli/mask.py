@@ -18,7 +18,7 @@ def mask(
     pointed: MaskOptions,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
 ) -> None:
-    """Find the object and write <stem>_mask.png and <stem>_overlay.png per photo; look at the second."""
+    """Find the object. Writes <stem>_mask.png and, to look at, <stem>_overlay.png per photo."""
     hints = pointed.hints()
     listed = list_photos(photos)
     failed = False

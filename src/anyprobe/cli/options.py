@@ -11,7 +11,8 @@ import glob
 import inspect
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -20,7 +21,8 @@ import typer
 
 from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
-from anyprobe.files.paths import visible_files
+from anyprobe.files.exr import HEADER_BYTES, parse_header
+from anyprobe.files.paths import open_regular, visible_files
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -34,8 +36,20 @@ PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".g
 PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
+
+
+@contextmanager
+def said_as(**options: str) -> Iterator[None]:
+    """What the library says of an argument is said of the option that gives it: at="--at"."""
+    try:
+        yield
+    except InputError as error:
+        name, _, rest = str(error).partition(": ")
+        if name not in options:
+            raise
+        raise type(error)(f"{options[name]}: {rest}") from error
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,21 +64,21 @@ class MaskOptions:
     ] = None
     box: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")] = None
     depth: Annotated[
-        Path | None, typer.Option(help="Depth image of the same view; or a folder of them named like the photos.")
+        Path | None, typer.Option(help="Depth image of the same view; or a folder of them, named like the photos.")
     ] = None
     near: Annotated[
-        float | None, typer.Option(help="Cut the depth image from here on, in its own unit (often mm).")
+        float | None, typer.Option(help="Near clipping depth, in the depth image's own unit (often mm).")
     ] = None
-    far: Annotated[float | None, typer.Option(help="Cut the depth image up to here.")] = None
+    far: Annotated[float | None, typer.Option(help="Far clipping depth, in the same unit.")] = None
     segmenter: Annotated[
         str | None,
         typer.Option(
             metavar="NAME[:ARGUMENT]",
-            help="What finds the object instead of the built-in network: rembg[:MODEL], sam:FOLDER, or a plug-in.",
+            help="Segmenter to use instead of the built-in network: rembg[:MODEL], sam:FOLDER or a plug-in.",
         ),
     ] = None
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 2 where a result has a warning; it is written all the same.")
+        bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is written all the same.")
     ] = False
 
     def hints(self, mask: Path | None = None) -> dict[str, Any]:
@@ -83,9 +97,9 @@ class MaskOptions:
         if self.depth is None and (self.near is not None or self.far is not None):
             option = "--far" if self.near is None else "--near"
             raise InputError(f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it")
-        for path, what in ((mask, "a mask file"), (self.depth, "a depth image")):
+        for option, path in (("--mask", mask), ("--depth", self.depth)):
             if path is not None and not path.exists():
-                raise InvalidMask(f"{path}: expected {what} or folder, found none; check the path")
+                raise InvalidMask(f"{option} {path}: no such file or folder; check the path")
         points = {"click": (self.click, "120,90"), "exclude": (self.exclude, "20,90")}
         return {
             "mask": mask,
@@ -106,22 +120,22 @@ class ObjectOptions(MaskOptions):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
     mask: Annotated[
-        Path | None, typer.Option(help="Mask image, white = object; or a folder of masks named like the photos.")
+        Path | None, typer.Option(help="Mask image, white = object; or a folder of masks, named like the photos.")
     ] = None
-    fov: Annotated[float | None, typer.Option(help="Field of view of the photo's longer side, degrees.")] = None
+    fov: Annotated[float | None, typer.Option(help="Field of view of the longer side, degrees; default: EXIF.")] = None
     normals: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|sphere",
-            help="The object's normals: picture of (n + 1) / 2, .exr or .npy of the photo's size; +X right, +Y up, "
-            "+Z to the camera; a folder of them named like the photos; or sphere, if the object is one.",
+            help="The object's normal map: (n + 1) / 2 in a picture, or .exr or .npy, of the photo's size; +X right, "
+            "+Y up, +Z toward the camera; a folder of them, named like the photos; or sphere, if the object is one.",
         ),
     ] = None
     normals_from: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE.onnx",
-            help="Estimate the normals by this graph, which FILE.json beside it describes (docs/inputs.md).",
+            help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
     material: Annotated[
@@ -130,7 +144,7 @@ class ObjectOptions(MaskOptions):
     ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
     roughness: Annotated[
-        float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF, 0.1 to 1: alpha's root.")
+        float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF: the square root of GGX alpha.")
     ] = None
     albedo: Annotated[
         str | None,
@@ -140,7 +154,7 @@ class ObjectOptions(MaskOptions):
         str | None,
         typer.Option(
             metavar="photo|FILE",
-            help="What is seen of the environment: photo, to use the photo's background; or a panorama in the "
+            help="What is known of the surroundings: photo, to use the photo's background; or a panorama in the "
             "camera's frame, transparent where unknown.",
         ),
     ] = None
@@ -171,7 +185,8 @@ class ObjectOptions(MaskOptions):
         except ValueError:
             raise InputError(f"--albedo: expected numbers, got {self.albedo!r}; for instance --albedo 0.18") from None
         name = self.material or ("chrome" if self.metal else None)
-        return given_material(name, albedo, self.roughness)
+        with said_as(material="--material", albedo="--albedo", roughness="--roughness"):
+            return given_material(name, albedo, self.roughness)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -183,12 +198,12 @@ class ModelOptions:
         typer.Option(
             metavar="mode|expected",
             help="mode: light sources at their most likely positions, with sharp shadows and highlights; expected: "
-            "the mean over all positions, soft, and truer on matte objects.",
+            "the mean over all positions, with soft shadows and a smaller error on matte objects.",
         ),
     ] = MODE
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL
-    engine: Annotated[str, typer.Option(metavar="NAME", help=f"One of {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; else its own choice.")] = None
+    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL
+    engine: Annotated[str, typer.Option(metavar="NAME", help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the engine; default: its choice.")] = None
 
     def estimator(self, **more: Any) -> Estimator:
         """Opened by these options."""
@@ -205,23 +220,28 @@ class DetailOptions:
         str,
         typer.Option(
             metavar="none|plausible",
-            help="plausible: the structure of a real-looking place under the estimated light, for sharp reflections.",
+            help="plausible: add invented high-frequency detail that fits the estimate, for sharp reflections.",
         ),
     ] = "none"
-    detail_library: Annotated[Path | None, typer.Option(help="Folder of .exr and .hdr maps for it; else our own.")] = (
-        None
-    )
+    detail_library: Annotated[
+        Path | None, typer.Option(help="Folder of .exr and .hdr maps to take it from; default: the built-in library.")
+    ] = None
 
-    def settings(self) -> dict[str, Any]:
-        """For Estimator."""
-        return {"detail": self.detail, "detail_library": self.detail_library}
+    def settings(self, size: int | None = None) -> dict[str, Any]:
+        """For Estimator; size: of --size. InputError for what does nothing without detail."""
+        from anyprobe.detail.plausible import check_detail
+
+        given = {name: it for name, it in (("size", size), ("detail_library", self.detail_library)) if it is not None}
+        if not check_detail(self.detail) and given:
+            option = f"--{next(iter(given)).replace('_', '-')}"
+            raise InputError(f"{option}: does nothing without --detail plausible; add that, or leave it out")
+        return {"detail": self.detail, **given}
 
     def library(self) -> Library | None:
         """What detail is from; None where none is asked for."""
         from anyprobe.detail.library import open_library
-        from anyprobe.detail.plausible import check_detail
 
-        return open_library(self.detail_library) if check_detail(self.detail) else None
+        return None if self.settings()["detail"] == "none" else open_library(self.detail_library)
 
 
 def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
@@ -255,6 +275,14 @@ def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
+def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
+    """InputError where the command line gives one of these parameters, which does nothing there; why: `beside --x`."""
+    for name in names:
+        if context.get_parameter_source(name).name == "COMMANDLINE":
+            option = next(one.opts[0] for one in context.command.params if one.name == name)
+            raise InputError(f"{option}: does nothing {why}; leave it out")
+
+
 def need_torch(what: str) -> None:
     """MissingExtra where PyTorch is not installed; what: what it is needed for."""
     try:
@@ -285,20 +313,30 @@ def hints_for(photo: Path, hints: dict[str, Any]) -> dict[str, Any]:
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
-    """Files as given; folders as the photos in them, in natural order, without hidden files
-    and what `anyprobe mask` wrote: NAME_mask and NAME_overlay."""
+    """Files as given; folders as the photos in them, in natural order, without hidden files, environment maps and
+    what anyprobe wrote beside NAME: NAME_mask, NAME_overlay and NAME_relit."""
     chosen: list[Path] = []
     for path in photos:
         if not path.is_dir():
             chosen.append(path)
             continue
         found = visible_files(path, PHOTO_SUFFIXES)
-        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay")}
-        found = [p for p in found if p.stem not in written]
+        written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")}
+        found = [p for p in found if p.stem not in written and not (p.suffix.lower() == ".exr" and _is_map(p))]
         if not found:
-            raise InputError(f"{path}: expected a folder with photos, found none; check the path")
+            raise InputError(f"{path}: no photos in this folder; check the path")
         chosen += found
     return list(dict.fromkeys(chosen))
+
+
+def _is_map(path: Path) -> bool:
+    """Whether an .exr is twice as wide as high, as environment maps are; nothing is decoded."""
+    try:
+        with open_regular(path, InputError) as stream:
+            low, high = parse_header(stream.read(HEADER_BYTES)).display
+    except ValueError:  # what reads it says why
+        return False
+    return bool(high[0] - low[0] == 2 * (high[1] - low[1]))
 
 
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:

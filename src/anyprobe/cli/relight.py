@@ -22,12 +22,15 @@ from anyprobe.cli.options import (
     QuietOption,
     hints_for,
     pixels_of,
+    refuse_unused,
+    said_as,
     with_bundles,
 )
 from anyprobe.errors import OutputError
 
 if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
+    from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
 Renderer = Literal["auto", "own", "mitsuba"]
@@ -35,6 +38,13 @@ Renderer = Literal["auto", "own", "mitsuba"]
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 SHOWN_AFTER_S = 1.0
+OF_ESTIMATES = (
+    "normals normals_from surroundings material metal roughness albedo emitters model engine threads detail "
+    "detail_library"
+)
+"""Parameters that an estimate alone depends on."""
+placing = said_as(at="--at", size="--scale", turn_deg="--turn", pitch_deg="--pitch")
+"""Decorates what places an object."""
 SHAPES = "sphere, vase, pebble, block, solid"
 
 
@@ -43,73 +53,90 @@ class InsertOptions:
     """What is inserted, and where it stands."""
 
     insert_material: Annotated[
-        str, typer.Option("--insert-material", help="chrome, gold, plastic, matte, or photo: the real object's own.")
+        str, typer.Option("--insert-material", help="chrome, gold, plastic, matte, or photo: like the real object.")
     ] = "chrome"
-    at: Annotated[str | None, typer.Option(metavar="X,Y", help="Where its foot stands, in pixels; else beside.")] = None
-    scale: Annotated[float, typer.Option(help="Its height over the real object's.")] = 0.5
+    at: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Its ground contact point, in pixels; default: beside the object.")
+    ] = None
+    scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
     pitch: Annotated[
-        float | None, typer.Option(help="Camera pitch, degrees downwards; else level, or as the object's base asks.")
+        float | None, typer.Option(help="Camera pitch, degrees downwards; default: level, or as the object requires.")
     ] = None
 
     def foot(self) -> tuple[float, ...] | None:
         """The pixel of --at; None where it is absent."""
         return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
 
+    def refuse(self, context: typer.Context) -> None:
+        """InputError where any is given without --insert."""
+        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "pitch", "renderer")
+
+    def mesh(self, insert: str) -> Mesh:
+        """What --insert names; InputError where it, or its material, is none."""
+        from anyprobe.files.objects import open_object
+        from anyprobe.relight.insert import PHOTO_MATERIAL
+        from anyprobe.scatter.materials import material_named
+
+        with said_as(material="--insert-material", object="--insert"):
+            if self.insert_material != PHOTO_MATERIAL:
+                material_named(self.insert_material, PHOTO_MATERIAL)
+            return open_object(insert)
+
 
 @with_bundles
 def relight(
+    context: typer.Context,
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="The photo with the real object.")],
     taken: ObjectOptions,
     by: ModelOptions,
     fine: DetailOptions,
     placed: InsertOptions,
     insert: Annotated[
-        str, typer.Option(metavar="SHAPE|FILE", help=f"{SHAPES}, or a .glb, .obj or .ply file.")
+        str, typer.Option(metavar="SHAPE|FILE", help=f"Object to insert: {SHAPES}, or a .glb, .obj or .ply file.")
     ] = "sphere",
-    turn: Annotated[float, typer.Option(help="About its vertical axis, degrees.")] = 0.0,
+    turn: Annotated[float, typer.Option(help="Its rotation about the vertical axis, degrees.")] = 0.0,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="The picture; else <stem>_relit.png beside the photo.")
+        Path | None, typer.Option("-o", "--out", help="File to write; default: <stem>_relit.png beside the photo.")
     ] = None,
-    strip: Annotated[bool, typer.Option("--strip", help=f"The photo, then the object of {', '.join(STRIP)}.")] = False,
-    before: Annotated[bool, typer.Option("--before", help="The photo and the result side by side.")] = False,
+    strip: Annotated[bool, typer.Option("--strip", help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
+    before: Annotated[bool, typer.Option("--before", help="Show photo and result side by side.")] = False,
     renderer: Annotated[
-        Renderer, typer.Option(help="mitsuba traces paths; own shades; auto takes what is there.")
+        Renderer, typer.Option(help="mitsuba: path tracing; own: built-in shading; auto: Mitsuba if installed.")
     ] = "auto",
     light: Annotated[
-        Path | None, typer.Option(help="An .exr or .hdr map that estimate wrote, instead of an estimate.")
+        Path | None, typer.Option(help="Use this .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Put a virtual object beside the real one, with its shadow, lit by the estimated light."""
+    """Insert a virtual object, lit by the estimated light. It stands beside the real one and casts a shadow."""
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
     from anyprobe.files.images import picture_bytes, write_png
-    from anyprobe.files.objects import open_object
-    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, Stage, uses_mitsuba
-    from anyprobe.scatter.materials import material_named
+    from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
 
+    if light is not None:
+        refuse_unused(context, "beside --light", *OF_ESTIMATES.split())
+    if strip:
+        refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
     material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
-    foot = placed.foot()
-    if material != PHOTO_MATERIAL:
-        material_named(material, PHOTO_MATERIAL)
+    foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or photo.with_name(f"{photo.stem}_relit.png")
     if out.suffix.lower() != ".png":
-        raise OutputError(f"{out}: expected the name of a .png, got {out.suffix or 'no suffix'}")
+        raise OutputError(f"{out}: the picture is a PNG; choose a name that ends in .png")
     inputs = (photo, light, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
-    name, mesh = insert, open_object(insert)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
         taken = load_photo(photo, fov_deg=taken.fov, **hints)
     with progress("estimating the light", silent):
         radiance, gain = _radiance(taken, light, by, fine, given)
-    stage = Stage(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
+    stage = placing(Stage)(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
     names = STRIP if strip else (material,)
-    with progress(f"drawing the {name}", silent):
+    with progress(f"drawing the {insert}", silent):
         shown = picture_bytes(taken.rgb)
         pictures = [shown] if strip or before else []
         shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
@@ -123,7 +150,7 @@ def relight(
     summary = {
         "photo": str(photo),
         "picture": str(out),
-        "object": name,
+        "object": insert,
         "materials": list(names),
         "renderer": "mitsuba" if traced else "own",
         "foot_px": [round(float(v), 1) for v in spot],
@@ -140,8 +167,8 @@ def relight(
         print(json.dumps(summary))
     elif not quiet:
         print(
-            f"{out}: {name} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
-            f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'our own renderer'}",
+            f"{out}: {insert} of {', '.join(names)} at {spot[0]:.0f},{spot[1]:.0f}, camera "
+            f"{summary['pitch_deg']:g} degrees down, by {'Mitsuba' if traced else 'the built-in renderer'}",
             file=sys.stderr,
         )
     if strict and summary["warnings"]:

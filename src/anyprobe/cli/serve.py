@@ -24,30 +24,30 @@ EVERYWHERE = ("0.0.0.0", "::", "")
 
 
 def serve(
-    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for other machines too.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
     https: Annotated[
-        bool, typer.Option("--https", help="Encrypt, with a certificate made now: a phone's camera needs it.")
+        bool, typer.Option("--https", help="Serve HTTPS with a new self-signed certificate; a phone's camera needs it.")
     ] = False,
     static: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the page as static files into DIR, and end.")
+        Path | None, typer.Option(metavar="DIR", help="Write the page as static files into DIR and exit.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Photos at the same time; else one a core.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Photos at a time; default: one per core.", min=1)] = None,
     max_mb: Annotated[int, typer.Option(help="Largest upload, MiB.", min=1, max=1024)] = 32,
     allow_origin: Annotated[
         list[str] | None,
-        typer.Option(metavar="ORIGIN", help="Let pages of this origin use the API; may be given again."),
+        typer.Option(metavar="ORIGIN", help="Allow pages of this origin to use the API (CORS); repeatable."),
     ] = None,
     allow_host: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Answer to this host name too; may be given again.")
+        list[str] | None, typer.Option(metavar="NAME", help="Additional host name to answer to; repeatable.")
     ] = None,
     token: Annotated[
         str | None,
-        typer.Option(help="What clients must send; made and printed where other machines can reach it; none: nothing."),
+        typer.Option(help="Token that clients must send, or none; default: a new one if other machines can connect."),
     ] = None,
-    model: Annotated[str, typer.Option(help="Bundled model, or a folder of graphs.")] = DEFAULT_MODEL,
+    model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
 ) -> None:
-    """Serve the live page and the HTTP API; nothing leaves this machine."""
+    """Serve the web page and the HTTP API. All is computed here; nothing leaves this machine."""
     _need_serve()
     import uvicorn
 

@@ -22,26 +22,26 @@ RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs
 def train(
     run: RunName = "lift",
     data: Annotated[
-        Path | None, typer.Option(help="Folder with hdri/train and meshes/train; else our own maps and shapes.")
+        Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
     ] = None,
     runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS,
-    steps: Annotated[int | None, typer.Option(min=1, help="Steps in all; the run's own number otherwise.")] = None,
-    dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to try a machine.")] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="Total number of steps; default: the run's.")] = None,
+    dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")] = None,
     init_weights: Annotated[
         Path | None,
-        typer.Option(help="Weights to begin from, kept by anyprobe weights --keep; the same ones to resume."),
+        typer.Option(help="Initial weights, kept by anyprobe weights --keep; give the same ones to resume."),
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     shards: Annotated[
         Path | None,
-        typer.Option(help="Learn from a dataset that anyprobe data render wrote, not from pairs made on the fly."),
+        typer.Option(help="Train on a dataset that anyprobe data render wrote; default: pairs made on the fly."),
     ] = None,
     workers: Annotated[
-        int, typer.Option(min=0, help="Processes that make pairs ahead, for a GPU that should not wait for them.")
+        int, typer.Option(min=0, help="Processes that make pairs ahead, so that a GPU need not wait.")
     ] = 0,
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
-    """Train a chain of networks; resumes exactly."""
+    """Train a chain of networks. An interrupted run resumes exactly."""
     _refuse_mask(run)
     need_torch("training")
     from anyprobe.train import loop
@@ -94,13 +94,13 @@ def weights(
     mean_map: Annotated[Path | None, typer.Option(help="Also write the mean training map to this .exr.")] = None,
     data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
     keep: Annotated[
-        Path | None, typer.Option(help="Also keep the weights in this .pt, to begin another training from.")
+        Path | None, typer.Option(help="Also save the weights to this .pt, for train --init-weights.")
     ] = None,
 ) -> None:
-    """Export a trained run as ONNX and check it against torch."""
+    """Export a trained run as ONNX. The graphs are checked against torch."""
     _refuse_mask(run)
     if data is not None and mean_map is None:
-        raise InputError(f"--data {data}: expected --mean-map, which reads it, got none; leave it out")
+        raise InputError(f"--data {data}: does nothing without --mean-map; leave it out")
     need_torch("training")
     from anyprobe.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
     from anyprobe.train.config import RUNS as NAMED

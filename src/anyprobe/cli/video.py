@@ -15,50 +15,51 @@ from rich.console import Console
 from rich.progress import Progress
 
 from anyprobe.cli.options import DetailOptions, JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
-from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer
+from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError
 
-LINE_S = 30
+LINE_S = 5
 """Between two lines of progress where there is no terminal."""
 
 
 @with_bundles
 def video(
+    context: typer.Context,
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A video file.")],
     taken: ObjectOptions,
     by: ModelOptions,
     fine: DetailOptions,
     placed: InsertOptions,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the results; else <stem>_light beside the clip.")
+        Path | None, typer.Option("-o", "--out", help="Folder for the results; default: <stem>_light beside the clip.")
     ] = None,
     insert: Annotated[
         str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
     ] = None,
-    renderer: Annotated[Renderer, typer.Option(help="As for relight.")] = "own",
-    every: Annotated[int, typer.Option(min=1, metavar="N", help="A light for every Nth frame.")] = 1,
+    renderer: Annotated[Renderer, typer.Option(help="Renderer of the object, as in relight.")] = "own",
+    every: Annotated[int, typer.Option(min=1, metavar="N", help="Estimate a light for every Nth frame.")] = 1,
     exr: Annotated[bool, typer.Option("--exr", help="Also write the maps as lights/<frame>.exr.")] = False,
     poses: Annotated[
-        Path | None, typer.Option(help="JSON of the camera's rotation in each frame; see docs/video.md.")
+        Path | None, typer.Option(help="JSON with the camera's rotation in each frame; see docs/video.md.")
     ] = None,
-    restart: Annotated[bool, typer.Option("--restart", help="Begin anew in a folder already begun.")] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="Restart, discarding earlier progress.")] = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Follow the light through a clip: track.json, and relit.mp4 with --insert; resumes.
+    """Estimate the light in every frame of a clip.
 
-    Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame, sorted by
-    name (--normals may be sphere).
+    Writes track.json, and relit.mp4 with --insert; an interrupted run resumes. Clicks and box are of the first frame;
+    --mask, --depth and --normals are folders of one file a frame, sorted by name (--normals may be sphere).
     """
-    from anyprobe.files.objects import open_object
     from anyprobe.files.poses import read_poses
-    from anyprobe.relight.insert import PHOTO_MATERIAL, Arrangement, uses_mitsuba
-    from anyprobe.scatter.materials import material_named
+    from anyprobe.relight.insert import Arrangement, uses_mitsuba
     from anyprobe.video.clip import open_clip, upright_size
     from anyprobe.video.following import MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
     from anyprobe.video.track import forget_run
 
+    if insert is None:
+        placed.refuse(context)
     out = out or clip.with_name(f"{clip.stem}_light")
     fov, name, object_material = taken.fov, insert, taken.given_material()
     material, size, pitch = placed.insert_material, placed.scale, placed.pitch
@@ -71,8 +72,7 @@ def video(
     foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
-    if material != PHOTO_MATERIAL:
-        material_named(material, PHOTO_MATERIAL)
+    mesh = None if name is None else placed.mesh(name)
     header = open_clip(clip)
     given_poses = None if poses is None else read_poses(poses)
     turned = None if given_poses is None else given_poses.in_order()
@@ -81,15 +81,16 @@ def video(
     if given_poses is not None and fov is None:
         fov = given_poses.clip_fov_deg(*upright_size(header))
     virtual = None
-    if name is not None:
+    if mesh is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot, pitch_deg=pitch)
-        virtual = VirtualObject(mesh=open_object(name), material=material, arrangement=place, renderer=kind)
+        virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
     every_frame = {"fov_deg": fov, "near": hints["near"], "far": hints["far"]} | (
         {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
     )
     follower = MaskFollower(folders, given, every_frame, surroundings)
-    estimator, library = by.estimator(), fine.library()
+    with progress("opening the model", quiet):
+        estimator, library = by.estimator(), fine.library()
     settings = {
         "clip": clip.name,
         "clip_bytes": clip.stat().st_size,
@@ -157,16 +158,17 @@ def video(
     talk.print(f"{out}: {outcome.frames} frames, {len(outcome.bad)} bad, {rate:.1f} a second", soft_wrap=True)
 
 
+@placing
 def _watched(run, total: int | None, begun: int, talk: Console):
-    """A bar on a terminal, else a line now and then."""
-    said = time.monotonic()
+    """A bar on a terminal, else a line for the first frame and every LINE_S."""
+    said = -LINE_S
     with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
         task = bar.add_task("frames", total=total, completed=begun)
 
         def watch(done: int) -> None:
             nonlocal said
             bar.update(task, completed=done)
-            if not talk.is_terminal and time.monotonic() - said > LINE_S:
+            if not talk.is_terminal and time.monotonic() - said >= LINE_S:
                 said = time.monotonic()
                 talk.print(f"frame {done}" + (f" of {total}" if total else ""))
 

@@ -161,7 +161,7 @@ def open_library(folder: str | Path | None = None) -> Library:
     if folder.suffix == ".zip" and folder.is_file():
         return _opened(folder, "")
     if not folder.is_dir():
-        raise InputError(f"{folder}: expected a folder of .exr or .hdr maps, found none; check the path")
+        raise InputError(f"{folder}: no such folder; name one of .exr or .hdr maps")
     files = visible_files(folder, SUFFIXES)
     stats = [(file.name, stat.st_size, stat.st_mtime_ns) for file in files for stat in [file.stat()]]
     signature = hashlib.sha256(json.dumps(stats).encode()).hexdigest()
@@ -186,7 +186,7 @@ def _readable(folder: Path, files: list[Path]) -> Iterator[tuple[str, bytes]]:
         found += 1
         yield file.stem, picture
     if not found:
-        raise fault or InputError(f"{folder}: expected .exr or .hdr maps, found none; check the path")
+        raise fault or InputError(f"{folder}: no .exr or .hdr maps in this folder; check the path")
 
 
 def _cache_folder() -> Path:

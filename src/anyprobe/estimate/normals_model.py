@@ -76,7 +76,7 @@ def open_normals_model(path: Path, threads: int | None = None) -> NormalsEstimat
     spec = _read_spec(path.with_suffix(".json"))
     frame = spec.frame()
     if not path.is_file():
-        raise InputError(f"{path}: expected an ONNX graph, found none; check the path")
+        raise InputError(f"{path}: no such file; check the path to the ONNX graph")
     session = open_graph(path, threads)
     height, width = (spec.size, spec.size) if isinstance(spec.size, int) else spec.size
     wanted = {one.name: one for one in session.get_inputs()}

@@ -184,7 +184,7 @@ def _read(source: NormalsSource) -> tuple[np.ndarray, str, bool]:
         return _decoded(source, "normals")
     path = Path(source)
     if not path.is_file():
-        raise InputError(f"{path}: expected a normal map, got no such file; check the path")
+        raise InputError(f"{path}: no such file; check the path to the normal map")
     if path.suffix.lower() == ".npy":
         try:
             with open_regular(path, InputError) as stream:

@@ -39,15 +39,14 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = target.with_name(f".{target.stem[:60]}-{secrets.token_hex(4)}{target.suffix}")
     try:
         if target.is_dir():
-            raise OutputError(f"{path}: expected the name of a file to write, got a folder; add a file name")
+            raise OutputError(f"{path}: is a folder; add the name of a file to write")
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         os.replace(temporary, target)
     except OutputError:
         raise
     except OSError as error:
-        reason = error.strerror or str(error) or type(error).__name__
-        raise OutputError(f"{path}: cannot be written ({reason}); choose another folder or free some space") from error
+        raise unwritable(path, Path(path).parent, error) from error
     finally:
         with suppress(OSError):  # already renamed, or never made
             temporary.unlink()
@@ -78,9 +77,18 @@ def atomic_files(folder: str | os.PathLike[str]) -> Iterator[Path]:
             raise
         raise OutputError(str(error).replace(str(Path(scratch) / "new"), str(folder))) from error
     except OSError as error:
-        raise OutputError(
-            f"{folder}: expected a folder that can be written, got {error.strerror or error}; choose another with -o"
-        ) from error
+        raise unwritable(folder, folder, error, "choose another with -o") from error
+
+
+def unwritable(
+    path: str | os.PathLike[str], folder: Path, error: OSError, advice: str = "choose another folder"
+) -> OutputError:
+    """One line on what the system refused: the file that stands in the place of a folder, or its own words."""
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        file = next((one for one in (folder, *folder.parents) if one.is_file()), folder)
+        return OutputError(f"{path}: {'' if path == file else f'{file} '}is a file, not a folder; {advice}")
+    reason = error.strerror or str(error) or type(error).__name__
+    return OutputError(f"{path}: cannot be written ({reason}); {advice} or free some space")
 
 
 def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
@@ -90,7 +98,7 @@ def _replace_all(files: list[Path], folder: Path, old: Path) -> None:
         for file in files:
             target = folder / file.name
             if target.is_dir():
-                raise OutputError(f"{target}: expected a file to replace, got a folder; choose another with -o")
+                raise OutputError(f"{target}: is a folder, not a file to replace; choose another with -o")
             if target.exists():
                 os.replace(target, old / file.name)
             placed.append(target)

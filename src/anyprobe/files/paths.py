@@ -46,10 +46,10 @@ def open_regular(path: str | os.PathLike[str], fault: type[InputError], what: st
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError) as error:
-        raise fault(f"{path}: expected {what}, got no such file; check the path") from error
+        raise fault(f"{path}: no such file; check the path") from error
     if not stat.S_ISREG(mode):
         kind = "a folder" if stat.S_ISDIR(mode) else "a pipe or device"
-        raise fault(f"{path}: expected {what}, got {kind}; name a file")
+        raise fault(f"{path}: is {kind}, not {what}; name a file")
     try:
         with open(path, "rb") as stream:
             yield stream

@@ -131,7 +131,7 @@ def parse_poses(data: bytes, file: str, photos: int | None = None) -> Poses:
     try:
         content = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{file}: expected a JSON file of camera poses, got none that can be read") from error
+        raise InputError(f"{file}: cannot be read as a JSON file of camera poses; see docs/inputs.md") from error
     frames = content.get("frames") if isinstance(content, dict) else None
     names = None
     if isinstance(frames, list) and all(isinstance(one, dict) for one in frames):

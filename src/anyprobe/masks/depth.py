@@ -37,7 +37,7 @@ def read_depth(source: DepthSource) -> np.ndarray:
         path = Path(source)
         name = path.name
         if not path.is_file():
-            raise InvalidMask(f"{path}: expected a depth image, got no such file; check the path")
+            raise InvalidMask(f"{path}: no such file; check the path")
         readers = {".exr": _read_exr, ".npy": _read_npy}
         try:
             values = readers.get(path.suffix.lower(), _read_picture)(path)

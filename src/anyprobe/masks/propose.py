@@ -98,7 +98,7 @@ class MaskNetwork:
     def __init__(self, path: str | Path | None = None) -> None:
         path = default_graph() if path is None else Path(path)
         if not path.is_file():
-            raise ModelError(f"{path}: expected the mask network, got no such file; reinstall anyprobe")
+            raise ModelError(f"{path}: the mask network is missing; reinstall anyprobe")
         self._session = open_graph(path)
         found = self._session.get_modelmeta().custom_metadata_map
         for key, value in CONTRACT.items():

@@ -137,7 +137,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
         pitch_deg = float(max(0.0, LEAST_SLOPE_DEG - below_axis))
     if not (-60 <= pitch_deg <= 90 and below_axis + pitch_deg > 1.0):
         raise InputError(
-            f"--pitch: expected the object's base below the horizon, got a camera that looks "
+            f"pitch_deg: expected the object's base below the horizon, got a camera that looks "
             f"{pitch_deg:g} degrees down and a base {below_axis:.0f} degrees below its axis; give another"
         )
     tilt = np.radians(pitch_deg)

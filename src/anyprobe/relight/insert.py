@@ -204,27 +204,23 @@ class Stage:
     def __init__(self, photo: Photo, mesh: Mesh, arrangement: Arrangement | None = None) -> None:
         arrangement = arrangement or Arrangement()
         if not 0.02 <= arrangement.size <= 20:
-            raise InputError(f"--scale: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+            raise InputError(f"size: expected 0.02 to 20 times the real object, got {arrangement.size:g}")
+        (height, width), at = photo.mask.shape, arrangement.at
+        if at is not None and not (0 <= at[0] <= width and 0 <= at[1] <= height):
+            raise InputError(f"at: expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another")
         self.photo = photo
         self.view: View
         self.view, pitch_deg = view_of(photo, arrangement.pitch_deg)
         if not np.isfinite(arrangement.turn_deg):
-            raise InputError(f"--turn: expected degrees, got {arrangement.turn_deg}")
+            raise InputError(f"turn_deg: expected degrees, got {arrangement.turn_deg}")
         self.placement: Placement = place_beside(
             mesh, photo, self.view, pitch_deg, arrangement.size, arrangement.at, arrangement.turn_deg
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
-            raise InputError(
-                "--scale: expected an object in front of the camera, got one that reaches behind it; make it smaller "
-                "or stand it farther away with --at"
-            )
+            raise InputError("size: the object reaches behind the camera; make it smaller or place it farther away")
         window = window_surroundings(self.placement, self.view)
         if window is None:
-            x, y = self.view.pixels(self.placement.foot[None])[0]
-            raise InputError(
-                f"--at: expected a place where the photo shows the object, got one around {x:.0f},{y:.0f} of "
-                f"{self.view.width} x {self.view.height} pixels; choose another"
-            )
+            raise InputError("at: the photo shows nothing of the object there; choose another place")
         self.window: Window = window
 
     @property
@@ -234,14 +230,11 @@ class Stage:
         side = self.placement.side
         if side in NOT_BESIDE:
             said.append(
-                f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}; choose a place with --at, "
-                "or a smaller --scale"
+                f"no room beside the object: the inserted one stands {NOT_BESIDE[side]}; try another place or size"
             )
         pixels = self.view.pixels(self.placement.mesh.positions)
         if (pixels < -0.5).any() or (pixels > np.array([self.view.width, self.view.height]) + 0.5).any():
-            said.append(
-                "part of the inserted object is outside the photo; choose another place with --at or a smaller --scale"
-            )
+            said.append("part of the inserted object is outside the photo; choose another place or make it smaller")
         return tuple(said)
 
     def on(self, photo: Photo) -> Stage:
@@ -346,7 +339,7 @@ def uses_mitsuba(renderer: str) -> bool:
         InputError: no such renderer. MissingExtra: "mitsuba" where it cannot run.
     """
     if renderer not in RENDERERS:
-        raise InputError(f"--renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")
+        raise InputError(f"renderer: expected one of {', '.join(RENDERERS)}, got {renderer!r}")
     if renderer == "own":
         return False
     try:

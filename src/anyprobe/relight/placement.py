@@ -39,7 +39,7 @@ Box = tuple[float, float, float, float]
 
 
 class Side(StrEnum):
-    """Of the real object, where the virtual one stands; "asked" by --at."""
+    """Of the real object, where the virtual one stands; "asked" where the caller said so."""
 
     asked = "asked"
     beside = "beside"
@@ -105,10 +105,7 @@ def place_beside(
     if at is not None:
         foot = view.on_ground(*at)
         if not np.isfinite(foot).all():
-            raise InputError(
-                f"--at: expected a point of the ground, got {at[0]:g},{at[1]:g} above the horizon; "
-                "point lower, or give --pitch"
-            )
+            raise InputError(f"at: {at[0]:g},{at[1]:g} is above the horizon; point lower, or pitch the camera down")
         return _standing(unit, upright, foot, height, pitch_deg)
     turned = unit.positions @ upright.T
 

@@ -94,8 +94,8 @@ class OwnNamesOnly:
         if {"*", name.lower()} & set(self._names) or (self._addresses and _is_address(name)):
             return await self._app(scope, receive, send)
         text = (
-            f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; a server answers to no other name, "
-            "start it with --allow-host NAME to add one"
+            f"host: expected {' or '.join(self._names)}, got {host[:60]!r}; "
+            "to serve under another name, start with --allow-host NAME"
         )
         return await JSONResponse({"error": text}, 400)(scope, receive, send)
 

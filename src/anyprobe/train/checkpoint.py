@@ -119,7 +119,7 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
         ModelError: no file, a damaged one, or none of a run.
     """
     if not path.is_file():
-        raise ModelError(f"{path}: expected a run's checkpoint, found none; train first")
+        raise ModelError(f"{path}: no such checkpoint; train first")
     with path.open("rb") as stream:
         try:
             stored = torch.load(stream, map_location=device, weights_only=True)
@@ -216,7 +216,7 @@ def init_weights_id(path: Path) -> str:
     """Which weights to begin from these are: the first 16 hex digits of the file's SHA-256; ModelError if there is
     no such file."""
     if not path.is_file():
-        raise _not_of_this_run(path, "no file")
+        raise ModelError(f"{path}: no such file; keep weights with `anyprobe weights --keep`")
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
 

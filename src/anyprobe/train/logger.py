@@ -18,8 +18,7 @@ from torch.nn import functional as F
 
 from anyprobe.core.color import to_bytes
 from anyprobe.dataset.pairs import Batch
-from anyprobe.errors import OutputError
-from anyprobe.files.atomic import atomic_path
+from anyprobe.files.atomic import atomic_path, unwritable
 from anyprobe.files.images import write_png
 
 LOG_STEPS = 25
@@ -42,9 +41,7 @@ def run_folder(runs: Path, name: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            f"--runs {runs}: expected a folder that can be written, got {error.strerror or error}; choose another"
-        ) from error
+        raise unwritable(f"--runs {runs}", folder, error) from error
     return folder
 
 

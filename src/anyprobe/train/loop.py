@@ -202,7 +202,7 @@ class ProcessGroup:
         if kind not in BACKENDS:
             raise InputError(f"--device {kind}: expected one of {', '.join(BACKENDS)}, got another; take cpu")
         if kind == "cuda" and not torch.cuda.is_available():
-            raise InputError("--device cuda: expected a GPU that torch can use, found none; take cpu")
+            raise InputError("--device cuda: no GPU that torch can use; take cpu")
         self.rank, self.size = (int(os.environ.get(name, default)) for name, default in SINGLE.items())
         own = kind == "cuda" and self.size > 1
         self.device = f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if own else kind

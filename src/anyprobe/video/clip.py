@@ -59,12 +59,14 @@ def open_clip(path: Path) -> Clip:
     """
     av = _av()
     if not path.is_file():
-        found = "a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: expected a video file, got {found}; check the path")
+        found = "is a folder, not a video" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {found}; check the path")
     try:
         with _open(path) as container:
+            if container.format.name == "image2" or container.format.name.endswith("_pipe"):
+                raise InputError(f"{path}: is a still picture, not a video; anyprobe estimate and relight take it")
             if not container.streams.video:
-                raise InputError(f"{path}: expected a video, got a file without pictures; check the path")
+                raise InputError(f"{path}: a file without pictures, not a video; check the path")
             stream = container.streams.video[0]
             if stream.codec_context is None:
                 raise InputError(f"{path}: expected a codec that FFmpeg knows, got another; convert it to mp4")
@@ -83,7 +85,7 @@ def _open(path: Path):
 
 def _unreadable(path: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120] or type(error).__name__
-    return InputError(f"{path}: expected a video that FFmpeg can read, got {reason}; convert it to mp4")
+    return InputError(f"{path}: FFmpeg cannot read it as a video ({reason}); convert it to mp4")
 
 
 def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:

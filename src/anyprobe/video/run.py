@@ -132,7 +132,7 @@ class ClipRun:
                 self._save(frame.index + 1, pictures)
                 pictures = []
         if frame is None:
-            raise InputError(f"{self.clip.path}: expected a video with frames, got none that can be decoded")
+            raise InputError(f"{self.clip.path}: no frame of it can be decoded; convert it to mp4")
         if frame.index + 1 > done.next_index:
             self._save(frame.index + 1, pictures)
         if done.light is None:

@@ -147,14 +147,14 @@ def describe(radiance: np.ndarray) -> dict[str, Any]:
 
 
 def write_track(path: Path, progress: Progress, fps: float, size: tuple[int, int]) -> None:
-    """All records as one JSON file."""
+    """All records as one JSON file; the run's settings stand apart, as names of theirs mean something else outside."""
     track = {
         "frame": FRAME,
         "scale": SCALE,
         "sh9": "radiance, order and signs of WebXR and three.js; sh9_ambient is without the dominant light",
         "fps": fps,
         "size": list(size),
-        **progress.settings,
+        "settings": progress.settings,
         "frames": progress.frames,
     }
     with atomic_path(path) as temporary:

@@ -1,0 +1,87 @@
+"""Commands that the documentation shows exist with all their options, and help says in short what each does."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+
+from anyprobe.cli.app import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SHORT = 55
+"""Characters of a command's line in the list of commands."""
+
+
+def commands_in(page: str) -> list[list[str]]:
+    """The words of every anyprobe command in the fenced blocks of a page, without comments and pipes."""
+    found = []
+    for language, block in FENCED.findall(page):
+        for line in block.replace("\\\n", " ").splitlines() if language != "python" else ():
+            if not re.search(r"\banyprobe\b", line):
+                continue
+            lexer = shlex.shlex(line.removeprefix("$ "), posix=True, punctuation_chars=True)
+            lexer.wordchars += ",:%+@^"
+            command: list[str] = []
+            for word in [*lexer, ";"]:
+                if set(word) <= set("();<>|&"):
+                    found += [command] if command[:1] == ["anyprobe"] else []
+                    command = []
+                else:
+                    command.append(word)
+    return found
+
+
+def fault_of(words: list[str]) -> str:
+    """What click says of a command that it would refuse; empty where it takes it. Nothing runs."""
+    command, rest = typer.main.get_command(app), words[1:]
+    context = command.context_class(command, info_name="anyprobe")
+    try:
+        while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
+            name, command, rest = command.resolve_command(context, rest)
+            context = command.context_class(command, info_name=name, parent=context)
+        command.make_context(context.info_name, rest, parent=context.parent)
+    except typer.Exit:  # anyprobe --version
+        return ""
+    except Exception as error:  # click's own, which typer brings with it
+        return getattr(error, "format_message", error.__str__)() or type(error).__name__
+    return ""
+
+
+def test_what_pages_show_is_a_command():
+    shown = {page.name: commands_in(page.read_text(encoding="utf-8")) for page in PAGES}
+    wrong = [(name, " ".join(words), fault_of(words)) for name, found in shown.items() for words in found]
+    assert [one for one in wrong if one[2]] == []
+    assert sum(map(len, shown.values())) > 40
+    assert {"README.md", "video.md", "detail.md", "masks.md"} <= {name for name, found in shown.items() if found}
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("anyprobe relight a.jpg --insert vase  # comment --nothing", ""),
+        ("anyprobe relight a.jpg --object sphere", "--object"),
+        ("anyprobe relit a.jpg", "relit"),
+        ("anyprobe data pack set", "pack"),
+        ("anyprobe video", "CLIP"),
+        ("anyprobe relight a.jpg --renderer cycles", "cycles"),
+        ("pip install '.[video]' && anyprobe video a.mp4 --nothing | less", "--nothing"),
+        ("anyprobe --version", ""),
+    ],
+)
+def test_a_planted_fault_is_found(line, fault):
+    (words,) = commands_in(f"text\n\n```sh\n{line}\n```\n")
+    assert fault in fault_of(words) if fault else fault_of(words) == ""
+
+
+def test_every_command_says_in_short_what_it_does():
+    root = typer.main.get_command(app)
+    for command in [*root.commands.values(), *root.commands["data"].commands.values()]:
+        line = command.get_short_help_str(80)
+        assert line.endswith("."), line  # not cut off
+        assert len(line) <= SHORT, line
