@@ -41,7 +41,7 @@ def train(
     ] = 0,
     compiled: Annotated[bool, typer.Option("--compile/--no-compile", help="Compile the renderer.")] = True,
 ) -> None:
-    """Train a chain of networks. An interrupted run resumes exactly."""
+    """Train a model on rendered pairs. An interrupted run resumes exactly."""
     _refuse_mask(run)
     need_torch("training")
     from anyprobe.train import loop
