@@ -96,7 +96,7 @@ def relight(
     ] = "sphere",
     turn: Annotated[float, typer.Option(help="Its rotation about the vertical axis, degrees.")] = 0.0,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="File to write; default: <stem>_relit.png beside the photo.")
+        Path | None, typer.Option("-o", "--out", help="File to write; default: relit/<stem>_relit.png.")
     ] = None,
     strip: Annotated[bool, typer.Option("--strip", help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
     before: Annotated[bool, typer.Option("--before", help="Show photo and result side by side.")] = False,
@@ -122,7 +122,7 @@ def relight(
     material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
     hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
     foot, mesh = placed.foot(), placed.mesh(insert)
-    out = out or photo.with_name(f"{photo.stem}_relit.png")
+    out = out or Path("relit") / f"{photo.stem}_relit.png"
     if out.suffix.lower() != ".png":
         raise OutputError(f"{out}: the picture is a PNG; choose a name that ends in .png")
     inputs = (photo, light, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
