@@ -109,6 +109,13 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     assert np.abs(response(lights["alone"][ahead]) - shown).max() > 0.05
 
 
+def test_results_do_not_stand_beside_the_clip(command, made, work):
+    done = command("video", made / "clip.mp4", "--mask", made / "masks", "-q")
+    assert done.status == 0, done.err
+    assert (work / "clip_light" / "track.json").is_file()
+    assert not (made / "clip_light").exists()
+
+
 def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
     """Told that the camera turned instead of the light, frames agree about it, also those without one of their own."""
     poses = np.array([rotation_y(-0.05 * i) for i in range(COUNT)])

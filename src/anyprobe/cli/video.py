@@ -31,7 +31,7 @@ def video(
     fine: DetailOptions,
     placed: InsertOptions,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Folder for the results; default: <stem>_light beside the clip.")
+        Path | None, typer.Option("-o", "--out", help="Folder for the results; default: <stem>_light.")
     ] = None,
     insert: Annotated[
         str | None, typer.Option(metavar="SHAPE|FILE", help=f"Also write relit.mp4 with {SHAPES}, or a mesh file.")
@@ -60,7 +60,7 @@ def video(
 
     if insert is None:
         placed.refuse(context)
-    out = out or clip.with_name(f"{clip.stem}_light")
+    out = out or Path(f"{clip.stem}_light")
     fov, name, object_material = taken.fov, insert, taken.given_material()
     material, size, pitch = placed.insert_material, placed.scale, placed.pitch
     hints = taken.photo_hints()
