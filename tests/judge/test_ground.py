@@ -7,9 +7,9 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.core.frames import rotation_y, world_from_camera  # noqa: E402
+from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
-from anyprobe.dataset.ground import Grounds, light_directions, make_scenes, Stand  # noqa: E402
+from anyprobe.dataset.ground import Grounds, Stand, light_directions, make_scenes  # noqa: E402
 from anyprobe.dataset.surfaces import even_points  # noqa: E402
 from anyprobe.relight.path_traced import _environment, _mi_rays, open_mitsuba  # noqa: E402
 from anyprobe.render.shapes import draw_shape  # noqa: E402
@@ -92,13 +92,14 @@ def test_shadow_lies_elsewhere_or_is_of_another_depth(softness_deg):
         total = total + np.array(color).T.reshape(len(world), 16, 3).mean(axis=1)
     theirs = (total / (PATHS // 16)).reshape(SIDE, SIDE, 3)
 
-    wide = see(mesh, type(camera)(
-        world_from_camera=turn, position=camera.position, tan_half=3 * camera.tan_half, size=SIDE
-    ))
+    wide = see(
+        mesh, type(camera)(world_from_camera=turn, position=camera.position, tan_half=3 * camera.tan_half, size=SIDE)
+    )
     ground = ~wide.mask & ((rays @ turn.T)[..., 1] < -0.05)
-    off = np.abs(ours - theirs)[ground].mean() / theirs[ground].mean()
     shadow = theirs[..., 1] < 0.8 * np.median(theirs[ground][:, 1])
     assert (shadow & ground).sum() > 20
-    np.save("/tmp/judge.npy", np.stack([ours, theirs, np.repeat(ground[..., None], 3, 2)]))
-    print('RES', off, (ours[ground]).mean(0) / theirs[ground].mean(0), (ours - theirs)[shadow & ground].mean() / theirs[ground].mean())
-    assert abs((ours - theirs)[shadow & ground].mean()) < 0.05 * theirs[ground].mean()
+    off = (ours - theirs)[ground] / theirs[ground].mean()
+    assert np.abs(off).mean() < 0.05
+    assert abs(off.mean()) < 0.02
+    # cells of a twelfth of the object are rounded off
+    assert abs(off[shadow[ground]].mean()) < 0.08

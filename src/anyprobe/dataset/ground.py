@@ -1,9 +1,9 @@
 """What an object stands on: a table or a floor below it, lit by the map's upper half, with the object's shadow.
 
-Everything is in the frame of the map (+Y up) and in units of the height of the object's centre above the ground, so that
-a point of the ground is q = (x, z) from the foot below that centre, and the direction d from the centre meets it at
-q = (d_x, d_z) / -d_y. Ground radiance is albedo(q) E(q) / pi; E without the object is that of the upper half of the map,
-and with it a sum over directions drawn from the map by importance, each with its own sharp shadow.
+Everything is in the frame of the map (+Y up) and in units of the height of the object's centre above the ground, so
+that a point of the ground is q = (x, z) from the foot below that centre, and the direction d from the centre meets it
+at q = (d_x, d_z) / -d_y. Ground radiance is albedo(q) E(q) / pi; E without the object is that of the upper half of the
+map, and with it a sum over directions drawn from the map by importance, each with its own sharp shadow.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 
 from anyprobe.core.color import luminance
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles, uv_to_direction
+from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles, uv_to_direction
 from anyprobe.dataset import priors
 from anyprobe.light.environment import shrink
 
@@ -30,6 +30,8 @@ HALF_SIDES = (3.0, 40.0)
 LEAST_TO_EDGE = 1.6
 DIRECTIONS = 48
 """Directions in which the ground is lit."""
+SAMPLED_ROWS = 128
+"""Of the map that they are drawn from, at most."""
 GRID = 64
 """Side of the picture of the shadow."""
 REACH = 3.5
@@ -135,9 +137,7 @@ def with_ground(radiance: torch.Tensor, ground: Grounds) -> tuple[torch.Tensor, 
     return parts[0], parts[1]
 
 
-def light_directions(
-    radiance: np.ndarray, count: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def light_directions(radiance: np.ndarray, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Directions [K, 3] in which the upper half of a map [H, 2H, 3] lights level ground, drawn by how much each does,
     and the irradiance [K, 3] that each brings; together exactly that of irradiance_from_above.
     """
@@ -173,7 +173,9 @@ def make_stand(
     radiance: torch.Tensor, ground: Grounds, map_from_camera: np.ndarray, base: torch.Tensor, rng: np.random.Generator
 ) -> Stand:
     """radiance: the map [H, 2H, 3] without the ground."""
-    directions, weights = light_directions(shrink(radiance.cpu().numpy(), 128), DIRECTIONS, rng)
+    directions, weights = light_directions(
+        shrink(radiance.cpu().numpy(), min(SAMPLED_ROWS, len(radiance))), DIRECTIONS, rng
+    )
     return Stand(ground=ground, map_from_camera=map_from_camera, base=base, directions=directions, weights=weights)
 
 

@@ -212,7 +212,9 @@ class Illuminator:
     ) -> LitMaterial:
         """The same on a random ground of dataset.ground."""
         fine = self.maps[which]
-        seen, felt = with_ground(fine if alpha < BUDGETS[0][0] else shrink(fine, len(fine) // 2), ground := draw_ground(rng))
+        seen, felt = with_ground(
+            fine if alpha < BUDGETS[0][0] else shrink(fine, len(fine) // 2), ground := draw_ground(rng)
+        )
         base = self._camera_map(fine, self._tensor(rotation.T))
         stand = make_stand(fine, ground, rotation, base, rng)
         lit = self._light(lambda width: shading_pyramid(felt, width).to(self.device), seen, rotation, alpha, elevation)
@@ -268,7 +270,9 @@ class Illuminator:
         if ground > 0 and rng.random() < ground:
             elevation = int(rng.integers(*STANDING))
             mirror = np.diag([np.linalg.det(rotation).round(), 1.0, 1.0])
-            rotation = mirror @ world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, ROLL))
+            rotation = mirror @ world_from_camera(
+                rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, ROLL)
+            )
             return replace(self.light_standing(which, rotation, alpha, elevation, rng), kind=kind)
         return replace(self.light(which, rotation, alpha, elevation), kind=kind)
 

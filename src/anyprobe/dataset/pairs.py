@@ -296,7 +296,9 @@ class PairSource:
             if scenes is not None:
                 on = stands.cpu().numpy()
                 bright = (gain * 2.0 ** column(rng.normal(0.0, GAIN_STOPS, count)))[stands]  # with white balance
-                some = partial(self._tone, curve=curves([shot for shot, one in zip(shots, on, strict=True) if one], self.device))
+                some = partial(
+                    self._tone, curve=curves([shot for shot, one in zip(shots, on, strict=True) if one], self.device)
+                )
                 surroundings_map[stands] = ground_surroundings(
                     scenes, photo_mask[stands], angles[stands], frames[on], rng, lambda seen: some(seen * bright)
                 )

@@ -25,8 +25,8 @@ PLACE_ERROR = 0.12
 """Of the logarithm of the object's distance in heights of its centre, and of that centre in such heights."""
 LEAST_SINE = 0.02
 """Of the angle below the horizon from which on a direction is taken to meet the ground."""
-FILLED, FILL_COVER = 0.8, 0.5
-"""Share of photos in which what is not seen of the ground is given its middle colour, and the cover that has."""
+FILLED = 0.8
+"""Share of photos in which what is not seen of the ground is given its middle colour."""
 MOST_OTHERS = 7
 """Photos beside the one, of which surroundings may be gathered."""
 PITCH_DEG = 10.0
@@ -83,7 +83,9 @@ def ground_surroundings(
     turns = np.stack([rotation_x(pitch) @ rotation_z(roll) for pitch, roll in errors]).astype(np.float32)
     up = torch.einsum("bij,bj->bi", torch.from_numpy(turns).to(device), scenes.up())
     place = rng.normal(0.0, PLACE_ERROR, (count, 4)).astype(np.float32)
-    center = scenes.center * torch.from_numpy(np.exp(place[:, :1])).to(device) + torch.from_numpy(place[:, 1:]).to(device)
+    center = scenes.center * torch.from_numpy(np.exp(place[:, :1])).to(device) + torch.from_numpy(place[:, 1:]).to(
+        device
+    )
     d = torch.from_numpy(pixel_directions(height)).to(device)  # [H, 2H, 3]
     down = -torch.einsum("hwi,bi->bhw", d, up)
     below = down > LEAST_SINE
@@ -96,7 +98,7 @@ def ground_surroundings(
         seen = below[one] & (cover[one, 0] > 0.5)
         if seen.any():
             color = display[one][:, seen].median(dim=1).values
-            free = FILL_COVER * below[one] * (1 - cover[one, 0])
+            free = below[one] * (1 - cover[one, 0])
             result[one] += free * torch.cat([color, color.new_ones(1)])[:, None, None]
     return result
 

@@ -158,7 +158,7 @@ def see_views(mesh: Mesh, views: list[View], size: int, shadows: bool = False, p
 
 
 def even_points(mesh: Mesh, count: int) -> np.ndarray:
-    """So many points [N, 3] of a mesh, evenly by area; always the same ones, and the lowest vertex (-Y) is the first."""
+    """So many points [N, 3] of a mesh, evenly by area; always the same ones, the lowest vertex (-Y) first."""
     if count == 0:
         return np.zeros((0, 3), np.float32)
     rng = np.random.default_rng(0)

@@ -41,7 +41,10 @@ class ContextNet(nn.Module):
         some = present[:, 0] > 0  # statistics are those of photos that have a context
         if some.any():
             found = self._look(context[some], tan_half[some])
-            code, posture = (whole.masked_scatter(some[:, None], part) for whole, part in zip((code, posture), found))
+            code, posture = (
+                code.masked_scatter(some[:, None], found[0]),
+                posture.masked_scatter(some[:, None], found[1]),
+            )
         return code, posture
 
     def _look(self, context: torch.Tensor, tan_half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -207,8 +207,8 @@ class LightNet(nn.Module):
     Optional inputs: given normals [N, 3, 64, 64], camera frame, zero where not given; surroundings
     [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map; the object's
     material [N, 8] of scatter.materials.material_input, zero where not given.
-    context: numbers of the code of ContextNet [N, context] that it is given too, zero where a photo has no context; with
-        one it describes light sources (nets.source_head), and `ln_radiance` has these drawn. None: neither.
+    context: numbers of the code of ContextNet [N, context] that it is given too, zero where a photo has no context;
+        with one it describes light sources (nets.source_head), and `ln_radiance` has these drawn. None: neither.
     """
 
     def __init__(self, features: int = 8, code: int = 192, context: int | None = None) -> None:

@@ -25,8 +25,8 @@ SOURCES = 4
 PLACE_DEG, APART_DEG = 8.0, 16.0
 COMPONENTS = 4
 """Of the mixture on the sphere that the context adds to where light may come from."""
-EDGE_DEG = 1.5
-"""Half the width of the soft edge of a disc that is drawn."""
+EDGE_DEG = 3.0
+"""Width of the soft edge of a disc that is drawn, all of it inside."""
 LEAST_DENSITY = 1e-3
 """Of the mixture, in shares of an even one: no direction is ruled out."""
 
@@ -36,9 +36,7 @@ class SourceHead(nn.Module):
 
     def __init__(self, code: int) -> None:
         super().__init__()
-        self.profile = nn.Sequential(
-            nn.Linear(code, 128), nn.LeakyReLU(0.1), nn.Linear(128, SOURCES * len(RADII_DEG))
-        )
+        self.profile = nn.Sequential(nn.Linear(code, 128), nn.LeakyReLU(0.1), nn.Linear(128, SOURCES * len(RADII_DEG)))
         self.direction = nn.Sequential(nn.Linear(code, 128), nn.LeakyReLU(0.1), nn.Linear(128, 4 * COMPONENTS))
         with torch.no_grad():  # untrained, every direction is as likely as before
             self.direction[-1].weight *= 0.1
@@ -106,7 +104,7 @@ class SourceMap(nn.Module):
         each further radius, [N, S, R, P]; their edges are soft."""
         cosine = (places @ self.directions.T).clamp(-1 + 1e-6, 1 - 1e-6)
         degrees = torch.rad2deg(torch.acos(cosine))
-        discs = [((r + EDGE_DEG - degrees) / (2 * EDGE_DEG)).clamp(0.0, 1.0) for r in RADII_DEG]
+        discs = [((r - degrees) / EDGE_DEG).clamp(0.0, 1.0) for r in RADII_DEG]
         return torch.stack([discs[0], *(b - a for a, b in zip(discs, discs[1:], strict=False))], dim=2)
 
     def powers(self, profiles: torch.Tensor, rings: torch.Tensor, shown: torch.Tensor, above: torch.Tensor):

@@ -7,14 +7,18 @@ from functools import lru_cache
 
 import numpy as np
 import torch
+from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.nets.source_head import APART_DEG, PLACE_DEG, RADII_DEG, SOURCES
 
+LEAST_PULL = 1e-6
+"""Of that pixel, so that a black map has places too."""
+
 
 @lru_cache(maxsize=2)
 def _cap_kernels(height: int) -> torch.Tensor:
-    """Fourier transform over the columns of which pixels [row, row of the other] lie within PLACE_DEG, [H, H, H + 1]."""
+    """Fourier transform over the columns of which pixels lie within PLACE_DEG, [row, row of the other, H + 1]."""
     d = pixel_directions(height).astype(np.float64)
     cosine = np.einsum("ic,rwc->irw", d[:, 0], d)
     return torch.fft.rfft(torch.from_numpy((cosine > np.cos(np.radians(PLACE_DEG))).astype(np.float32)), dim=2)
@@ -24,8 +28,8 @@ def source_profiles(luminance: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor
     """Of maps [N, H, 2H] the directions [N, SOURCES, 3] of their brightest places and shares [N, SOURCES,
     len(RADII_DEG)] of the power within so many degrees of each.
 
-    A place is the pixel with the greatest mean within PLACE_DEG, the next the same further than APART_DEG from all
-    before.
+    A place is the centre of the power within PLACE_DEG of the pixel around which the mean there is the greatest; the
+    next the same further than APART_DEG from all before.
     """
     count, height = luminance.shape[:2]
     device = luminance.device
@@ -33,17 +37,20 @@ def source_profiles(luminance: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor
     weights = torch.from_numpy(pixel_solid_angles(height)).to(device)
     power = luminance * weights
     power = power / power.sum(dim=(1, 2), keepdim=True).clamp(min=1e-12)
-    within, cap = (
+    around, cap = (
         torch.fft.irfft(torch.einsum("irf,nrf->nif", kernels, torch.fft.rfft(one, dim=2)), n=2 * height, dim=2)
         for one in (power, weights.expand(-1, 2 * height)[None])
     )
     d = torch.from_numpy(pixel_directions(height)).to(device).reshape(-1, 3)
-    left, flat = (within / cap).flatten(1), power.flatten(1)
-    places, shares = [], []
+    left, flat = (around / cap).flatten(1), power.flatten(1)
+    pixel, places, shares = 180.0 / height, [], []
     for _ in range(SOURCES):
-        place = d[left.argmax(dim=1)]
+        near = (d[left.argmax(dim=1)] @ d.T > np.cos(np.radians(PLACE_DEG))).to(flat.dtype)
+        place = F.normalize((near * flat) @ d + LEAST_PULL * d[left.argmax(dim=1)], dim=1)
         cosine = place @ d.T  # [N, P]
         places.append(place)
-        shares.append(torch.stack([(flat * (cosine > np.cos(np.radians(r)))).sum(dim=1) for r in RADII_DEG], dim=1))
+        degrees = torch.rad2deg(torch.acos(cosine.clamp(-1.0, 1.0)))
+        within = [(0.5 + (r - degrees) / pixel).clamp(0.0, 1.0) for r in RADII_DEG]
+        shares.append(torch.stack([(flat * one).sum(dim=1) for one in within], dim=1))
         left = left.masked_fill(cosine > np.cos(np.radians(APART_DEG)), -1.0)
     return torch.stack(places, dim=1), torch.stack(shares, dim=1)
