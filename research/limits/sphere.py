@@ -28,7 +28,7 @@ from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_
 from research.world.materials import kind_given_alpha
 
 POINTS = 20
-"""Of a square of so many points along either side, those on the sphere are seen: 316."""
+"""Points along either side of a square; those on the sphere are seen: 316."""
 VIEWS = 16
 FLOOR = 1e-3
 """Radiance below counts as this in features."""
@@ -37,7 +37,7 @@ RIDGES = (3e-4, 3e-3, 3e-2)
 LEFT_OUT = 6
 """One map of so many chooses the ridge."""
 SPARSE = 16
-"""Of so many numbers of a map, one judges a ridge."""
+"""One of so many numbers of a map judges a ridge."""
 COARSE = 2
 """Pixels of a map along either side of one that is estimated."""
 

@@ -24,7 +24,7 @@ from anyprobe.dataset.textured import draw_texture, smooth_noise
 from anyprobe.light.environment import MAP_HEIGHT
 
 SIDE = 128
-"""Of a pattern in its own pixels."""
+"""Side of a pattern in its own pixels."""
 
 REAL_SHARE = 0.5
 """So many patterns are crops of maps, where there are any."""
