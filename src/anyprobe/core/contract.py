@@ -1,4 +1,4 @@
-"""The numbers that Python and JavaScript share: contract.json, which web/build/contract.js copies into the npm package."""
+"""The numbers that Python and JavaScript share: contract.json, which web/build/contract.js copies for the browser."""
 
 from __future__ import annotations
 
