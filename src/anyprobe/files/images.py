@@ -110,7 +110,7 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 """Compression of a PNG, and of one of so many values: a third of the time for a tenth more bytes."""
 STRIP_ROWS = 64
-"""Of a large picture that are converted at a time."""
+"""Rows of a large picture that are converted at a time."""
 
 GAIN_MAP_MARKS, GAIN_MAP_BYTES = (b"hdrgm", b"ts:21496"), 1 << 28
 """What a JPEG with a gain map has in its first segments, and how much of a file is looked through for the map."""
