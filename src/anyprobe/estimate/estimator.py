@@ -209,7 +209,7 @@ class Estimator:
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
-            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
+            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals, crop.radiance)
             known |= done
         exposed = _well_exposed(crop.image)
         if outputs.confidence is not None:

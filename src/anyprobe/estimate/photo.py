@@ -54,6 +54,7 @@ class Photo:
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
+        radiance: [H, W, 3] linear, above white too, see files.images.Pixels; None where display values say all.
     """
 
     rgb: np.ndarray
@@ -69,17 +70,18 @@ class Photo:
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
     exposure: float | None = None
+    radiance: np.ndarray | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
         if self.use_background:
-            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows)
+            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows, self.radiance)
         return None if self.panorama is None else at_rows(self.panorama, rows)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        bare = replace(self, rgb=rgb, mask=mask, normals=None)
+        bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None)
         return replace(bare, use_background=False, surroundings_map=None, panorama=None)
 
 
@@ -96,6 +98,7 @@ class Crop:
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
+        radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
     """
 
     image: np.ndarray
@@ -105,6 +108,7 @@ class Crop:
     tan_half: float
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | None = None
+    radiance: np.ndarray | None = None
 
 
 def load_photo(
@@ -157,6 +161,7 @@ def load_photo(
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
+        radiance=pixels.radiance,
     )
 
 
@@ -194,9 +199,14 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
     image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
+    radiance = None
+    if photo.radiance is not None:
+        radiance = np.maximum(_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
     surroundings_map = None
     if photo.use_background:
-        surroundings_map = visible_surroundings(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
+        surroundings_map = visible_surroundings(
+            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
+        )
         if surroundings_map is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
@@ -212,6 +222,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         tan_half=float(tan_half),
         normals=normals,
         surroundings_map=surroundings_map,
+        radiance=radiance,
     )
 
 

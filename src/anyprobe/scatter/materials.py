@@ -77,11 +77,12 @@ def material_input(material: Material) -> np.ndarray:
 
 
 MATERIALS: dict[str, Material] = {
-    "chrome": Material(albedo=np.zeros(3), f0=np.array([0.65, 0.66, 0.66]), alpha=0.03),
+    "chrome": Material(albedo=np.zeros(3), f0=np.array([0.549, 0.556, 0.554]), alpha=0.03),
     "gold": Material(albedo=np.zeros(3), f0=np.array([1.00, 0.77, 0.34]), alpha=0.12),
     "plastic": Material(albedo=np.array([0.52, 0.06, 0.05]), f0=np.full(3, 0.045), alpha=0.12),
     "matte": Material(albedo=np.full(3, 0.6), f0=np.full(3, 0.04), alpha=0.9),
 }
+"""By name. Chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm)."""
 
 
 def material_named(name: str, *also: str) -> Material:
