@@ -80,7 +80,7 @@ def read_image(source: ImageSource, name: str | None = None) -> Pixels:
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 """Compression of a PNG, and of one of so many values: a third of the time for a tenth more bytes."""
 STRIP_ROWS = 64
-"""Of a large picture that are converted at a time."""
+"""Rows of a large picture that are converted at a time."""
 
 
 def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
