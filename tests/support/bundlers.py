@@ -38,8 +38,8 @@ IMPORTS = {
 
 
 def page(script: str, head: str = "") -> str:
-    icon = '<link rel="icon" href="data:,">'
-    return f'<!doctype html><html><head>{icon}{head}<script type="module" src="{script}"></script></head><body></body></html>'
+    head = f'<link rel="icon" href="data:,">{head}<script type="module" src="{script}"></script>'
+    return f"<!doctype html><html><head>{head}</head><body></body></html>"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
