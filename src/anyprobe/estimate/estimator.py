@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
@@ -32,7 +33,7 @@ from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import Albedo, Material, as_material
 
-ENOUGH_EXPOSED = 0.5
+BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
 
 
@@ -275,7 +276,7 @@ def _well_exposed(image: np.ndarray) -> float:
     if not len(object_pixels):
         return 0.0
     display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
-    return float(((display > 0.02) & (display < 0.98)).mean())
+    return float(((display > BLACK) & (display < WHITE)).mean())
 
 
 def _said(posterior: dict[str, float] | None) -> Info:

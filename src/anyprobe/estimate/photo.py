@@ -7,6 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError, InvalidPhoto
@@ -25,10 +26,10 @@ from anyprobe.files.images import ImageSource, read_image
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import Where, find_mask
 
-DEFAULT_LONG_FOV_DEG = 65.0
+DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
-CROP_MARGIN = 1.1
+CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the crop over the longer side of the object's bounding box."""
 
 CLIPPED_SHARE = 0.98
