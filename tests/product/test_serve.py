@@ -145,7 +145,9 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
     assert answer["emitters"] == "expected"
     packed = answer["radiance"]
     radiance = np.frombuffer(base64.b64decode(packed["base64"]), "<f4").reshape(packed["shape"])
-    np.testing.assert_allclose(radiance, estimator.with_emitters("expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        radiance, estimator.with_settings(emitters="expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5
+    )
     assert client.post("/v1/estimate", content=photo).json()["emitters"] == "mode"
 
 

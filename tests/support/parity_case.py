@@ -148,7 +148,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
-        answers["radiance_expected"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
+        answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
