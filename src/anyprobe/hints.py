@@ -18,6 +18,7 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.images import ImageSource
+from anyprobe.files.raw import RAW_SUFFIXES
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
@@ -33,7 +34,10 @@ SPHERE = "sphere"
 PHOTO = "photo"
 """In place of a panorama: take the photo's own background."""
 
-PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
+PICTURES = (
+    *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
+    *(".jp2", ".exr", *RAW_SUFFIXES),
+)
 ARRAYS = (".png", ".tif", ".tiff", ".exr", ".npy")
 
 MAX_NUMBER = 1e6

@@ -24,7 +24,7 @@ UNKNOWN_LENS_DEG = 38.0
 degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
 
 STRIP_PIXELS = 1 << 18
-"""Of the photo, whose places on the ground are worked out at once: some 200 bytes each."""
+"""Pixels whose places on the ground are worked out at once: some 200 bytes each."""
 
 LEAST_CONTACT, CONTACT_BAND = 0.03, 0.04
 """Rows of the mask narrower than this, of the object's width, are not where it stands; and what counts as its lower
