@@ -22,13 +22,13 @@ from anyprobe.light.environment import reduced, rotate
 PITCHES_DEG = tuple(range(-15, 76, 10))
 """How far the camera may look down."""
 PITCH_PRICE = 0.01
-"""Of a camera that looks down by a radian, squared; in units of squared ln radiance."""
+"""Cost of a camera that looks down by a radian, squared; in units of squared ln radiance."""
 TINT_PRICE = 0.5
-"""Of what the white balance differs, squared, in the same units."""
+"""Cost of the difference in white balance, squared, in the same units."""
 SHADING_WEIGHT = 2.0
-"""Of the ln shading beside that of each channel's ln radiance."""
+"""Weight of the ln shading beside that of each channel's ln radiance."""
 PLAIN_PRICE, RICH = 0.1, 0.06
-"""Of a candidate with little detail: ln(RICH / richness) squared, where that is below RICH; see library.richness_of."""
+"""Cost of a candidate with little detail: ln(RICH / richness) squared; 0 above RICH; see library.richness_of."""
 LEAST_CONFIDENCE = 0.05
 
 

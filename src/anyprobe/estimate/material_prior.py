@@ -136,7 +136,7 @@ INSIDE = 0.99
 MAX_STOPS = 3.0
 """Largest gain or loss of a channel: more is not the material's doing."""
 MAX_POINTS, NUM_SAMPLES = 400, 64
-"""Of the object, evenly spread; each is shaded with so many samples."""
+"""The most points of the object, evenly spread; each is shaded with so many samples."""
 TRUST = 0.5
 """Share of the gain that is applied, in the logarithm; of 0, 0.5 and 1 the best on the left-out part of the world test
 set (research.limits)."""

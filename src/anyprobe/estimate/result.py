@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from anyprobe.scatter.materials import Material
 
 VERSION = 3
-"""Of the sidecar; one that says none is of version 1. Older ones had other names: see RENAMED and RENAMED_INSIDE."""
+"""Version of the sidecar; one that says none is of version 1. Older names: RENAMED and RENAMED_INSIDE."""
 RENAMED = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "priors"}
 """Keys of a sidecar of version 1, which says no version, and of today's."""
 EMITTERS = {"drawn": "mode", "spread": "expected"}

@@ -22,7 +22,7 @@ UNKNOWN_LENS_DEG = 38.0
 degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
 
 STRIP_PIXELS = 1 << 18
-"""Of the photo, whose places on the ground are worked out at once: some 200 bytes each."""
+"""Pixels whose places on the ground are worked out at once: some 200 bytes each."""
 
 LEAST_ABOVE = 0.02
 """Ground is used up to this far below the horizon, of the photo's height."""

@@ -42,7 +42,7 @@ THREADS = 2
 """That darken strips of the ground at a time."""
 
 MOST_PATHS = 1 << 25
-"""Of the path tracer for one object."""
+"""The most paths that are traced for one object."""
 
 LEAST_SHADOW = 1 / 1024
 """A quarter of a display step; where less is missing the photo stays as it is."""
@@ -65,7 +65,7 @@ class Window:
         )
 
 
-def window_surroundings(placement: Placement, view: View) -> Window | None:
+def window_of(placement: Placement, view: View) -> Window | None:
     """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
     pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
     low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
@@ -218,7 +218,7 @@ class Stage:
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
             raise InputError("size: the object reaches behind the camera; make it smaller or place it farther away")
-        window = window_surroundings(self.placement, self.view)
+        window = window_of(self.placement, self.view)
         if window is None:
             raise InputError("at: the photo shows nothing of the object there; choose another place")
         self.window: Window = window

@@ -21,7 +21,7 @@ from anyprobe.relight.ground import View
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
-"""Of what was asked: beside the real object or in front of it, it is made no smaller."""
+"""The smallest share of the size asked for: beside the real object or in front of it, it is made no smaller."""
 
 FRONT_ROWS = (0.25, 0.5, 0.75, 1.0)
 """Where places in front are tried, from the row that the real object stands on to the lowest of the photo."""

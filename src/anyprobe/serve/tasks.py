@@ -28,7 +28,7 @@ PAGE_LONG_PX = 2048
 """Longer side of what /v1/photo sends back: more than a page shows."""
 
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
-"""Of JPEG, PNG and WebP."""
+"""First bytes of JPEG, PNG and WebP."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
