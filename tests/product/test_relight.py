@@ -22,7 +22,7 @@ from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.ground import View
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh
