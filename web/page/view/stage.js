@@ -37,7 +37,7 @@ const UP = new Vector3(0, 1, 0);
 /** Height of the object over the real one's, at size 1 and where there is room. */
 const OF_REAL = 0.5;
 /**
- * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground_view: the one
+ * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground: the one
  * that estimates take would draw spheres near the border of a cropped photo as eggs; too narrow a guess shows far less.
  */
 const UNKNOWN_LENS_DEG = 38;
