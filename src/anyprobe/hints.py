@@ -62,7 +62,7 @@ class Hint:
         words: that stand in place of its file.
         suffixes: of its file, where folders hold one a photo; none: it is no file.
         over_http: whether requests may carry it.
-        in_web: whether the JavaScript package takes it.
+        in_web: the option of the JavaScript package that takes it; "" where none does.
     """
 
     about: Literal["place", "camera", "light"]
@@ -76,7 +76,7 @@ class Hint:
     words: tuple[str, ...] = ()
     suffixes: tuple[str, ...] = ()
     over_http: bool = True
-    in_web: bool = False
+    in_web: str = ""
 
     def read(self, text: str) -> Any:
         """What a text stands for: a number, numbers, or the text itself.
@@ -163,7 +163,7 @@ class Hints:
         InputError: with one line, what does not go together, or a number out of its range.
     """
 
-    mask: MaskSource | None = _hint("place", "Mask image, white on the object.", suffixes=PICTURES, in_web=True)
+    mask: MaskSource | None = _hint("place", "Mask image, white on the object.", suffixes=PICTURES, in_web="mask")
     click: Clicks | None = _hint(
         "place",
         "A point on the object, in pixels of the upright photo; repeatable.",
@@ -171,7 +171,7 @@ class Hints:
         numbers=(2,),
         repeated=True,
         example="120,90",
-        in_web=True,
+        in_web="click",
     )
     exclude: Clicks | None = _hint(
         "place",
@@ -180,7 +180,7 @@ class Hints:
         numbers=(2,),
         repeated=True,
         example="20,90",
-        in_web=True,
+        in_web="exclude",
     )
     box: Sequence[float] | None = _hint(
         "place",
@@ -188,7 +188,7 @@ class Hints:
         metavar="X0,Y0,X1,Y1",
         numbers=(4,),
         example="40,30,220,260",
-        in_web=True,
+        in_web="box",
     )
     depth: DepthSource | None = _hint("place", "Depth image of the same view.", suffixes=ARRAYS, over_http=False)
     near: float | None = _hint(
@@ -200,7 +200,7 @@ class Hints:
         "Field of view of the photo's longer side, degrees; default: EXIF, else 65.",
         name="fov",
         numbers=(1,),
-        in_web=True,
+        in_web="longFovDeg",
     )
     pitch_deg: float | None = _hint(
         "camera", "How far the camera looks down, degrees: 0 level, 90 straight down.", name="pitch", numbers=(1,)
@@ -211,10 +211,13 @@ class Hints:
         "or sphere, if the object is one.",
         words=(SPHERE,),
         suffixes=ARRAYS,
-        in_web=True,
+        in_web="normals",
     )
     material: Material | str | None = _hint(
-        "light", "The object's material: chrome, gold, plastic or matte (albedo 0.6).", metavar="NAME", in_web=True
+        "light",
+        "The object's material: chrome, gold, plastic or matte (albedo 0.6).",
+        metavar="NAME",
+        in_web="material",
     )
     albedo: Albedo | None = _hint(
         "light",
@@ -222,14 +225,14 @@ class Hints:
         metavar="R,G,B",
         numbers=(1, 3),
         example="0.18",
-        in_web=True,
+        in_web="material",
     )
     roughness: float | None = _hint(
         "light",
         "Its roughness as in glTF, 0.1 to 1: the square root of GGX alpha.",
         numbers=(1,),
         range=(0.1, 1.0),
-        in_web=True,
+        in_web="material",
     )
     surroundings: SurroundingsSource | None = _hint(
         "light",
@@ -237,7 +240,7 @@ class Hints:
         "transparent where unknown.",
         words=(PHOTO,),
         suffixes=(*PICTURES, ".hdr"),
-        in_web=True,
+        in_web="surroundings",
     )
 
     def __post_init__(self) -> None:

@@ -20,7 +20,7 @@ from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator, Settings, SettingsDict, estimate
 from anyprobe.estimate.photo import load_photo
 from anyprobe.hints import HINTS, Hints, HintsDict
-from anyprobe.relight.ground import view_of
+from anyprobe.relight.ground_view import view_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -74,11 +74,12 @@ def test_every_hint_is_described_over_http():
 
 
 def test_javascript_takes_the_same_hints():
-    """Under the same names in its own spelling; albedo and roughness stand within the material."""
-    spelled = {re.sub(r"_(\w)", lambda found: found[1].upper(), name): hint for name, hint in HINTS.items()}
-    taken = {name for name, hint in spelled.items() if hint.in_web} - {"albedo", "roughness"}
-    assert interface("EstimateOptions") & set(spelled) == taken
-    assert "fovDeg" in taken
+    """What it does not take yet is under no name of its own there; albedo and roughness stand within the material."""
+    named = {name: hint.in_web for name, hint in HINTS.items()}
+    options = interface("EstimateOptions")
+    assert {name for name in named.values() if name} <= options
+    assert {name for name, option in named.items() if not option} == {"depth", "near", "far", "pitch_deg"}
+    assert {"depth", "near", "far", "pitchDeg"} & options == set()
     text = (ROOT / "web" / "types" / "index.d.ts").read_text(encoding="utf-8")
     assert re.search(
         r"type GivenMaterial =[^;]*\{ name\?: MaterialName; albedo\?: [^;]+; roughness\?: number \};", text
