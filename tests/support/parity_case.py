@@ -20,7 +20,7 @@ from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.propose import default_graph, shared_network
 from anyprobe.masks.quality import Evidence, examine
 from anyprobe.masks.sources import mask_from_file
-from anyprobe.relight.ground import View
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
 from anyprobe.scatter.materials import given_material, material_input
 
@@ -164,7 +164,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
-        answers["radiance_expected"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
+        answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,11 +14,11 @@ from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import open_regular
+from anyprobe.hints import NormalsSource
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 
 Part = tuple[slice, slice]
 """Rows and columns of a photo."""
@@ -32,8 +31,6 @@ UNIT_SHARE = 0.6
 one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wide as JPEG of quality 30 had .78."""
 PLAIN = 0.1
 """Display value up to which black, and down from 1 white, is no normal's colour: their vectors are far too long."""
-SPHERE = "sphere"
-"""In place of a normal map: the object is a sphere, whose outline gives its normals."""
 ROUND = 0.9
 """Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
 STRIP_PX = 1 << 17
