@@ -175,7 +175,10 @@ def dng(linear: np.ndarray, gains: tuple[float, float, float] = (1.0, 1.0, 1.0))
 
 
 def ultra_hdr(base: np.ndarray, gain: np.ndarray, stops: float, *, iso: bool = False, quality: int = 98) -> bytes:
-    """A JPEG of display values [H, W, 3] with a gain map [h, w] or [h, w, 3], 0 to so many stops, in XMP or as in ISO 21496-1."""
+    """A JPEG of display values [H, W, 3] with a gain map [h, w] or [h, w, 3] of 0 to so many stops.
+
+    iso: described as by ISO 21496-1; else by XMP.
+    """
 
     def jpeg(picture: np.ndarray) -> bytes:
         stream = io.BytesIO()

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from array_api_compat import array_namespace, device
 
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.errors import InvalidEnvironment
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-MAP_HEIGHT = 64
+MAP_HEIGHT: int = contract("sizes")["map_height"]
 """Rows of every estimated map; the paper leaves the size open."""
 SEARCH_ROWS = 128
 """Rows at which a larger map is searched for its dominant light, and blurred."""
