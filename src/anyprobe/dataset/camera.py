@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, to_device
+from array_api_compat import array_namespace, device, to_device
 from PIL import Image
 
 from anyprobe.core.latlong import pixel_solid_angles
@@ -145,7 +145,7 @@ def gaussian_rows(size: int, sigma: float) -> np.ndarray:
 def blur(planes, sigma: float):
     """Gaussian blur of pictures [..., S, S] by sigma > 0 pixels: G p G^T."""
     xp = array_namespace(planes)
-    rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=planes.device)
+    rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=device(planes))
     return rows @ planes @ rows.T
 
 
@@ -179,7 +179,7 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
 
     def column(values):
         values = np.asarray(values, np.float32).reshape(len(shots), -1, 1, 1)
-        return xp.asarray(values, device=radiance.device)
+        return xp.asarray(values, device=device(radiance))
 
     behind = xp.zeros_like(radiance) if background is None else background
     scene = xp.where(mask, radiance, behind) * column([shot.white_balance for shot in shots])
@@ -199,7 +199,7 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
             levels[k] = xp.where(mask[k], levels[k], xp.round(xp.clip(mean, 0.0, 1.0) * 255.0)[:, None, None])
         picture = np.moveaxis(np.asarray(to_device(levels[k], "cpu")), 0, -1).astype(np.uint8, order="C")
         stored = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling).astype(np.float32)
-        levels[k] = xp.asarray(np.moveaxis(stored, -1, 0), device=levels.device)
+        levels[k] = xp.asarray(np.moveaxis(stored, -1, 0), device=device(levels))
     return levels * cover if background is None else levels
 
 

@@ -85,8 +85,9 @@ class Info(TypedDict, total=False):
     priors: what was given of the object; object and uncertainty: None from a model that does not estimate them
     (`paper`); seconds: by step.
 
-    Some lights lack a key: exposure where no EXIF says it; fused, the photos of a multiview light; detail, where that
-    is from, see with_detail. A Light that is no estimate of this release may lack any.
+    Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
+    given; fused, the photos of a multiview light; detail, where that is from, see with_detail. A Light that is no
+    estimate of this release may lack any.
     """
 
     photo: str
@@ -95,6 +96,7 @@ class Info(TypedDict, total=False):
     exposure: float
     long_fov_deg: float
     fov_source: str
+    pitch_deg: float
     mask: MaskInfo
     priors: dict[str, Any]
     object: ObjectInfo | None

@@ -20,16 +20,14 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear
+from anyprobe.hints import PHOTO, SurroundingsSource
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-PHOTO = "photo"
-"""In place of a panorama: take the photo's own surroundings."""
-SurroundingsSource = ImageSource
 GROW_PX = 4
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
 FINE = 2.0
