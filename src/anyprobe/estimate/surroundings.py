@@ -51,7 +51,7 @@ PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 4"]:
+def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 C"]:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
@@ -112,7 +112,7 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 
 def surroundings_of(
     radiance: Float[np.ndarray, "H 2*H 3"], cover: Float[np.ndarray, "H 2*H 1"], measured: np.ndarray | None = None
-) -> Float[np.ndarray, "H 2*H 3"]:
+) -> Float[np.ndarray, "H 2*H C"]:
     """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its share with values above white."""
     display = response(radiance)
     if measured is None:
