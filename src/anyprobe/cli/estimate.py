@@ -28,6 +28,7 @@ from anyprobe.cli.options import (
     hints_for,
     list_photos,
     photo_source,
+    result_stem,
     with_bundles,
 )
 from anyprobe.errors import AnyprobeError, InputError
@@ -41,9 +42,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: the dominant light and files, or the error's line."""
+    """One photo's outcome: what its files are called and the dominant light, or the error's line."""
 
     photo: Path
+    stem: str = ""
     direction: np.ndarray | None = None
     level_stops: float | None = None
     seconds: float = 0.0
@@ -148,24 +150,22 @@ class EstimateCall:
         from anyprobe.estimate.outputs import SUFFIXES
 
         given = (poses, *hints.files().values())
-        targets = (self.out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES)
+        targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in SUFFIXES)
         check_names(path, self.listed, targets, given)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
         from anyprobe.estimate.outputs import write_results
 
-        written = write_results(photo, light, self.out, stem_of(path))
+        stem = result_stem(path, self.listed)
+        written = write_results(photo, light, self.out, stem)
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
         unsure = (light.info.get("uncertainty") or {}).get("level_stops")
-        return Done(photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings)
-
-
-def stem_of(path: Path) -> str:
-    """Of a photo's results."""
-    return "stdin" if path == STDIN else path.stem
+        return Done(
+            photo=path, stem=stem, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
+        )
 
 
 def _line(path: Path, error: AnyprobeError) -> str:
@@ -195,7 +195,7 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             f"{one.seconds:.2f}",
         )
     talk.print(table)
-    written = [stem_of(one.photo) for one in done if not one.error]
+    written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
         talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)

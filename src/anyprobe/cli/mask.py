@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, with_bundles
+from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, result_stem, with_bundles
 from anyprobe.errors import AnyprobeError
 from anyprobe.hints import Hints
 
@@ -43,7 +43,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
 
-    targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
+    targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
     pixels = read_image(path)
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
@@ -52,4 +52,4 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())
     sure = "" if found.confidence is None else f", expected IoU {found.confidence:.2f}"
-    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", found.warnings
+    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", pixels.warnings + found.warnings

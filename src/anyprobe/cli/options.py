@@ -281,9 +281,17 @@ def _is_map(path: Path) -> bool:
     return bool(high[0] - low[0] == 2 * (high[1] - low[1]))
 
 
+def result_stem(photo: Path, listed: list[Path]) -> str:
+    """What a photo's results are called: its stem; with the suffix (photo_heic) where another photo has the same."""
+    if photo == STDIN:
+        return "stdin"
+    alike = any(other.stem == photo.stem and other.suffix != photo.suffix for other in listed)
+    return f"{photo.stem}_{photo.suffix[1:]}" if alike and photo.suffix else photo.stem
+
+
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
-    twins = [other for other in listed if other.stem == photo.stem]
+    twins = [other for other in listed if result_stem(other, listed) == result_stem(photo, listed)]
     if twins and twins[0] != photo:
         raise OutputError(f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them")
     inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}

@@ -14,6 +14,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_hint import use_material
@@ -28,7 +29,7 @@ from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.scatter.materials import Albedo, Material, as_material
 
-ENOUGH_EXPOSED = 0.5
+BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
 
 
@@ -208,7 +209,7 @@ class Estimator:
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         used: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
-            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
+            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals, crop.radiance)
             used |= done
         exposed = _well_exposed(crop.image)
         if outputs.confidence is not None:
@@ -275,7 +276,7 @@ def _well_exposed(image: np.ndarray) -> float:
     if not len(object_pixels):
         return 0.0
     display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
-    return float(((display > 0.02) & (display < 0.98)).mean())
+    return float(((display > BLACK) & (display < WHITE)).mean())
 
 
 def _said(posterior: dict[str, float] | None) -> Info:

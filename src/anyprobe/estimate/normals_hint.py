@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.headers import MAX_PIXELS
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 Part = tuple[slice, slice]
 """Rows and columns of a photo."""
 
-SHORTEST = 0.5
+SHORTEST: float = contract("graph")["shortest_normal"]
 """A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
 NEAR_UNIT = 0.15
 UNIT_SHARE = 0.6

@@ -7,6 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
@@ -21,10 +22,10 @@ from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import Segmenter
 from anyprobe.scatter.materials import Material
 
-DEFAULT_LONG_FOV_DEG = 65.0
+DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
-CROP_MARGIN = 1.1
+CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the crop over the longer side of the object's bounding box."""
 
 CLIPPED_SHARE = 0.98
@@ -50,6 +51,7 @@ class Photo:
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
+        radiance: [H, W, 3] linear, above white too, see files.images.Pixels; None where display values say all.
         pitch_deg: how far the camera looks down; None where it is not given.
         material: the object's; None where it is not given.
     """
@@ -67,19 +69,20 @@ class Photo:
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
     exposure: float | None = None
+    radiance: np.ndarray | None = None
     pitch_deg: float | None = None
     material: Material | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
         if self.use_background:
-            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows)
+            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows, self.radiance)
         return None if self.panorama is None else at_rows(self.panorama, rows)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        bare = replace(self, rgb=rgb, mask=mask, normals=None)
+        bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None)
         return replace(bare, use_background=False, surroundings_map=None, panorama=None)
 
 
@@ -96,6 +99,7 @@ class Crop:
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
+        radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
     """
 
     image: np.ndarray
@@ -105,6 +109,7 @@ class Crop:
     tan_half: float
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | None = None
+    radiance: np.ndarray | None = None
 
 
 @spread(Hints)
@@ -153,6 +158,7 @@ def load_photo(
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
+        radiance=pixels.radiance,
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
     )
@@ -192,9 +198,14 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
     image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
+    radiance = None
+    if photo.radiance is not None:
+        radiance = np.maximum(_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
     surroundings_map = None
     if photo.use_background:
-        surroundings_map = visible_surroundings(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
+        surroundings_map = visible_surroundings(
+            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
+        )
         if surroundings_map is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
@@ -210,6 +221,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         tan_half=float(tan_half),
         normals=normals,
         surroundings_map=surroundings_map,
+        radiance=radiance,
     )
 
 

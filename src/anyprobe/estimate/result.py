@@ -188,7 +188,7 @@ class Light:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
 
-    def rotate(self, rotation: Float[np.ndarray, "3 3"]) -> Light:
+    def rotate(self, rotation: np.ndarray) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.
