@@ -14,7 +14,7 @@ import numpy as np
 import OpenEXR
 from PIL import Image
 
-from anyprobe.estimate.normals_prior import read_normals
+from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, said_beside
 from anyprobe.files import headers, images, meshes, poses, radiance
