@@ -16,7 +16,7 @@ import OpenEXR
 from PIL import Image
 from support import picture_files
 
-from anyprobe.estimate.normals_prior import read_normals
+from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, said_beside
 from anyprobe.files import declared_size, images, meshes, poses, radiance

@@ -9,7 +9,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -66,7 +66,7 @@ def video(
     hints = taken.hints()
     given, object_material = dict(hints.given()), hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in SUFFIXES}
-    first = {key: given[key] for key in ("click", "exclude", "box") if key in given}
+    first: dict[str, Any] = {key: given[key] for key in ("click", "exclude", "box") if key in given}
     if taken.segmenter:
         first["segmenter"] = taken.segmenter
     foot = placed.foot()

@@ -11,8 +11,8 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
+from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
-from anyprobe.estimate.normals_prior import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import at_rows, read_panorama, turned, visible_surroundings
 from anyprobe.files.images import ImageSource, read_image

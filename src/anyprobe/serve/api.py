@@ -32,7 +32,8 @@ from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
-Given, Answer = ParamSpec("Given"), TypeVar("Answer")
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
 
 CLIENT_GONE = 499
 """This answer is never read; the number is the one that logs of other servers use."""
