@@ -16,7 +16,7 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import direction_to_uv, pixel_directions, pixel_solid_angles, uv_to_direction
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.light.environment import shrink
 
 WAVES = 6
@@ -62,8 +62,8 @@ def stacked(grounds: list[Grounds]) -> Grounds:
 
 
 def draw_ground(rng: np.random.Generator) -> Grounds:
-    """One ground: plain, wood, cloth or stone, of low contrast, in colours of dataset.priors."""
-    (albedo,), _ = priors.draw_colors(rng, np.array([rng.choice([1, 2, 3], p=[0.2, 0.6, 0.2])]))
+    """One ground: plain, wood, cloth or stone, of low contrast, in colours of dataset.distributions."""
+    (albedo,), _ = distributions.draw_colors(rng, np.array([rng.choice([1, 2, 3], p=[0.2, 0.6, 0.2])]))
     pattern = rng.choice(["plain", "wood", "cloth", "stone"], p=[0.25, 0.3, 0.2, 0.25])
     angle = rng.uniform(0, np.pi)
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
@@ -103,7 +103,7 @@ def albedo_at(grounds: Grounds, q: torch.Tensor) -> tuple[torch.Tensor, torch.Te
     fade = torch.exp(-0.5 * (speed * across).clip(max=6.0) ** 2)
     pattern = torch.sin(q @ grounds.waves.mT + grounds.phases[:, None]) * fade  # [B, N, W]
     ln = pattern @ grounds.amplitudes
-    albedo = (grounds.albedo[:, None] * torch.exp(ln)).clip(max=priors.MOST_ALBEDO)
+    albedo = (grounds.albedo[:, None] * torch.exp(ln)).clip(max=distributions.MOST_ALBEDO)
     cosine, sine = torch.cos(grounds.turn)[:, None], torch.sin(grounds.turn)[:, None]
     along = cosine * q[..., 0] + sine * q[..., 1] - grounds.middle[:, None, 0]
     across = cosine * q[..., 1] - sine * q[..., 0] - grounds.middle[:, None, 1]

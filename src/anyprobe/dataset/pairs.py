@@ -20,14 +20,14 @@ from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
+from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.ground import Scenes, make_scenes
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.seen_surroundings import (
     GAIN_STOPS,
     draw_frame,
@@ -54,7 +54,7 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
-    world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
+    world: share of lit materials, and so of photos, of dataset.distributions: what objects are made of, and how
         phones expose and balance them.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
@@ -242,7 +242,7 @@ class PairSource:
         """
         count, size = len(chosen), normals.shape[-1]
         materials = [
-            draw_material(rng, lit.alpha) if lit.kind is None else priors.draw_one(rng, lit.kind, lit.alpha)
+            draw_material(rng, lit.alpha) if lit.kind is None else distributions.draw_one(rng, lit.kind, lit.alpha)
             for lit in chosen
         ]
         described = np.stack([material_input(one) for one in materials])
@@ -370,7 +370,7 @@ class PairSource:
         bright = (light * weights).sum(1)
         scene = torch.exp(torch.log(bright.clip(min=1e-4)).mean((1, 2))).tolist()
         for one in [number for number, shot in enumerate(shots) if shot.meters_frame]:
-            scene[one] = float(priors.frame_level(bright[one].cpu().numpy()))
+            scene[one] = float(distributions.frame_level(bright[one].cpu().numpy()))
         gains = [exposure(*each) for each in zip(shots, on_object, scene, strict=True)]
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
@@ -414,7 +414,7 @@ def shade(
 
 
 def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:
-    """The shot, metered and balanced as phones do it where the material is of the world's priors."""
+    """The shot, metered and balanced as phones do it where the material is of the world's distributions."""
     if lit.kind is None:
         return shot
     rows = pixel_solid_angles(lit.radiance.shape[0])
