@@ -21,7 +21,7 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import distributions
 from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.distributions import draw_alpha
-from anyprobe.dataset.ground import Stand, draw_ground, make_stand, with_ground
+from anyprobe.dataset.ground_plane import Stand, draw_ground, make_stand, with_ground
 from anyprobe.dataset.sky import direction_at, soft_cap, tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.dominant_light import dilate, find_dominant_light
@@ -210,7 +210,7 @@ class Illuminator:
     def light_standing(
         self, which: int, rotation: np.ndarray, alpha: float, elevation: int, rng: np.random.Generator
     ) -> LitMaterial:
-        """The same on a random ground of dataset.ground."""
+        """The same on a random ground of dataset.ground_plane."""
         fine = self.maps[which]
         seen, felt = with_ground(
             fine if alpha < BUDGETS[0][0] else shrink(fine, len(fine) // 2), ground := draw_ground(rng)

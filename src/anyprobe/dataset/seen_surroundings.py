@@ -10,7 +10,7 @@ import torch.nn.functional as F
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions
-from anyprobe.dataset.ground import Scenes
+from anyprobe.dataset.ground_plane import Scenes
 
 GROW = 4
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""

@@ -37,7 +37,7 @@ class SurfaceConfig:
     directions of its own; tilt_deg: of the angle by which it leans; bend, relief: by how much at most slow waves
     bend it and fast ones press a relief into it, as slopes below one in all. New shapes from old: there are few.
     shadows: whether it is kept which directions each shape hides from itself (dataset.occlusion).
-    points: how many points of each shape are kept, for the shadow that it casts on the ground (dataset.ground).
+    points: how many points of each shape are kept, for the shadow that it casts on the ground (dataset.ground_plane).
     """
 
     views: int = 3

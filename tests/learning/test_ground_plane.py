@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 from anyprobe.core.frames import rotation_x  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
-from anyprobe.dataset.ground import (  # noqa: E402
+from anyprobe.dataset.ground_plane import (  # noqa: E402
     GRID,
     Grounds,
     Stand,

@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
-from anyprobe.dataset.ground import Grounds, Stand, light_directions, make_scenes  # noqa: E402
+from anyprobe.dataset.ground_plane import Grounds, Stand, light_directions, make_scenes  # noqa: E402
 from anyprobe.dataset.surfaces import even_points  # noqa: E402
 from anyprobe.relight.path_traced import _environment, _mi_rays, open_mitsuba  # noqa: E402
 from anyprobe.render.shapes import draw_shape  # noqa: E402
