@@ -1,4 +1,4 @@
-"""The world test set: path-traced pairs under the priors of dataset.priors; objects shade and mirror themselves."""
+"""The world test set: path-traced pairs under dataset.distributions; objects shade and mirror themselves."""
 
 from __future__ import annotations
 

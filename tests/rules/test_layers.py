@@ -26,6 +26,8 @@ ONLY = {
     "openvino": {"estimate"},
     "rembg": {"masks"},
     "trimesh": {"files"},
+    "rawpy": {"files"},
+    "pillow_jxl": {"files"},
     "typer": {"cli"},
     "rich": {"cli", "train"},
     "ray": {"dataset"},

@@ -19,7 +19,7 @@ from anyprobe.light.temporal import step
 from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.propose import default_graph, shared_network
 from anyprobe.masks.quality import Evidence, examine
-from anyprobe.relight.ground import View
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
 from anyprobe.scatter.materials import given_material, material_input
 

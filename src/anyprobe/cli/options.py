@@ -23,6 +23,7 @@ from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import open_regular, visible_files
+from anyprobe.files.raw import RAW_SUFFIXES
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -32,7 +33,10 @@ if TYPE_CHECKING:
 
 STDIN = Path("-")
 """A photo that comes through standard input."""
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
+PHOTO_SUFFIXES = (
+    *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
+    *(".jp2", ".exr", *RAW_SUFFIXES),
+)
 PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 

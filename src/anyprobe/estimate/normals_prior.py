@@ -208,7 +208,7 @@ def _decoded(source: Path | bytes | np.ndarray, name: str) -> tuple[np.ndarray, 
     """_read of floats, which are vectors already, or of a picture."""
     if isinstance(source, np.ndarray) and source.dtype.kind == "f":
         return source, name, False
-    pixels = read_image(source)
+    pixels = read_image(source, as_data=True)
     rgb = pixels.rgb
     known = (rgb.max(axis=-1) > PLAIN) & (rgb.min(axis=-1) < 1.0 - PLAIN)
     if pixels.alpha is not None:

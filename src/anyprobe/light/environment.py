@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.errors import InvalidEnvironment
@@ -47,7 +47,7 @@ def shrink(radiance, height: int):
     if old % height:
         raise ValueError(f"height {height} does not divide {old}")
     k = old // height
-    weights = xp.asarray(pixel_solid_angles(old), dtype=radiance.dtype, device=radiance.device)[:, :, None]
+    weights = xp.asarray(pixel_solid_angles(old), dtype=radiance.dtype, device=device(radiance))[:, :, None]
     blocks = xp.reshape(radiance * weights, (height, k, 2 * height, k, radiance.shape[2]))
     total = xp.sum(xp.sum(blocks, axis=3), axis=1)
     return total / (xp.sum(xp.reshape(weights, (height, k, 1, 1)), axis=1) * k)
@@ -83,11 +83,11 @@ def rotate(radiance, rotation):
     height = radiance.shape[0]
     directions = pixel_directions(height) @ np.asarray(rotation, dtype=np.float32)  # R^T d
     uv = direction_to_uv(directions).astype(np.float32)
-    return bilinear(radiance, xp.asarray(uv, device=radiance.device))
+    return bilinear(radiance, xp.asarray(uv, device=device(radiance)))
 
 
 def integral(radiance):
     """Sum of L dOmega over the sphere, [3]."""
     xp = array_namespace(radiance)
-    weights = xp.asarray(pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=radiance.device)
+    weights = xp.asarray(pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=device(radiance))
     return xp.sum(xp.sum(radiance * weights[:, :, None], axis=1), axis=0)
