@@ -9,16 +9,29 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, with_bundles
-from anyprobe.errors import AnyprobeError
+from anyprobe.errors import AnyprobeError, InputError
 
 
 @with_bundles
 def mask(
-    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
     pointed: MaskOptions,
+    photos: Annotated[
+        list[Path] | None, typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
+    fetch: Annotated[
+        bool, typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if need be.")
+    ] = False,
 ) -> None:
     """Find the object. Writes <stem>_mask.png and, to look at, <stem>_overlay.png per photo."""
+    if fetch:
+        from anyprobe.masks.weights import fetch_weights
+
+        typer.echo(f"U2-Net-p: {fetch_weights().path}")
+    if not photos:
+        if fetch:
+            return
+        raise InputError("PHOTO: expected photos or folders of photos, got none; name one, or --fetch")
     hints = pointed.hints()
     listed = list_photos(photos)
     failed = False

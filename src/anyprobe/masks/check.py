@@ -38,7 +38,7 @@ def object_box(mask: np.ndarray) -> tuple[int, int, int, int]:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
-FULL = 0.9
+FULL = 0.85
 """The largest value of a mask that reaches the object."""
 
 MOSTLY = 0.5

@@ -24,13 +24,14 @@ class Evidence:
     """What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful.
 
     expected: IoU by the network's own probabilities; agreed: IoU with what a second look at the object alone gives,
-    mirrored; whole: share of all that stood out; border: share of the box's sides that lie on the photo's border;
+    mirrored; whole: share of all that stood out; single: see Finding.single; border: share of the box's sides that lie on the photo's border;
     small: ln of how many times less than 5 % of the photo the mask covers; large: how much more than 60 % of it.
     """
 
     expected: float
     agreed: float
     whole: float
+    single: float
     border: float
     small: float
     large: float
@@ -47,6 +48,7 @@ class Evidence:
             (self.agreed - 0.8, "a second look finds something else"),
             (self.expected - 0.85, "its outline is blurred"),
             (self.whole - 0.7, "other things stand out as well"),
+            (self.single - 0.95, "two things may hang together in it"),
             (0.15 - self.border, "it is cut by the photo's border"),
             (0.9 - self.small, "it is very small"),
             (0.1 - self.large, "it covers nearly the whole photo"),
@@ -63,6 +65,7 @@ def examine(found: Finding, width: int, height: int) -> Evidence:
         expected=found.expected(),
         agreed=found.agreed,
         whole=found.whole,
+        single=found.single(),
         border=_on_border(found, photo),
         small=float(np.log(max(0.05 / max(share, 1e-5), 1.0))),
         large=max(share - 0.6, 0.0) / 0.4,

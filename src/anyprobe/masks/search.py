@@ -42,6 +42,12 @@ EDGE_CELLS = NUMBERS["edge_cells"]
 SPLIT = NUMBERS["split"]
 """A part is cut on a coarser grid; a step from cell to cell costs so much and the difference of the two colours."""
 
+NECK = NUMBERS["neck"]
+"""How far a part is shrunk to see whether it is one, in square roots of its cells."""
+
+BLANK = NUMBERS["blank"]
+"""Range of display values in a window where nothing can stand out."""
+
 Box = tuple[float, float, float, float]
 
 
@@ -120,7 +126,7 @@ class Window:
 class Finding:
     """An object in a window: cover [GRID, GRID] in [0, 1], without other parts, and the part of it that it is, bool.
 
-    agreed: IoU of what two looks found, 1 after one; whole: its share of all that the first found.
+    agreed: IoU of what two looks found, 1 after one; whole: its share of all that the first found, 1 where clicks chose.
     """
 
     window: Window
@@ -135,6 +141,14 @@ class Finding:
         inside = float(self.cover[self.part].sum())
         return inside / max(float(self.part.sum()) + float(self.cover[near & ~self.part].sum()), 1e-6)
 
+    def single(self) -> float:
+        """1 where the part stays one when it is shrunk, less where two pieces hang together by a neck: 1 less the
+        second piece's share of the first."""
+        cells = max(1, int(NECK * np.sqrt(self.part.sum())))
+        _, sizes = label_parts(~_grown(~np.pad(self.part, 1), cells))
+        sizes = np.sort(sizes[1:])
+        return 1.0 if len(sizes) < 2 else 1.0 - float(sizes[-2] / sizes[-1])
+
     def mask(self, width: int, height: int) -> np.ndarray:
         """[height, width] float32 of the whole photo, with the soft edge that the network gives."""
         soft = np.where(self.part, np.maximum(self.cover, 0.51), np.minimum(self.cover, 0.49))
@@ -144,11 +158,11 @@ class Finding:
     def only(self, cover: np.ndarray) -> np.ndarray:
         """Of another segmenter's cover [H, W], as fine as it is, this part, its small holes filled."""
         height, width = cover.shape
-        part, near = (
+        inner, near = (
             self._placed(one.astype(np.float32), width, height) > INSIDE
-            for one in (self.part, _grown(self.part, EDGE_CELLS))
+            for one in (~_grown(~self.part, EDGE_CELLS), _grown(self.part, EDGE_CELLS))
         )
-        return np.where(part & (cover <= INSIDE), 0.51, cover * near).astype(np.float32)
+        return np.where(inner & (cover <= INSIDE), 0.51, cover * near).astype(np.float32)
 
     def _placed(self, cells: np.ndarray, width: int, height: int) -> np.ndarray:
         """Values [GRID, GRID] of the window in a photo [height, width] that is zero elsewhere."""
@@ -195,6 +209,8 @@ def look(network: Network, rgb: np.ndarray, window: Window, prompts: Prompts, mi
     if prompts.box is not None:
         (x0, y0), (x1, y1) = place((prompts.box[:2], prompts.box[2:]))
         corners = (min(x0, x1), y0, max(x0, x1), y1)
+    if float(np.ptp(seen)) < BLANK:
+        return np.zeros((GRID, GRID), np.float32)
     shown = np.ascontiguousarray(seen[:, ::-1]) if mirrored else seen
     cover = network.cover(shown, place(prompts.on), place(prompts.off), corners)
     cover = resize(cover[:, ::-1] if mirrored else cover, GRID, GRID)
@@ -220,7 +236,7 @@ def choose(window: Window, cover: np.ndarray, prompts: Prompts) -> Finding | Non
     if not chosen:
         return None
     part = fill_holes(np.isin(labels, sorted(chosen)))
-    whole = float(sum(weights[label] for label in chosen) / weights.sum())
+    whole = 1.0 if prompts.on else float(sum(weights[label] for label in chosen) / weights.sum())
     return Finding(window=window, cover=np.where((labels > 0) & ~part, 0.0, cover), part=part, whole=whole)
 
 
