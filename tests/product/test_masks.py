@@ -13,7 +13,6 @@ from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
-from anyprobe.masks import find
 from anyprobe.masks.check import look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
@@ -21,7 +20,6 @@ from anyprobe.masks.networks import SIZE, SmallNetwork, default_graph
 from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
 from anyprobe.masks.quality import DOUBTFUL, Evidence
-
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
 
@@ -312,7 +310,7 @@ def test_nothing_to_find():
 
 
 def test_near_without_depth():
-    with pytest.raises(InvalidMask, match="--depth"):
+    with pytest.raises(InvalidMask, match="near: expected depth with it"):
         load_photo(GREY, near=3.0)
 
 

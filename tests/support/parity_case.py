@@ -16,9 +16,10 @@ from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
-from anyprobe.masks.cut import cut_out, tidy
-from anyprobe.masks.propose import default_graph, shared_network
-from anyprobe.masks.quality import Evidence, examine
+from anyprobe.masks.networks import default_graph, small_network
+from anyprobe.masks.quality import examine
+from anyprobe.masks.search import Prompts, find_object
+from anyprobe.masks.sources import mask_from_file
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
 from anyprobe.scatter.materials import given_material, material_input
@@ -26,6 +27,7 @@ from anyprobe.scatter.materials import given_material, material_input
 HINTS = {
     "none": {"on": [], "off": []},
     "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
+    "cut": {"on": [[200, 300]], "off": [[200, 100]]},
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
 }
 GIVEN_MATERIALS = {"gold": {"name": "gold"}, "clay": {"albedo": [0.4, 0.3, 0.2], "roughness": 0.7}}
@@ -45,6 +47,15 @@ def _normals(mask: np.ndarray) -> np.ndarray:
     return np.where(mask[..., None] > 0.5, n, 0.0).astype(np.float32)
 
 
+def _soft_mask(mask: np.ndarray) -> np.ndarray:
+    """[H, W, 4] uint8: an opaque picture, white on the object, grey over a wide edge, with noise and a tint."""
+    y, x = (np.abs(np.arange(length) - length / 2) / length for length in mask.shape)
+    wide = np.clip(1.6 - 4.0 * np.hypot(y[:, None], x[None, :]), 0.0, 1.0)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, mask.shape)
+    grey = np.clip(wide + noise, 0.0, 1.0)[..., None] * [250, 255, 245]
+    return np.concatenate([grey, np.full((*mask.shape, 1), 255)], axis=-1).astype(np.uint8)
+
+
 def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them."""
     noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
@@ -54,22 +65,6 @@ def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):
         state = step(state, frame, seconds)
     return frames, state.radiance
-
-
-def _quality(evidence: Evidence) -> dict:
-    return {**asdict(evidence), "expected_iou": evidence.expected_iou(), "doubts": evidence.doubts()}
-
-
-def _broken(rgb: np.ndarray) -> tuple[np.ndarray, dict]:
-    """A bad mask, two stripes across the photo with a hole and a speck, and what is said of it."""
-    mask = np.zeros(rgb.shape[:2], np.float32)
-    mask[20:120, 30:] = 1.0
-    mask[60:64, 90:94] = 0.0
-    mask[150:200, 10:60] = 0.9
-    mask[260:263, 5:9] = 1.0
-    network, tidied = shared_network(), tidy(rgb, mask)
-    evidence = examine(network, rgb, network.propose(rgb), replace(tidied, mask=mask))
-    return mask, _quality(evidence)
 
 
 SHAPES = [
@@ -143,12 +138,18 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
+    mask_file = _soft_mask(loaded.mask)
+    (folder / "mask_file.rgba").write_bytes(mask_file.tobytes())
+    soft = replace(loaded, mask=mask_from_file(mask_file, mask_file.shape[:2]))
+    answers["mask_soft"] = soft.mask
+    of_soft = estimator.from_photo(soft)
+    answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
     if estimator.models.stages == LIFT_STAGES:
         with_background = replace(loaded, use_background=True)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
-        answers["radiance_expected"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
+        answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)
@@ -160,18 +161,12 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             outputs = estimator.models(crop.image, crop.tan_half, None, None, material)
             answers[f"radiance_{name}"] = rotate(outputs.radiance, crop.camera_from_crop).clip(0.0)
         answers["uncertainty"] = list(light.info["uncertainty"].values())
-    rgb, qualities = photo[..., :3].astype(np.float32) / 255, {}
+    rgb, found = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
-        proposal = shared_network().propose(rgb, **hints)
-        answers[f"cover_{name}"] = proposal.cover
-        cut = cut_out(rgb, proposal.cover, **hints)
-        tidied = tidy(rgb, cut.mask)  # the page measures all masks as those of other segmenters
-        evidence = examine(
-            shared_network(), rgb, proposal, replace(cut, loose=tidied.loose, told_apart=tidied.told_apart), **hints
-        )
-        answers[f"cut_{name}"] = cut.mask
-        qualities[name] = _quality(evidence)
-    answers["cut_broken"], qualities["broken"] = _broken(rgb)
+        finding = find_object(small_network(), rgb, Prompts(**hints))
+        answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
+        evidence = examine(finding, *rgb.shape[1::-1])
+        found[name] = asdict(evidence) | {"iou": evidence.expected_iou("small"), "doubts": evidence.doubts()}
     answers["frames"], answers["steadied"] = _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
@@ -188,6 +183,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
         "placements": _placements(),
-        "qualities": qualities,
+        "found": found,
     }
     (folder / "case.json").write_text(json.dumps(case))

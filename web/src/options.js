@@ -1,5 +1,6 @@
 /** What is asked for, checked: unknown names, kinds and ranges are refused in one line. */
 
+import { CONTRACT } from "./core/contract.js";
 import { AnyProbeError } from "./errors.js";
 import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
 
@@ -17,10 +18,10 @@ export const OPTIONS = {
   "tracker.set": LIGHT,
 };
 
-const EMITTERS = ["mode", "expected"];
+const EMITTERS = CONTRACT.graph.emitters;
 
 /** Angles that a picture without distortion can have, degrees. */
-const [LEAST_FOV_DEG, MOST_FOV_DEG] = [1, 170];
+const { least_fov_deg: LEAST_FOV_DEG, most_fov_deg: MOST_FOV_DEG } = CONTRACT.lens;
 
 /** By how much the two focal lengths of a projection may differ, and its centre lie beside the picture's (of half its side). */
 const [MOST_UNEVEN, MOST_OFF_CENTRE] = [0.02, 0.05];

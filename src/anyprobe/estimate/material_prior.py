@@ -179,7 +179,7 @@ def _list(values: np.ndarray) -> list[float]:
 def fit_gain(
     radiance: Float[np.ndarray, "H 2*H 3"],
     image: Float[np.ndarray, "S S 4"],
-    normals: Float[np.ndarray, "S//k S//k 3"],
+    normals: Float[np.ndarray, "N N 3"],
     tan_half: float,
     material: Material,
 ) -> Float[np.ndarray, " 3"]:

@@ -7,28 +7,25 @@ from typing import Unpack
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
-from anyprobe.errors import InputError, InvalidPhoto
-from anyprobe.estimate.normals_model import NormalsEstimator, estimated_normals
-from anyprobe.estimate.normals_prior import SHORTEST, SPHERE, NormalsSource, normals_from_outline, read_normals
+from anyprobe.errors import InputError
+from anyprobe.estimate.normals_model import estimated_normals
+from anyprobe.estimate.normals_prior import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import (
-    PHOTO,
-    SurroundingsSource,
-    at_rows,
-    read_panorama,
-    turned,
-    visible_surroundings,
-)
+from anyprobe.estimate.surroundings import at_rows, read_panorama, turned, visible_surroundings
 from anyprobe.files.images import ImageSource, read_image
+from anyprobe.hints import PHOTO, SPHERE, Hints, HintsDict, NormalsEstimator, NormalsSource, as_hints, spread
 from anyprobe.masks.check import object_box
-from anyprobe.masks.find import Where, find_mask
+from anyprobe.masks.find import find_mask
+from anyprobe.masks.segmenters import Segmenter
+from anyprobe.scatter.materials import Material
 
-DEFAULT_LONG_FOV_DEG = 65.0
+DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
-CROP_MARGIN = 1.1
+CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the crop over the longer side of the object's bounding box."""
 
 CLIPPED_SHARE = 0.98
@@ -54,6 +51,8 @@ class Photo:
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
+        pitch_deg: how far the camera looks down; None where it is not given.
+        material: the object's; None where it is not given.
     """
 
     rgb: np.ndarray
@@ -69,6 +68,8 @@ class Photo:
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
     exposure: float | None = None
+    pitch_deg: float | None = None
+    material: Material | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
@@ -107,38 +108,34 @@ class Crop:
     surroundings_map: np.ndarray | None = None
 
 
+@spread(Hints)
 def load_photo(
     source: ImageSource,
+    hints: Hints | None = None,
     *,
-    fov_deg: float | None = None,
-    normals: NormalsSource | NormalsEstimator | None = None,
-    surroundings: SurroundingsSource | None = None,
     name: str | None = None,
-    **where: Unpack[Where],
+    segmenter: str | Segmenter | None = None,
+    **more: Unpack[HintsDict],
 ) -> Photo:
-    """Read a photo and find its object.
+    """Read a photo, find its object, and keep what else is given of it.
 
     Args:
         source: path, bytes, Pillow image or array, see read_image.
-        fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
-        normals: known ones, see estimate.normals_prior.read_normals; "sphere", where the object is
-            one; or an estimator of them, see estimate.normals_model.
-        surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
-            the photo itself shows beside the object.
+        hints: what is given of the object, the camera and the light, see Hints; or by keyword.
         name: what messages call the photo; None: its file's name, or what it is.
-        where: what is given about the object: mask, depth with near and far, click, exclude,
-            box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
+        segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
+    Raises:
+        InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
-    if fov_deg is not None and not 1.0 < fov_deg < 170.0:
-        raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
+    hints = as_hints(hints, more)
     pixels = read_image(source, name)
-    use_background = isinstance(surroundings, str) and surroundings == PHOTO
+    use_background = isinstance(hints.surroundings, str) and hints.surroundings == PHOTO
     surroundings_map, panorama = None, None
-    if surroundings is not None and not use_background:
-        surroundings_map, panorama = read_panorama(surroundings)
-    found = find_mask(pixels, **where)
-    if fov_deg is not None:
-        long_fov_deg, fov_source = float(fov_deg), "given"
+    if hints.surroundings is not None and not use_background:
+        surroundings_map, panorama = read_panorama(hints.surroundings)
+    found = find_mask(pixels, **hints.place(), segmenter=segmenter)
+    if hints.fov_deg is not None:
+        long_fov_deg, fov_source = float(hints.fov_deg), "given"
     elif pixels.long_fov_deg is not None:
         long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
     else:
@@ -152,11 +149,13 @@ def load_photo(
         warnings=pixels.warnings + found.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
+        normals=_known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg),
         use_background=use_background,
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
+        pitch_deg=hints.pitch_deg,
+        material=hints.surface(),
     )
 
 

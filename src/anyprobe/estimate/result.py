@@ -85,8 +85,9 @@ class Info(TypedDict, total=False):
     priors: what was given of the object; object and uncertainty: None from a model that does not estimate them
     (`paper`); seconds: by step.
 
-    Some lights lack a key: exposure where no EXIF says it; fused, the photos of a multiview light; detail, where that
-    is from, see with_detail. A Light that is no estimate of this release may lack any.
+    Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
+    given; fused, the photos of a multiview light; detail, where that is from, see with_detail. A Light that is no
+    estimate of this release may lack any.
     """
 
     photo: str
@@ -95,6 +96,7 @@ class Info(TypedDict, total=False):
     exposure: float
     long_fov_deg: float
     fov_source: str
+    pitch_deg: float
     mask: MaskInfo
     priors: dict[str, Any]
     object: ObjectInfo | None
@@ -184,7 +186,7 @@ class Light:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
 
-    def rotate(self, rotation: Float[np.ndarray, "3 3"]) -> Light:
+    def rotate(self, rotation: np.ndarray) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.

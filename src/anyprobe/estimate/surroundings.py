@@ -20,16 +20,14 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear
+from anyprobe.hints import PHOTO, SurroundingsSource
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-PHOTO = "photo"
-"""In place of a panorama: take the photo's own surroundings."""
-SurroundingsSource = ImageSource
 GROW_PX = 4
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
 FINE = 2.0
@@ -53,7 +51,7 @@ PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 4"]:
+def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 C"]:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
@@ -114,7 +112,7 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 
 def surroundings_of(
     radiance: Float[np.ndarray, "H 2*H 3"], cover: Float[np.ndarray, "H 2*H 1"], measured: np.ndarray | None = None
-) -> Float[np.ndarray, "H 2*H 3"]:
+) -> Float[np.ndarray, "H 2*H C"]:
     """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its share with values above white."""
     display = response(radiance)
     if measured is None:

@@ -97,9 +97,7 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     line, _, _ = data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")
     size = RESOLUTION.fullmatch(line.strip())
     if size is None or size[1][1:] == size[3][1:]:
-        raise InvalidEnvironment(
-            f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again"
-        )
+        raise InvalidEnvironment(f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again")
     height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= max_pixels:
         raise InvalidEnvironment(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypedDict
 
 import numpy as np
 
@@ -19,28 +18,6 @@ from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.search import Finding, Prompts, find_object, finding_of, look_closer
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
-
-
-class Where(TypedDict, total=False):
-    """What can be given about the object, all of it optional.
-
-    mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array);
-        or a function that gets the upright photo [H, W, 3] uint8 and returns its mask [H, W].
-    depth: depth image of the same view; near, far: the cut, in its unit (see mask_from_depth).
-    click: x, y on the object, or several; exclude: likewise beside it.
-    box: x0, y0, x1, y1 around it. Pixels of the upright photo, from the top left.
-    segmenter: what finds it: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p where its weights
-        are, else the small network that ships.
-    """
-
-    mask: MaskSource | None
-    depth: DepthSource | None
-    near: float | None
-    far: float | None
-    click: Clicks | None
-    exclude: Clicks | None
-    box: Sequence[float] | None
-    segmenter: str | Network | Segmenter | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,8 +53,10 @@ def find_mask(
 ) -> FoundMask:
     """The object's mask: by the first given of mask, depth, click or box, alpha that cuts; else by what stands out.
 
-    Args: see Where.
-
+    Args:
+        mask, click, exclude, box, depth, near, far: as hints.Hints has them.
+        segmenter: what finds it: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p where its
+            weights are (masks.weights), else the small network that ships.
     Raises:
         InvalidMask: with one line that says what to do; also when nothing is found.
     """
@@ -141,7 +120,7 @@ def _judged(
 
 
 def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: str) -> FoundMask:
-    """What another segmenter finds, one part of it, with our network's box where it needs a prompt and there is none."""
+    """What another segmenter finds, one part of it; by our network's box where it needs a prompt and there is none."""
     rgb, network, box = pixels.rgb, shared_network(), prompts.box
     if segmenter.needs_prompt and not prompts.on and box is None:
         found = find_object(network, rgb, prompts)

@@ -24,8 +24,9 @@ class Evidence:
     """What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful.
 
     expected: IoU by the network's own probabilities; agreed: IoU with what a second look at the object alone gives,
-    mirrored; whole: share of all that stood out; single: see Finding.single; border: share of the box's sides that lie on the photo's border;
-    small: ln of how many times less than 5 % of the photo the mask covers; large: how much more than 60 % of it.
+    mirrored; whole: share of all that stood out; single: see Finding.single; border: share of the box's sides that lie
+    on the photo's border; small: ln of how many times less than 5 % of the photo the mask covers; large: how much more
+    than 60 % of it.
     """
 
     expected: float

@@ -126,7 +126,7 @@ class Window:
 class Finding:
     """An object in a window: cover [GRID, GRID] in [0, 1], without other parts, and the part of it that it is, bool.
 
-    agreed: IoU of what two looks found, 1 after one; whole: its share of all that the first found, 1 where clicks chose.
+    agreed: IoU of what two looks found, 1 after one; whole: its share of all that the first found, 1 by clicks.
     """
 
     window: Window
@@ -297,7 +297,7 @@ def _cut(rgb: np.ndarray, window: Window, cover: np.ndarray, prompts: Prompts) -
 
 
 def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, int]]) -> np.ndarray:
-    """[h, w] length of the shortest way from the seeds in a part, counting steps and changes of colour; else infinite."""
+    """[h, w] shortest way from the seeds within a part, counting steps and changes of colour; infinite beside it."""
     rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
     near = [np.maximum(abs(columns - column), abs(rows - row)) < SPLIT["click_cells"] for column, row in seeds]
     length = np.where(np.any(near, axis=0) & part, 0.0, np.inf)

@@ -117,8 +117,8 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     """The photo's camera over its ground, and the pitch taken.
 
     Args:
-        pitch_deg: how far the camera looks down. Unless given it is level, or looks down just enough
-            to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
+        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is level, or looks
+            down just enough to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
@@ -127,6 +127,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     base = contact_of(photo.mask)[1]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
+    pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
     if pitch_deg is None:
         pitch_deg = float(max(0.0, LEAST_SLOPE_DEG - below_axis))
     if not (-60 <= pitch_deg <= 90 and below_axis + pitch_deg > 1.0):

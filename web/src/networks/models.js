@@ -5,6 +5,7 @@
  * network is optional.
  */
 
+import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { download } from "../files/download.js";
 import { CROP_SIZE, NORMALS_SIZE } from "../photo/crop.js";
@@ -19,7 +20,7 @@ export const MASK_SIZE = 160;
 const PROVIDERS = { wasm: "wasm", webgpu: { name: "webgpu", preferredLayout: "NCHW" } };
 
 const LIFT = ["light"];
-const CHAIN = ["irradiance", "illumination", "hdr"];
+const CHAIN = CONTRACT.graph.chain;
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
 const NORMALS_SHAPE = [1, 3, NORMALS_SIZE, NORMALS_SIZE];
 /** Zero: no normals are given. */
@@ -29,7 +30,7 @@ const MAP_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
 const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
 
 /** Zero: the object's material is not given. */
-const NO_MATERIAL = new Float32Array(8);
+const NO_MATERIAL = new Float32Array(CONTRACT.materials.inputs);
 
 /** What the lifting graph's parts are called by contracts 2 and 3, and by contract 1. */
 const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };

@@ -1,5 +1,6 @@
 /** Whatever holds a picture to a picture in memory. */
 
+import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { AnyProbeError } from "../errors.js";
 import { maskFromAlpha } from "./picture.js";
@@ -161,13 +162,13 @@ export async function readMask(mask, picture, signal) {
 }
 
 /** The outer tenths of the range are flattened, as anyprobe.masks.sources does: the noise of JPEG around black and white. */
-const FLAT = 0.1;
+const { black: BLACK, white: WHITE } = CONTRACT.mask.file;
 
 function brightness(rgba) {
   const values = new Float32Array(rgba.length / 4);
   for (let i = 0, at = 0; i < values.length; i++, at += 4) {
     const display = luminance(rgba[at], rgba[at + 1], rgba[at + 2]) / 255;
-    values[i] = Math.min(Math.max((display - FLAT) / (1 - 2 * FLAT), 0), 1);
+    values[i] = Math.min(Math.max((display - BLACK) / (WHITE - BLACK), 0), 1);
   }
   return values;
 }
