@@ -65,7 +65,8 @@ def almost_opaque(kind: str) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["one pixel", "254", "soft", "0"])
 def test_alpha_that_cuts_nothing_away_leaves_the_photo_to_the_network(tmp_path, kind, network, square):
-    rgb, alpha = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), almost_opaque(kind)
+    rgb = np.linspace(0.4, 0.6, HEIGHT * WIDTH * 3, dtype=np.float32).reshape(HEIGHT, WIDTH, 3)
+    alpha = almost_opaque(kind)
     photos = [read_image(write_exr(tmp_path / "photo.exr", {"RGBA": np.dstack([rgb, alpha])}))]
     if kind != "one pixel":  # 8 bits do not hold 0.9995
         photos.append(read_image(Image.fromarray(np.uint8(np.dstack([rgb, alpha]) * 255 + 0.5))))
