@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, result_stem, with_bundles
+from anyprobe.cli.options import MaskOptions, check_names, hints_for, line_of, list_photos, result_stem, with_bundles
 from anyprobe.errors import AnyprobeError
 from anyprobe.hints import Hints
 
@@ -28,10 +28,10 @@ def mask(
             line, warnings = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
             typer.echo(line)
             for warning in warnings:
-                print(f"warning: {warning}", file=sys.stderr)
+                print(f"warning: {line_of(warning)}", file=sys.stderr)
             failed |= pointed.strict and bool(warnings)
         except AnyprobeError as error:
-            print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
+            print(f"anyprobe: {line_of(error)}", file=sys.stderr)
             failed = True
     if failed:
         raise typer.Exit(2)
