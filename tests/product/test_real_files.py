@@ -17,6 +17,7 @@ from support.picture_files import (
     REC2020_FROM_REC709,
     dng,
     eight,
+    float_tiff,
     gamma_curve,
     hlg,
     icc,
@@ -34,8 +35,9 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
+from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.exr import read_exr
-from anyprobe.files.headers import declared_pixels, jxl_size
+from anyprobe.files.headers import jxl_size
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear, read_radiance, write_hdr_picture
 
@@ -432,37 +434,6 @@ def test_an_hdr_of_xyz_is_turned_to_rec709():
     lit = even.copy()
     lit[..., 0] = 160
     assert (np.diff(read_linear(flat_hdr("-Y 4 +X 6", lit, "xyze"), 10**6)[0, 0, :2]) < 0).all()  # more X is red
-
-
-def float_tiff(pixels: np.ndarray, kind: str = "<f4", profile: bytes = b"") -> bytes:
-    """One strip, without compression."""
-    height, width, channels = pixels.shape
-    order = kind[0]
-    data = pixels.astype(kind).tobytes()
-    bits = int(kind[2:]) * 8
-
-    def short(value: int) -> bytes:
-        return struct.pack(f"{order}HH", value, 0)
-
-    place = 8 + len(data) + len(data) % 2
-    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, None), (259, 3, 1, None), (262, 3, 1, None)]
-    values = {
-        258: short(bits),
-        259: short(1),
-        262: short(2 if channels == 3 else 1),
-        277: short(channels),
-        339: short(3),
-    }
-    entries += [(273, 4, 1, 8), (277, 3, 1, None), (278, 4, 1, height), (279, 4, 1, len(data)), (339, 3, 1, None)]
-    beyond = place + 2 + 12 * (len(entries) + bool(profile)) + 4
-    if profile:
-        entries.append((34675, 7, len(profile), beyond))
-    rows = b""
-    for tag, of, count, value in sorted(entries):
-        rows += struct.pack(f"{order}HHI", tag, of, count)
-        rows += values[tag] if value is None else struct.pack(f"{order}I", value)
-    head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", place)
-    return head + data + bytes(len(data) % 2) + struct.pack(f"{order}H", len(entries)) + rows + bytes(4) + profile
 
 
 @pytest.mark.parametrize("kind", ["<f2", "<f4", ">f4", "<f8"])

@@ -19,7 +19,7 @@ from anyprobe.estimate.estimator import SettingsDict
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
-from anyprobe.files.headers import declared_pixels
+from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.hints import Hints, renamed
