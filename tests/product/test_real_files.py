@@ -279,6 +279,21 @@ def test_a_gain_map_gives_the_light_above_white(iso, turned):
     np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
 
 
+def test_a_gain_map_of_three_channels_in_lists():
+    data = ultra_hdr(np.full((64, 96, 3), 0.5), np.ones((16, 24)), 1.0)
+    one = b'hdrgm:GainMapMax="1.0"'
+    three = b" <hdrgm:GainMapMax><rdf:Seq>" + b"".join(b"<rdf:li>%d</rdf:li>" % k for k in (1, 2, 3))
+    three += b"</rdf:Seq></hdrgm:GainMapMax>"
+    at = data.rindex(b"<x:xmpmeta>")
+    start, tail = data[: at - 29 - 2], data[at:]
+    tail = tail.replace(one, b"").replace(b"/></x:xmpmeta>", b">" + three + b"</rdf:Description></x:xmpmeta>")
+    size = tail.index(b"</x:xmpmeta>") + len(b"</x:xmpmeta>") + 29
+    found = read_image(start + struct.pack(">H", size + 2) + data[at - 29 : at] + tail)
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    wanted = (linear + 1 / 64) * 2 ** np.array([1, 2, 3]) - 1 / 64
+    np.testing.assert_allclose(found.radiance.mean((0, 1)), wanted, rtol=0.03)
+
+
 def test_an_ordinary_jpeg_has_no_radiance_above_white():
     stream = io.BytesIO()
     Image.fromarray(eight(DISPLAY)).save(stream, "JPEG")
@@ -375,6 +390,28 @@ def test_luminance_and_chroma_are_the_colours(sampling, tmp_path):
     )
     (tmp_path / "map.exr").write_bytes(yc_exr(scene(32, 64), sampling))
     np.testing.assert_allclose(read_radiance(tmp_path / "map.exr").mean((0, 1)), scene(32, 64).mean((0, 1)), rtol=0.02)
+
+
+def test_a_layer_of_an_exr_is_the_picture():
+    """As Blender writes it, beside others."""
+    rgb = scene().astype(np.float32)
+    layers = {"ViewLayer.Combined": rgb, "ViewLayer.Normal": 0 * rgb}
+    channels = {
+        f"{layer}.{c}": np.ascontiguousarray(v[..., k]) for layer, v in layers.items() for k, c in enumerate("RGB")
+    }
+    stream = io.BytesIO()
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, channels).write(stream)
+    np.testing.assert_allclose(read_image(stream.getvalue()).rgb, response(rgb), atol=1e-6)
+    two = stream.getvalue().replace(b"Combined", b"Emission")  # neither is the whole
+    with pytest.raises(InvalidPhoto, match="expected channels R, G, B"):
+        read_image(two)
+
+
+def test_radiance_far_above_white_says_by_what_to_multiply():
+    mask = np.zeros((64, 96), np.float32)
+    mask[16:48, 32:64] = 1
+    warning = load_photo(exr(500 + 100 * scene().astype(np.float32)), mask=mask).warnings[0]
+    assert "multiply its radiance by 0.0007" in warning
 
 
 @pytest.mark.parametrize("aspect", [0.5, 1.5, 2.0])
