@@ -12,7 +12,7 @@ from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
-from anyprobe.estimate.normals_prior import Part
+from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
