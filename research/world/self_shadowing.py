@@ -4,8 +4,8 @@ python -m research.world.self_shadowing --data DATA [--scenes 40]
 python -m research.world.self_shadowing --data DATA --kept runs/world    # instead, what shadows cost the shipped model
 
 Objects of the left-out part of the world test set, painted ones left out, by Mitsuba (64 paths a pixel, whose noise
-counts as error) and by anyprobe.dataset.batch_shading.shade: the same mesh, camera, map and material. Radiance through the mean
-camera curve, exposed to a mean of .2 by paths. Times are of the processor, not of the clock.
+counts as error) and by anyprobe.dataset.batch_shading.shade: the same mesh, camera, map and material. Radiance through
+the mean camera curve, exposed to a mean of .2 by paths. Times are of the processor, not of the clock.
 """
 
 from __future__ import annotations
