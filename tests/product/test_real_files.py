@@ -492,6 +492,12 @@ def test_a_tiff_of_floats_may_hold_display_values_by_its_profile():
     np.testing.assert_allclose(linear.radiance, LINEAR * 2, rtol=2e-3, atol=2e-3)
 
 
+def test_a_tiff_of_floats_has_its_exif():
+    stream = io.BytesIO()
+    Image.fromarray(LINEAR[..., 1].astype(np.float32)).save(stream, "TIFF", tiffinfo={0x8769: {0xA405: 26}})
+    assert read_image(stream.getvalue()).long_fov_deg == pytest.approx(69.39, abs=0.01)
+
+
 @pytest.mark.parametrize("compression", [5, 8, 32773])
 @pytest.mark.parametrize("predictor", [1, 2, 3])
 def test_compressed_tiffs_of_floats(compression, predictor):
