@@ -217,7 +217,5 @@ export declare function irradiance(sh9: Float32Array, normal: Vector3): Vector3;
 /** The camera's curve: radiance to a display value in [0, 1]. */
 export declare function response(radiance: number): number;
 export declare function inverseResponse(display: number): number;
-/** A map of `height` rows, three numbers a pixel, as an OpenEXR file. */
-export declare function encodeExr(radiance: Float32Array, height: number): Uint8Array;
-/** The same as a Radiance file (.hdr). */
+/** A map of `height` rows, three numbers a pixel, as a Radiance file (.hdr). */
 export declare function encodeHdr(radiance: Float32Array, height: number): Uint8Array;

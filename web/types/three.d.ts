@@ -11,7 +11,7 @@ export interface ProbeLightEventMap extends Object3DEventMap {
 /** In the place of XREstimatedLight: the same fields and events. */
 export declare class ProbeLight extends Group<ProbeLightEventMap> {
   constructor(probe: AnyProbe, environmentEstimation?: boolean);
-  /** The light but the dominant one, as spherical harmonics; its intensity is 0 where there is an environment. */
+  /** The light but the dominant one, as spherical harmonics; its intensity is 0 in a scene whose environment is this one's. */
   lightProbe: LightProbe;
   /** The dominant light, 5 units from the origin; set castShadow. */
   directionalLight: DirectionalLight;

@@ -13,13 +13,14 @@ const DISTANCE = 5;
 
 /**
  * `lightProbe`, `directionalLight` and `environment` as XREstimatedLight has them, and its events `estimationstart` and
- * `estimationend`. Together they give the whole light once: the directional light is the dominant one, the environment
- * (or without one the light probe) is the rest.
+ * `estimationend`. Together they give the whole light once: the directional light is the dominant one, and the rest is the
+ * environment in a scene that has it as its own, in any other the light probe.
  */
 export class ProbeLight extends Group {
   #tracker = null;
   #texture = null;
   #hasStarted = false;
+  #hasWarned = false;
 
   /**
    * @param {import("../anyprobe.js").AnyProbe} probe
@@ -35,6 +36,7 @@ export class ProbeLight extends Group {
     this.add(this.lightProbe, this.directionalLight);
     this.#texture = environmentEstimation ? new EnvironmentTexture() : null;
     this.environment = this.#texture?.texture ?? null;
+    if (this.environment) this.environment.userData.isWholeLight = false;
     this.estimate = null;
   }
 
@@ -54,7 +56,6 @@ export class ProbeLight extends Group {
     }
     const rest = withoutDominantLight(radiance, dominant);
     this.lightProbe.sh.fromArray(project(rest, MAP_HEIGHT));
-    this.lightProbe.intensity = this.environment ? 0 : 1;
     this.#texture?.update(prefilter(rest));
     this.directionalLight.color.setRGB(...dominant.color);
     this.directionalLight.intensity = Math.max(...dominant.irradiance);
@@ -62,6 +63,20 @@ export class ProbeLight extends Group {
     if (this.#hasStarted) return;
     this.#hasStarted = true;
     this.dispatchEvent({ type: "estimationstart" });
+  }
+
+  /** Before every picture: what gives the rest of the light in this scene, whatever it was given since the last one. */
+  updateMatrixWorld(force) {
+    let scene = this.parent;
+    while (scene && !scene.isScene) scene = scene.parent;
+    const { environment } = scene ?? {};
+    const isLit = this.estimate !== null && (!environment || environment !== this.environment);
+    this.lightProbe.intensity = isLit ? 1 : 0;
+    if (environment?.userData.isWholeLight && this.directionalLight.intensity > 0 && !this.#hasWarned) {
+      this.#hasWarned = true;
+      console.warn("ProbeLight: scene.environment holds the whole light too, so that the dominant light and the rest count twice; set scene.environment = probeLight.environment");
+    }
+    super.updateMatrixWorld(force);
   }
 
   /**
