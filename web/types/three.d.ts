@@ -41,10 +41,7 @@ export declare class ContactShadow extends Mesh {
   dispose(): void;
 }
 
-/** Opacity of a ShadowMaterial on ground with this normal, for the shadow of the dominant light. */
-export declare function groundShadowOpacity(light: Light, up: Vector3): number;
-/** Opacity of black that takes a share of the light away. */
-export declare function shadowOpacity(share: number): number;
+export { groundShadowOpacity, shadowOpacity } from "./index.d.ts";
 
 /** The real object's depth: it hides what is behind it, and is not drawn itself. */
 export declare class MaskOccluder {

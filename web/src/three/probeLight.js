@@ -8,7 +8,7 @@ import { project } from "../light/harmonics.js";
 import { prefilter } from "../light/prefilter.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 
-/** Of the directional light from the origin: its shadow camera reaches from 0.5 to 500, 5 to each side. */
+/** Of the directional light from the group's place: its shadow camera reaches from 0.5 to 500, 5 to each side. */
 const DISTANCE = 5;
 
 /**
@@ -33,7 +33,7 @@ export class ProbeLight extends Group {
     this.lightProbe.intensity = 0;
     this.directionalLight = new DirectionalLight();
     this.directionalLight.intensity = 0;
-    this.add(this.lightProbe, this.directionalLight);
+    this.add(this.lightProbe, this.directionalLight, this.directionalLight.target); // shadows fall around its place
     this.#texture = environmentEstimation ? new EnvironmentTexture() : null;
     this.environment = this.#texture?.texture ?? null;
     if (this.environment) this.environment.userData.isWholeLight = false;
@@ -101,7 +101,7 @@ export class ProbeLight extends Group {
   /** Free what it holds on the GPU; the probe stays open. */
   dispose() {
     this.stop();
-    this.remove(this.lightProbe, this.directionalLight);
+    this.remove(this.lightProbe, this.directionalLight, this.directionalLight.target);
     this.directionalLight.dispose();
     this.environment?.dispose();
     this.environment = null;
