@@ -26,8 +26,10 @@ from anyprobe.cli.options import (
     QuietOption,
     check_names,
     hints_for,
+    line_of,
     list_photos,
     photo_source,
+    result_stem,
     with_bundles,
 )
 from anyprobe.errors import AnyprobeError, InputError
@@ -41,9 +43,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: the dominant light and files, or the error's line."""
+    """One photo's outcome: what its files are called and the dominant light, or the error's line."""
 
     photo: Path
+    stem: str = ""
     direction: np.ndarray | None = None
     level_stops: float | None = None
     seconds: float = 0.0
@@ -148,29 +151,27 @@ class EstimateCall:
         from anyprobe.estimate.outputs import SUFFIXES
 
         given = (poses, *hints.files().values())
-        targets = (self.out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES)
+        targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in SUFFIXES)
         check_names(path, self.listed, targets, given)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
         from anyprobe.estimate.outputs import write_results
 
-        written = write_results(photo, light, self.out, stem_of(path))
+        stem = result_stem(path, self.listed)
+        written = write_results(photo, light, self.out, stem)
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
         unsure = (light.info.get("uncertainty") or {}).get("level_stops")
-        return Done(photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings)
-
-
-def stem_of(path: Path) -> str:
-    """Of a photo's results."""
-    return "stdin" if path == STDIN else path.stem
+        return Done(
+            photo=path, stem=stem, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
+        )
 
 
 def _line(path: Path, error: AnyprobeError) -> str:
     """One line that says which photo an error is of; that of its mask may not."""
-    text = str(error)
+    text = line_of(error)
     if not text.startswith((f"{path}: ", f"{path.name}: ")):
         text = f"{path}: {text}"
     return " ".join(text.splitlines())  # a name may hold a line break
@@ -195,10 +196,10 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             f"{one.seconds:.2f}",
         )
     talk.print(table)
-    written = [stem_of(one.photo) for one in done if not one.error]
+    written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
         talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
     for one in done:
         for warning in one.warnings:
-            talk.print(f"warning: {warning}", soft_wrap=True)
+            talk.print(f"warning: {line_of(warning)}", soft_wrap=True)

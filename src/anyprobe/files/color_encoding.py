@@ -68,10 +68,6 @@ def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def _bt709(values: np.ndarray) -> np.ndarray:
-    return np.where(values < 0.081, values / 4.5, ((np.maximum(values, 0.081) + 0.099) / 1.099) ** (1 / 0.45))
-
-
 def _smpte240(values: np.ndarray) -> np.ndarray:
     return np.where(values < 0.0913, values / 4.0, ((np.maximum(values, 0.0913) + 0.1115) / 1.1115) ** (1 / 0.45))
 
@@ -96,25 +92,28 @@ def gamma(exponent: float) -> Callable[[np.ndarray], np.ndarray]:
 
 
 TRANSFERS: dict[int, Callable[[np.ndarray], np.ndarray]] = {
-    1: _bt709,
+    1: srgb_to_linear,
     2: srgb_to_linear,
     4: gamma(2.2),
     5: gamma(2.8),
-    6: _bt709,
+    6: srgb_to_linear,
     7: _smpte240,
     8: lambda values: values,
     9: lambda values: np.where(values > 0, 10.0 ** (2.0 * (values - 1.0)), 0.0),
     10: lambda values: np.where(values > 0, 10.0 ** (2.5 * (values - 1.0)), 0.0),
-    11: _bt709,
-    12: _bt709,
+    11: srgb_to_linear,
+    12: srgb_to_linear,
     13: srgb_to_linear,
-    14: _bt709,
-    15: _bt709,
+    14: srgb_to_linear,
+    15: srgb_to_linear,
     16: _pq,
     17: lambda values: 52.37 / 48.0 * np.clip(values, 0.0, None) ** 2.6,
     18: _hlg,
 }
-"""Code values in [0, 1] to linear light, by H.273's code point."""
+"""Code values in [0, 1] to linear light, by H.273's code point.
+
+Those of BT.709 and its kin are what cameras write; screens, browsers and this package show them as sRGB.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -116,8 +116,8 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
         tile = _one(entries, TILE_WIDTH, order, 0)
         turn = _one(entries, ORIENTATION, order, 1)
         profile = entries[PROFILE][2] if PROFILE in entries else b""
-    except (struct.error, KeyError, IndexError) as error:
-        raise _damaged(name) from error
+    except (struct.error, KeyError, IndexError):  # no picture, or a cut one
+        return None
     check_size(width, height, name)
     colors = 3 if samples >= 3 else 1
     whole = planar == 1 and samples in range(1, MAX_SAMPLES + 1) and tile in range(65536) and predictor in (1, 2, 3)
@@ -144,6 +144,18 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
         profile=profile,
         image=image,
     )
+
+
+def float_tiff_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height of a TIFF of floats; None for any other file."""
+    order = "<" if data[:2] == b"II" else ">"
+    try:
+        entries = _entries(data, order)
+        if FORMAT in entries and set(_numbers(entries[FORMAT], order)) == {3}:
+            return _one(entries, WIDTH, order), _one(entries, HEIGHT, order)
+    except (struct.error, KeyError, IndexError):
+        pass
+    return None
 
 
 def turned(values: np.ndarray, orientation: int) -> np.ndarray:

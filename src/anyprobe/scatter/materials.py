@@ -81,6 +81,7 @@ MATERIALS: dict[str, Material] = {
     name: Material(albedo=np.array(one["albedo"]), f0=np.array(one["f0"]), alpha=one["alpha"])
     for name, one in contract("materials")["named"].items()
 }
+"""By name. Chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm)."""
 
 
 def material_named(name: str, *also: str) -> Material:
