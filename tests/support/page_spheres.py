@@ -7,7 +7,7 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.response import response
 from anyprobe.files.objects import open_object
-from anyprobe.relight.ground import View
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import window_of
 from anyprobe.relight.placement import Placement
 from anyprobe.render.mesh import Mesh

@@ -40,6 +40,7 @@ def order_of(settings, camera, folder: Path) -> dict:
         "pitch_deg": math.degrees(settings.pitch) if settings.use_pitch else None,
         "background": settings.use_background,
         "detail": settings.use_detail,
+        "library": bpy.path.abspath(settings.library) if settings.library else None,
         "heading_deg": scene.heading_deg(camera),
         "turn": turn,
     }

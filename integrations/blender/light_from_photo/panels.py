@@ -96,7 +96,10 @@ class Made:
         layout.prop(settings, "lights")
         if settings.lights == "AREA":
             layout.prop(settings, "distance")
-        layout.prop(settings, "use_detail")
+        layout.prop(settings, "library")
+        part = layout.row()
+        part.active = not settings.library
+        part.prop(settings, "use_detail")
         layout.prop(settings, "height")
         layout.prop(settings, "use_catcher")
         layout.prop(settings, "use_camera")

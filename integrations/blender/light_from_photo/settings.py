@@ -110,6 +110,11 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         name="Invent detail", description="Sharp structure for mirrors; plausible, not measured. Light stays the same"
     )
 
+    library: StringProperty(
+        name="My panoramas",
+        description="Folder of .hdr and .exr maps: the one that lights most like the photo becomes the World",
+        subtype="DIR_PATH",
+    )
     lights: EnumProperty(
         name="Sources",
         items=(

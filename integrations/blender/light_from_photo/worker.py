@@ -72,33 +72,42 @@ def estimate(order: dict, folder: Path) -> dict:
     import numpy as np
 
     from anyprobe import Estimator, load_photo
+    from anyprobe.estimate.ground import contact_of
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.export.target_frames import BLENDER
+    from anyprobe.export.targets import export
     from anyprobe.files.images import write_png
-    from anyprobe.relight.ground import contact_of, view_of
-    from anyprobe.scatter.materials import as_material
+    from anyprobe.relight.ground_view import view_of
 
     say(folder, 0.2, "Opening the networks")
-    estimator = Estimator(detail="plausible" if order["detail"] else "none", size=512)
-    material = as_material(order["material"], order["albedo"], order["roughness"])
+    estimator = Estimator(detail="plausible" if order["detail"] and not order["library"] else "none", size=512)
     say(folder, 0.4, "Finding the object")
     photo = load_photo(
         picture(order["photo"]),
         name=order["name"],
-        fov_deg=order["fov_deg"],
         mask=picture(order["mask"]),
         click=order["click"],
         exclude=order["exclude"],
         box=order["box"],
+        fov_deg=order["fov_deg"],
+        pitch_deg=order["pitch_deg"],
         normals="sphere" if order["normals"] == "sphere" else picture(order["normals"]),
+        material=order["material"],
+        albedo=order["albedo"],
+        roughness=order["roughness"],
         surroundings="photo" if order["background"] else None,
     )
-    view, pitch_deg = view_of(photo, order["pitch_deg"])
+    view, pitch_deg = view_of(photo)
     say(folder, 0.6, "Estimating the light")
-    light = estimator.from_photo(photo, material=material)
+    light = estimator.from_photo(photo)
+    radiance, warnings = light.radiance, list(light.warnings)
+    if order["library"]:
+        say(folder, 0.7, "Comparing your panoramas")
+        radiance, line = best_panorama(light, order["library"])
+        warnings.append(line)
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
-    paths = light.export("blender", folder, "light", world_from_camera=np.array(BLENDER.axes).T @ turn)
+    paths = export(radiance, "blender", folder, "light", world_from_camera=np.array(BLENDER.axes).T @ turn)
     write_png(folder / "object.png", draw_overlay(photo.rgb, photo.mask))
     side = json.loads(next(path for path in paths if path.suffix == ".json").read_text(encoding="utf-8"))
     return {
@@ -114,8 +123,18 @@ def estimate(order: dict, folder: Path) -> dict:
         "object": "object.png",
         "mask_source": photo.mask_source,
         "mask_confidence": photo.mask_confidence,
-        "warnings": list(light.warnings),
+        "warnings": warnings,
     }
+
+
+PANORAMA_ROWS = 1024
+"""Of the user's panorama in the World."""
+
+
+def best_panorama(light, library: str):
+    """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and a line on it."""
+    best = light.match(library, best=1)[0]
+    return best.radiance(PANORAMA_ROWS), f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
 
 
 def turned(heading_deg: float, pitch_deg: float):

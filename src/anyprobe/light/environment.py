@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from array_api_compat import array_namespace, device
 
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.errors import InvalidEnvironment
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-MAP_HEIGHT = 64
+MAP_HEIGHT: int = contract("sizes")["map_height"]
 """Rows of every estimated map; the paper leaves the size open."""
 SEARCH_ROWS = 128
 """Rows at which a larger map is searched for its dominant light, and blurred."""
 
 
-def check_radiance(radiance: Float[np.ndarray, "H 2*H 3"], name: str = "map") -> Float[np.ndarray, "H 2*H 3"]:
+def check_radiance(radiance: np.ndarray, name: str = "map") -> Float[np.ndarray, "H 2*H 3"]:
     """Return the map as float32 [H, 2H, 3], or raise InvalidEnvironment."""
     radiance = np.asarray(radiance)
     shape = radiance.shape
@@ -53,7 +54,7 @@ def shrink(radiance, height: int):
     return total / (xp.sum(xp.reshape(weights, (height, k, 1, 1)), axis=1) * k)
 
 
-def reduced(radiance: Float[np.ndarray, "H 2*H 3"], rows: int = SEARCH_ROWS) -> Float[np.ndarray, "H 2*H C"]:
+def reduced(radiance: Float[np.ndarray, "H 2*H C"], rows: int = SEARCH_ROWS) -> Float[np.ndarray, "R 2*R C"]:
     """A map [H, 2H, C] of any height with at most so many rows, the integral over the sphere kept.
 
     For what costs H^3, as a blur by an angle does, and needs no detail: maps of thousands of rows are common.

@@ -75,7 +75,7 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else "mask"
     if _is_exr(source):
         return *_read_exr(source, name), name
-    pixels = read_image(source, name)
+    pixels = read_image(source, name, as_data=True)
     return _brightness(pixels.rgb), pixels.alpha, pixels.name
 
 

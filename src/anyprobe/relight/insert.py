@@ -12,11 +12,11 @@ from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
-from anyprobe.estimate.normals_prior import Part
+from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.refine import resize
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground import STRIP_PIXELS, View, view_of
+from anyprobe.relight.ground_view import STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
@@ -185,7 +185,7 @@ PHOTO_MATERIAL = "photo"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arrangement:
-    """Where the virtual object stands, in the units of relight.ground.
+    """Where the virtual object stands, in the units of relight.ground_view.
 
     size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks

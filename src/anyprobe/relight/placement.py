@@ -15,8 +15,9 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.errors import InputError
+from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo, object_box
-from anyprobe.relight.ground import View, contact_of
+from anyprobe.relight.ground_view import View
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
