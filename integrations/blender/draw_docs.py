@@ -19,9 +19,9 @@ import tempfile
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "blender"
-SIZE = 360, 270
-FOV_DEG, PITCH_DEG, HEIGHT = 45.0, 18.0, 0.55
-SCENES = {"outdoors": 5, "room": 17}
+SIZE = 320, 240
+FOV_DEG, PITCH_DEG, HEIGHT = 45.0, 20.0, 0.5
+SCENES = {"outdoors": 15, "room": 22}
 """Seeds of the project's own skies and rooms."""
 
 OBJECTS = {  # place, half its height, base colour, metallic, roughness
@@ -137,7 +137,7 @@ def true_scene(folder: Path) -> None:
     ground = principled("ground", (0.3, 0.28, 0.25), 0.0, 0.8)
     tree = ground.node_tree
     noise, mix = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeMixRGB")
-    noise.inputs["Scale"].default_value = 600
+    noise.inputs["Scale"].default_value, noise.inputs["Detail"].default_value = 1500, 6
     mix.inputs[1].default_value, mix.inputs[2].default_value = (0.16, 0.15, 0.14, 1), (0.46, 0.43, 0.38, 1)
     tree.links.new(noise.outputs[0], mix.inputs[0])
     tree.links.new(mix.outputs[0], tree.nodes["Principled BSDF"].inputs["Base Color"])
@@ -146,7 +146,7 @@ def true_scene(folder: Path) -> None:
     camera = bpy.data.cameras.new("camera")
     camera.angle = math.radians(FOV_DEG)
     seen = bpy.data.objects.new("camera", camera)
-    seen.location = 0, -1.25, HEIGHT
+    seen.location = 0, -0.95, HEIGHT
     seen.rotation_euler = math.radians(90 - PITCH_DEG), 0, 0
     scene.collection.objects.link(seen)
     scene.camera = seen

@@ -21,7 +21,7 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.relight.ground import view_of
+from anyprobe.relight.ground_view import view_of
 
 pytestmark = pytest.mark.slow
 
