@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from . import estimating, scene
+from . import estimating, process, scene
 
 LETTER_PX = 7
 """Width of a letter at a UI scale of 1."""
@@ -96,7 +96,8 @@ class Made:
         layout.prop(settings, "lights")
         if settings.lights == "AREA":
             layout.prop(settings, "distance")
-        layout.prop(settings, "library")
+        if process.CAN_MATCH:
+            layout.prop(settings, "library")
         part = layout.row()
         part.active = not settings.library
         part.prop(settings, "use_detail")
