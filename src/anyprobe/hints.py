@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
@@ -322,6 +323,11 @@ def said_as(**options: str) -> Iterator[None]:
         if name not in options:
             raise
         raise type(error)(f"{options[name]}: {rest}") from error
+
+
+def renamed(text: str, called: Callable[[Hint], str]) -> str:
+    """A line of the library, which names hints as Python's arguments (`mask=`), with another door's names for them."""
+    return re.sub(rf"\b({'|'.join(HINTS)})=(?=[\s,;.)]|$)", lambda found: called(HINTS[found[1]]), text)
 
 
 def spread(*kinds: type) -> Callable[[Function], Function]:

@@ -219,10 +219,14 @@ export declare class AnyProbe {
 
 /** Irradiance of a plane with a unit normal from radiance coefficients. */
 export declare function irradiance(sh9: Float32Array, normal: Vector3): Vector3;
+/** Opacity of black on ground with this normal, in the light's frame, where the dominant light is hidden. */
+export declare function groundShadowOpacity(light: Pick<Light, "dominant" | "sh9">, up: Vector3): number;
+/** Opacity of black that takes a share of the light away. */
+export declare function shadowOpacity(share: number): number;
+/** The curve is (1 + SIGMA) x^EXPONENT / (x^EXPONENT + SIGMA). */
+export declare const EXPONENT: number, SIGMA: number;
 /** The camera's curve: radiance to a display value in [0, 1]. */
 export declare function response(radiance: number): number;
 export declare function inverseResponse(display: number): number;
-/** A map of `height` rows, three numbers a pixel, as an OpenEXR file. */
-export declare function encodeExr(radiance: Float32Array, height: number): Uint8Array;
-/** The same as a Radiance file (.hdr). */
+/** A map of `height` rows, three numbers a pixel, as a Radiance file (.hdr). */
 export declare function encodeHdr(radiance: Float32Array, height: number): Uint8Array;

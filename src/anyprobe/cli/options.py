@@ -23,7 +23,7 @@ from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import open_regular, visible_files
-from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, said_as
+from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, renamed, said_as
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -65,6 +65,15 @@ def option_of(name: str) -> str:
 def said_of_hints() -> AbstractContextManager[None]:
     """What the library says of a hint is said of its option."""
     return said_as(**{name: f"--{hint.name}" for field, hint in HINTS.items() for name in (field, hint.name)})
+
+
+def line_of(said: object) -> str:
+    """An error or a warning as one line that names options: `mask=` is `--mask FILE` there."""
+
+    def option(hint: Hint) -> str:
+        return f"--{hint.name} {hint.metavar or ('FILE' if hint.suffixes else 'NUMBER')}"
+
+    return renamed(" ".join(str(said).splitlines()), option)
 
 
 TO_FIND = [name for name, hint in HINTS.items() if hint.about == "place" and name != "mask"]

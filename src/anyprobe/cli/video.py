@@ -15,7 +15,15 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import DetailOptions, JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
+from anyprobe.cli.options import (
+    DetailOptions,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    line_of,
+    with_bundles,
+)
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError
 
@@ -138,11 +146,11 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        talk.print(f"warning: frame {index}: kept the light before it: {line}", soft_wrap=True)
+        talk.print(f"warning: frame {index}: kept the light before it: {line_of(line)}", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
     for line in run.place_warnings:
-        talk.print(f"warning: {line}", soft_wrap=True)
+        talk.print(f"warning: {line_of(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
         "relit": str(out / "relit.mp4") if virtual else None,

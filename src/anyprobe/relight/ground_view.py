@@ -117,8 +117,8 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     """The photo's camera over its ground, and the pitch taken.
 
     Args:
-        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is level, or looks
-            down just enough to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
+        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is what
+            estimate_ground finds, or just enough to see the ground at the base LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
@@ -128,7 +128,6 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     ground = estimate_ground(photo, pitch_deg=pitch_deg)
     base = ground.contact[1]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
-    pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
     pitch_deg = ground.pitch_deg
     if ground.source != GIVEN:
         pitch_deg = float(max(pitch_deg, LEAST_SLOPE_DEG - below_axis))

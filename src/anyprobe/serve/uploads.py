@@ -55,7 +55,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
     name, confidence, files = "photo", b"", {}
-    async with _read_form(request, pool, max_files=2 + len(FILES)) as form:
+    async with _read_form(request, pool, max_files=1 + len(FILES)) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
             confidence, _ = await _file(form, "confidence")
