@@ -15,8 +15,9 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
-from anyprobe.estimate.surroundings import AUTO, NONE, PHOTO, SurroundingsSource, read_surroundings
+from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.paths import visible_files
+from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
