@@ -340,7 +340,8 @@ def test_a_raw_photo_is_developed_not_its_preview():
 def test_a_raw_photo_has_its_camera_s_white_balance():
     pytest.importorskip("rawpy")
     linear = scene(120, 160, top=0.4)
-    close(read_image(dng(linear, gains=(2.0, 1.0, 1.5))).rgb[4:-4, 4:-4], response(linear)[4:-4, 4:-4], 0.02)
+    found = read_image(dng(linear, gains=(2.0, 1.0, 1.5), cast=(0.8, 1.0, 0.5))).rgb
+    close(found[4:-4, 4:-4], response(linear)[4:-4, 4:-4], 0.02)
 
 
 @pytest.mark.parametrize(
@@ -490,6 +491,12 @@ def test_a_tiff_of_floats_may_hold_display_values_by_its_profile():
     assert coded.warnings == ()
     linear = read_image(float_tiff(LINEAR * 2, profile=icc(gamma_curve(1))))
     np.testing.assert_allclose(linear.radiance, LINEAR * 2, rtol=2e-3, atol=2e-3)
+
+
+def test_a_tiff_of_floats_has_its_exif():
+    stream = io.BytesIO()
+    Image.fromarray(LINEAR[..., 1].astype(np.float32)).save(stream, "TIFF", tiffinfo={0x8769: {0xA405: 26}})
+    assert read_image(stream.getvalue()).long_fov_deg == pytest.approx(69.39, abs=0.01)
 
 
 @pytest.mark.parametrize("compression", [5, 8, 32773])
