@@ -118,3 +118,17 @@ test("a download says how much has come, and when nothing comes", async () => {
   const about = { file: "light.onnx", loaded: 4, total: 10 };
   assert.deepEqual(said, [{ ...about, stalled: false }, { ...about, stalled: true }]);
 });
+
+test("a browser that lacks what is needed is told which it is", async () => {
+  const { AnyProbe } = await import("../src/plain.js");
+  const lacking = globalThis.createImageBitmap === undefined ? /no (OffscreenCanvas|Worker), which anyprobe needs/ : /no OffscreenCanvas/;
+  await assert.rejects(AnyProbe.load(), { code: "unsupported", message: lacking });
+  globalThis.Worker = globalThis.OffscreenCanvas = class {};
+  await assert.rejects(AnyProbe.load(), { code: "unsupported", message: /no createImageBitmap, which anyprobe needs; use a newer one \(Chrome 50/ });
+  globalThis.createImageBitmap = () => {};
+  for (const wrong of [{ threads: 0 }, { threads: "2" }, { engine: "webgl" }, { onProgress: 3 }, { weights: {} }, { weights: { light: 3 } }, { runtime: {} }, { worker: 3 }]) {
+    await assert.rejects(AnyProbe.load(wrong), refused, JSON.stringify(wrong));
+  }
+  const { AnyProbe: Bundled } = await import("../src/index.js");
+  await assert.rejects(Bundled.load({ engine: "webgpu" }), { ...refused, message: /import AnyProbe from anyprobe\/webgpu/ });
+});

@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image, ImageFilter
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
@@ -28,18 +29,19 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-GROW_PX = 4
+CONTRACT = contract("surroundings")
+GROW_PX: int = CONTRACT["grow_px"]
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
-FINE = 2.0
+FINE: float = CONTRACT["fine"]
 """Pixels of the shrunk photo on one of the map's."""
-CLIPPED = 0.97
+CLIPPED: float = CONTRACT["clipped"]
 """Display value from which on a place is at least as bright as it looks."""
-SEEN = 0.9
+SEEN: float = CONTRACT["seen"]
 """How sure a place is that the photo shows."""
-TINT = 0.5
+TINT: float = CONTRACT["tint"]
 """How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
 chosen on pairs that no run learns from."""
-TINT_FLOOR = 0.05
+TINT_FLOOR: float = CONTRACT["tint_floor"]
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
@@ -47,7 +49,7 @@ PANORAMA_ROWS = 512
 """At which a panorama is kept for maps with detail."""
 LINEAR = 5
 """Channels of surroundings that hold values above white."""
-PLAIN = 2.0 / 255.0
+PLAIN: float = CONTRACT["plain"]
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 

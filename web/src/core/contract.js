@@ -198,5 +198,14 @@ export const CONTRACT = {
     "blur_deg": 5,
     "lobe_level": 0.5,
     "ring_px": 3
+  },
+  "surroundings": {
+    "grow_px": 4,
+    "fine": 2,
+    "clipped": 0.97,
+    "seen": 0.9,
+    "tint": 0.5,
+    "tint_floor": 0.05,
+    "plain": 0.00784313725490196
   }
 };

@@ -27,7 +27,7 @@ export function requireBrowser() {
  */
 export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ...options }, files) {
   if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine);
-  const least = threads ?? (navigator.hardwareConcurrency || 1);
+  const least = threads ?? (globalThis.navigator?.hardwareConcurrency || 1);
   if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);
   if (typeof onProgress !== "function") throw wrong("onProgress", "a function", onProgress);
   const bundles = files.engines ?? ENGINES;
@@ -52,7 +52,7 @@ function starterOf(worker) {
 }
 
 function weightsOf(weights) {
-  const expected = "{ light, mask } with the address of each graph (weights/light.onnx and weights/mask.onnx of this package)";
+  const expected = "{ light, mask } with the address of each graph (weights/light.onnx and weights/mask.onnx of this package), and u2netp";
   if (weights === null || typeof weights !== "object" || Object.keys(weights).length === 0) throw wrong("weights", expected, weights);
   const entries = Object.entries(weights).filter(([, graph]) => graph !== undefined);
   return Object.fromEntries(entries.map(([name, graph]) => [name, graphOf(name, graph)]));

@@ -1,5 +1,6 @@
 /** What a picture shows beside its object, as a part of the map, as anyprobe.estimate.surroundings. */
 
+import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { inverseResponse, response } from "../core/response.js";
@@ -8,28 +9,28 @@ import { CROP_SIZE, focalPx } from "./crop.js";
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 
 /** Samples of the crop around the object that are left out: its edge is not where the mask says. */
-const GROW = 4;
+const GROW = CONTRACT.surroundings.grow_px;
 
 /** Pixels of the shrunk picture on one of the map's. */
-const FINE = 2;
+const FINE = CONTRACT.surroundings.fine;
 
 /** Display value from which on a place is at least as bright as it looks. */
-const CLIPPED = 0.97;
+const CLIPPED = CONTRACT.surroundings.clipped;
 
 /** The radiance that looks so. */
 const WHITE = inverseResponse(CLIPPED);
 
 /** Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place. */
-const PLAIN = 2 / 255;
+const PLAIN = CONTRACT.surroundings.plain;
 
 /** How much of the colour by which what is seen differs from the prediction there is taken for the light's own. */
-const TINT = 0.5;
+const TINT = CONTRACT.surroundings.tint;
 
 /** Added to radiance before its logarithm is compared. */
-const TINT_FLOOR = 0.05;
+const TINT_FLOOR = CONTRACT.surroundings.tint_floor;
 
 /** Confidence of a place that is seen. */
-const SEEN = 0.9;
+const SEEN = CONTRACT.surroundings.seen;
 
 /** Shallowest -z of a direction that still meets the picture's plane. */
 const AHEAD = 0.05;
