@@ -6,7 +6,7 @@ import builtins
 import io
 import struct
 import zlib
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
@@ -424,12 +424,12 @@ def test_pixels_of_an_exr_are_made_square(aspect):
     assert (np.diff(found[..., 0], axis=1) >= -1e-6).all()
 
 
-@pytest.mark.parametrize("aspect", [0.0, 1e9, float("nan"), -1.0])
+@pytest.mark.parametrize("aspect", [5.0, 0.1, 0.0, 1e9, float("nan"), -1.0])
 def test_an_aspect_that_cannot_be_meant_is_none(aspect):
     stored = exr(scene(), pixelAspectRatio=1.0)
     at = stored.index(b"pixelAspectRatio\0float\0") + len(b"pixelAspectRatio\0float\0") + 4
     data = stored[:at] + struct.pack("<f", aspect) + stored[at + 4 :]
-    with suppress(InvalidPhoto):  # the library refuses some
+    with nullcontext() if aspect in (5.0, 0.1) else suppress(InvalidPhoto):  # the library refuses some
         assert read_image(data).rgb.shape == (64, 96, 3)
 
 
