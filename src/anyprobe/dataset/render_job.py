@@ -345,7 +345,9 @@ class Status:
 
 def status(folder: Path) -> Status:
     """Count what is there, by the indices."""
-    plan, groups, pairs, size, missing = read_plan(folder), Counter(), 0, 0, []
+    plan, pairs, size = read_plan(folder), 0, 0
+    groups: Counter[str] = Counter()
+    missing: list[int] = []
     for shard in range(num_shards(plan)):
         if not shards.is_done(folder, shard):
             missing.append(shard)
