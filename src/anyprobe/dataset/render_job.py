@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def choose(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, t
 
 
 NAME = "dataset.json"
-SETTINGS = {
+SETTINGS: dict[str, Any] = {
     "kind": "object",
     "split": "train",
     "conditions": "clean",
