@@ -63,12 +63,12 @@ export const CONTRACT = {
         }
       },
       "small": {
-        "offset": -4,
+        "offset": -12.11,
         "weights": {
-          "expected": 3,
-          "agreed": 4,
-          "whole": 1,
-          "border": 0
+          "expected": 8.75,
+          "agreed": 0.42,
+          "whole": 4.95,
+          "single": 0
         }
       }
     }
