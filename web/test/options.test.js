@@ -54,9 +54,10 @@ test("clicks and boxes are pairs and fours of numbers in the picture", () => {
 });
 
 test("kinds of light are those there are", () => {
-  checkLight({ surroundings: true, emitters: "expected" });
+  for (const surroundings of ["auto", "photo", "none", true, false]) checkLight({ surroundings, pitchDeg: 20, emitters: "expected" });
   assert.throws(() => checkLight({ emitters: "soft" }), refused);
   assert.throws(() => checkLight({ surroundings: "yes" }), refused);
+  for (const pitchDeg of [91, NaN, "20"]) assert.throws(() => checkLight({ pitchDeg }), refused, String(pitchDeg));
 });
 
 /** A thread that answers when told to. */

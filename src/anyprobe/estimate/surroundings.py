@@ -49,6 +49,13 @@ PANORAMA_ROWS = 512
 """At which a panorama is kept for maps with detail."""
 LINEAR = 5
 """Channels of surroundings that hold values above white."""
+PLAIN_STEP: float = contract("ground")["plain_step"]
+PLAIN_SHARE: float = contract("ground")["plain_share"]
+"""A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
+SAMPLES: int = contract("ground")["samples"]
+"""Pixels along the longer side that are looked at for that, at least."""
+CONTINUED: float = contract("ground")["continued"]
+"""How sure a place is in which ground is taken to go on; right on so many of the left-out whole photos."""
 PLAIN: float = CONTRACT["plain"]
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
@@ -186,11 +193,27 @@ def visible_surroundings(
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 
-def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True) -> Outputs:
+def is_cut_out(
+    rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"], alpha: Float[np.ndarray, "H W"] | None = None
+) -> bool:
+    """Whether a photo shows nothing beside its object: it is transparent there, or of one colour but for flaws."""
+    step = max(1, max(mask.shape) // SAMPLES)
+    beside = mask[::step, ::step] < 0.5
+    if not beside.any():
+        return True
+    if alpha is not None and (alpha[::step, ::step][beside] < 0.5).mean() >= 0.5:
+        return True
+    display = rgb[::step, ::step][beside]
+    off = np.abs(display - np.median(display, axis=0)).max(axis=-1)
+    return bool((off <= PLAIN_STEP).mean() >= PLAIN_SHARE)
+
+
+def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
     Display values mean radiance by the mean camera's curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
+    sure: confidence of what is known.
     """
     shown, clipped, cover = radiance_of(surroundings)
     guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
@@ -198,7 +221,7 @@ def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool =
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     confidence = outputs.confidence
     if confidence is not None:
-        confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
+        confidence = (confidence + cover[..., 0] * (sure - confidence)).astype(np.float32)
     return outputs.with_map(radiance, confidence)
 
 

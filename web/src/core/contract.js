@@ -88,6 +88,21 @@ export const CONTRACT = {
     "least_fov_deg": 1,
     "most_fov_deg": 170
   },
+  "ground": {
+    "usual_pitch_deg": 22,
+    "least_slope_deg": 12,
+    "least_contact": 0.03,
+    "contact_band": 0.04,
+    "near": 4,
+    "least_pixels": 12,
+    "begins_deg": 2,
+    "full_deg": 20,
+    "weight": 0.85,
+    "continued": 0.75,
+    "plain_step": 0.012,
+    "plain_share": 0.9,
+    "samples": 128
+  },
   "exposure": {
     "black": 0.02,
     "white": 0.98,
