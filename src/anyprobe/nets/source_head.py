@@ -27,6 +27,8 @@ COMPONENTS = 4
 """Of the mixture on the sphere that the context adds to where light may come from."""
 EDGE_DEG = 3.0
 """Width of the soft edge of a disc that is drawn, all of it inside."""
+SHARPEST = 10.0
+"""Factor of a component's concentration, so that a trained one can be sharp."""
 LEAST_DENSITY = 1e-3
 """Of the mixture, in shares of an even one: no direction is ruled out."""
 
@@ -56,7 +58,7 @@ class SourceHead(nn.Module):
         directions: unit, [P, 3].
         """
         numbers = self.direction(code).float().unflatten(1, (COMPONENTS, 4))
-        vector, weight = 30.0 * numbers[..., :3] * present[:, :, None], torch.log_softmax(numbers[..., 3], dim=1)
+        vector, weight = SHARPEST * numbers[..., :3] * present[:, :, None], torch.log_softmax(numbers[..., 3], dim=1)
         kappa = vector.square().sum(dim=2).clamp(min=1e-6).sqrt()  # [N, K]
         # of an even one: kappa / sinh(kappa) exp(kappa cos)
         ln_constant = torch.log(2.0 * kappa) - kappa - torch.log1p(-torch.exp(-2.0 * kappa) + 1e-9)
@@ -123,9 +125,11 @@ class SourceMap(nn.Module):
         for r in range(len(RADII_DEG)):  # no ring brighter than what it surrounds
             falling.append(density[..., r] if r == 0 else torch.minimum(density[..., r], falling[-1]))
         power = torch.stack(falling, dim=2) * size
-        asked = power.sum(dim=(1, 2))
-        share = (above @ self.luminance) / asked.clamp(min=1e-9)
-        return power * share.clamp(max=1.0)[:, None, None]
+        # the smallest discs first, of these the brightest source's, until there is no more
+        inward = power.transpose(1, 2).flatten(1)
+        before = torch.cumsum(inward, dim=1) - inward
+        left = ((above @ self.luminance)[:, None] - before).clamp(min=0.0)
+        return torch.minimum(inward, left).unflatten(1, (len(RADII_DEG), SOURCES)).transpose(1, 2)
 
     def forward(self, shown: torch.Tensor, above: torch.Tensor, spread: torch.Tensor, places, profiles):
         """Radiance without the sources [N, 3, H, 2H], the whole of it, and the sources' powers [N, S, R] in luminance.
