@@ -15,8 +15,9 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
-from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings
+from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.paths import visible_files
+from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -56,21 +57,21 @@ class MaskFollower:
         given = {kind: folder for kind, folder in folders.items() if folder is not None}
         for kind, folder in given.items():
             if not folder.is_dir():
-                raise InputError(f"--{kind}: expected a folder with one file for each frame, got {folder}")
+                raise InputError(f"{kind}: expected a folder with one file for each frame, got {folder}")
         self._files = {kind: visible_files(folder, SUFFIXES[kind]) for kind, folder in given.items()}
         self.finds = not {"mask", "depth"} & self._files.keys()
         if hints and not self.finds:
-            raise InputError("--mask or --depth, and a box or clicks: expected one of them, got both")
+            raise InputError("mask= or depth=, and a box or clicks: expected one of them, got both")
         self.hints = hints
-        shown = isinstance(surroundings, str) and surroundings == PHOTO
-        self._every = {**every_frame, "surroundings": PHOTO if shown else None}
+        is_word = surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE))
+        self._every = {**every_frame, "surroundings": (surroundings or AUTO) if is_word else NONE}
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
-        if surroundings is not None and not shown:
+        if not is_word:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None
 
     def content(self) -> dict[str, Any]:
-        """What files and surroundings hold, wherever they lie: a digest each, or "photo"; None for none."""
+        """What files and surroundings hold, wherever they lie: a digest each, or a word."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
             surroundings = _digest([self._panorama.tobytes()])
@@ -97,7 +98,7 @@ class MaskFollower:
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
             raise InvalidMask(
                 f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass --mask FOLDER"
+                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass mask=, one file a frame"
             )
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
