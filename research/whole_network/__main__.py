@@ -1,8 +1,15 @@
-"""python -m research.whole_network CHECKPOINT --data DATA --kept FOLDER: scores on path-traced whole photos."""
+"""python -m research.whole_network CHECKPOINT --data DATA --kept FOLDER: scores on path-traced whole photos.
+
+The estimator's whole way, its network in floats instead of the graph that ships, with light sources
+- where they were before: two discs at the likeliest places (mode) or spread over all (expected);
+- of their profiles (nets.source_head), from the object alone, and with its context;
+- the same, and the camera's pitch as the context says.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -11,56 +18,78 @@ import torch
 import typer
 
 from anyprobe.estimate.context import context_picture
-from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
-from anyprobe.estimate.runtime import lift_inputs
-from anyprobe.light.environment import rotate
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.nets.light_net import LightPrediction
+from anyprobe.train.export_onnx import LightGraph
 from anyprobe.train.loop import load_nets
 from research.world.whole_photos import WholePhoto, whole_photos
 from research.world.whole_scores import score, summary
 
+ROWS = ("mode", "expected", "sources", "expected, context", "sources, context", "sources, context, pitch")
 SHOWN = (
-    "ldr_rmse ldr_rmse_error ssim dominant_deg dominant_deg_error dominant_deg_harder white chrome vase vase_error "
-    "hardness_correlation hardness_soft true_hardness_soft hardness_hard true_hardness_hard hardness_below_08 "
-    "pitch_error pitch_error_error"
+    "ldr_rmse ldr_rmse_error gain_rmse ssim dominant_deg dominant_deg_error dominant_deg_harder "
+    "dominant_deg_harder_error power_abs white vase vase_error hardness_correlation hardness_soft true_hardness_soft "
+    "hardness_middle true_hardness_middle hardness_hard true_hardness_hard hardness_below_08"
 )
 
 
-@torch.no_grad()
-def maps_of(nets: torch.nn.ModuleDict, photo: Photo, crop: Crop, surroundings: bool) -> dict[str, np.ndarray]:
-    """Maps [64, 128, 3] in the photo's camera: light sources at two places as before, spread, as sources from the
-    object alone and with its context; and the pitch in degrees."""
-    seen = crop.surroundings_map if surroundings else None
-    given = lift_inputs(crop.image, crop.tan_half, crop.normals, seen)
-    values = [torch.from_numpy(one) for one in list(given.values())[:5]]
-    context = torch.from_numpy(context_picture(photo, crop).transpose(2, 0, 1)[None].copy())
-    code, posture = nets["context"](context, values[1])
-    light = nets["light"]
-    none, whole = light(*values), light(*values, code)
-    shown = torch.exp(none.ln_shown.clamp(max=0.0))
-    before = torch.log(shown + light.emitters.mode(none.ln_power, none.emitter_logit))
-    made = {
-        "two places": before,
-        "spread": none.ln_expected,
-        "sources": none.ln_radiance,
-        "spread, context": whole.ln_expected,
-        "sources, context": whole.ln_radiance,
-    }
+class InTorch:
+    """Stands in for the graph `light` of an estimator."""
 
-    def turned(ln: torch.Tensor) -> np.ndarray:
-        return np.maximum(rotate(np.exp(ln[0].numpy().transpose(1, 2, 0)), crop.camera_from_crop), 0.0)
+    def __init__(self, nets: torch.nn.ModuleDict) -> None:
+        self.nets, self.row, self.code = nets, ROWS[0], None
+        self._posterior = LightGraph(nets["light"])
 
-    pitch, roll = float(posture[0, 0]), float(posture[0, 2])
-    up = np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
-    return {name: turned(ln) for name, ln in made.items()} | {
-        "pitch": np.degrees(np.arcsin((crop.camera_from_crop @ up)[2]))
-    }
+    def __call__(self, *values: np.ndarray) -> list[np.ndarray]:
+        """Of the graph's inputs its outputs, the map of `row` in the place of that with light sources."""
+        light = self.nets["light"]
+        with torch.no_grad():
+            guess = light(*(torch.from_numpy(one) for one in values), self.code if "context" in self.row else None)
+            outputs = list(self._posterior.outputs(guess))
+            outputs[1] = self._map(guess)
+        return [one.numpy() for one in outputs]
+
+    def _map(self, guess: LightPrediction) -> torch.Tensor:
+        if self.row == "mode":
+            shown = torch.exp(guess.ln_shown.clamp(max=0.0))
+            return torch.log(shown + self.nets["light"].emitters.mode(guess.ln_power, guess.emitter_logit))
+        return guess.ln_expected if self.row.startswith("expected") else guess.ln_radiance
 
 
-def open_photo(one: WholePhoto, surroundings: bool) -> tuple[Photo, Crop]:
-    """As the estimator cuts it, with its true mask."""
+def rows_of(estimator: Estimator, torched: InTorch, one: WholePhoto) -> tuple[dict[str, np.ndarray], float]:
+    """Maps [64, 128, 3] in the photo's camera, and the pitch in degrees that the context says."""
     fov = one.long_fov_deg if one.fov_known else None
-    photo = load_photo(one.picture, mask=one.mask, fov_deg=fov, surroundings="photo" if surroundings else None)
-    return photo, crop_object(photo)
+    photo = load_photo(one.picture, mask=one.mask, fov_deg=fov)
+    crop = crop_object(photo)
+    with torch.no_grad():
+        picture = torch.from_numpy(context_picture(photo, crop).transpose(2, 0, 1)[None].copy())
+        torched.code, posture = torched.nets["context"](picture, torch.full((1, 1), crop.tan_half))
+    pitch, _, roll, _ = posture[0].tolist()
+    up = crop.camera_from_crop @ [np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)]
+    pitch_deg = float(np.degrees(np.arcsin(up[2])))
+    maps = {}
+    for row in ROWS:
+        if one.cut_out and "context" in row:
+            continue
+        torched.row = row
+        given = {"pitch_deg": float(np.clip(pitch_deg, -50, 85))} if "pitch" in row else {}
+        maps[row] = estimator(one.picture, mask=one.mask, fov_deg=fov, **given).radiance
+    return maps, pitch_deg
+
+
+def tell(rows: dict[str, dict[str, list]], say: Callable[[str], None] = typer.echo) -> None:
+    """A line for each kind of photo and row."""
+    for kind, methods in rows.items():
+        for name, scores in methods.items():
+            pitch = [one.pop("pitch_error") for one in scores if "pitch_error" in one]
+            if pitch:
+                say(f"{kind}, {name}: pitch {np.median(pitch):.2f} degrees off in the median")
+            found = summary(scores)
+            say(
+                f"{kind} ({len(scores)}), {name}: "
+                + " ".join(f"{k}={found[k]:.3f}" for k in SHOWN.split() if k in found)
+            )
 
 
 def main(
@@ -68,29 +97,20 @@ def main(
     data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
     kept: Annotated[Path, typer.Option(help="Folder of the renders of research.world.whole.")],
     part: Annotated[str, typer.Option(help="left-out to choose by, test to report.")] = "left-out",
-    surroundings: Annotated[bool, typer.Option(help="With what the photo shows beside the object.")] = False,
     count: Annotated[int, typer.Option(help="Photos.")] = 100,
 ) -> None:
-    """Print a table of scores, cut-outs apart."""
-    nets = load_nets(checkpoint)
+    """Print scores on whole photos, cut-outs apart."""
+    torched, estimator = InTorch(load_nets(checkpoint)), Estimator()
+    estimator.models._run["light"] = torched
     rows: dict[str, dict[str, list]] = {"whole": defaultdict(list), "cut-out": defaultdict(list)}
     for number, one in enumerate(whole_photos(data, part, kept)):
         if number >= count:
             break
-        photo, crop = open_photo(one, surroundings and not one.cut_out)
-        maps = maps_of(nets, photo, crop, surroundings)
-        pitch = maps.pop("pitch")
-        if one.cut_out:
-            maps = {name: found for name, found in maps.items() if "context" not in name}
+        maps, pitch_deg = rows_of(estimator, torched, one)
         for name, figures in score(one, maps).items():
-            rows["cut-out" if one.cut_out else "whole"][name].append(
-                figures | {"pitch_error": abs(pitch - one.pitch_deg)}
-            )
-    for kind, methods in rows.items():
-        for name, scores in methods.items():
-            found = summary(scores)
-            said = " ".join(f"{key}={found[key]:.3f}" for key in SHOWN.split() if key in found)
-            typer.echo(f"{kind} ({len(scores)}), {name}: {said}")
+            said = figures if one.cut_out else figures | {"pitch_error": abs(pitch_deg - one.pitch_deg)}
+            rows["cut-out" if one.cut_out else "whole"][name].append(said)
+    tell(rows)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ likely as it is.
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -47,9 +49,9 @@ class SourceHead(nn.Module):
 
     def profiles(self, code: torch.Tensor) -> torch.Tensor:
         """Shares of the map's total power, growing with the radius."""
-        part = torch.sigmoid(self.profile(code).float().unflatten(1, (SOURCES, len(RADII_DEG))))
+        logit = self.profile(code).float().reshape(-1, SOURCES, len(RADII_DEG))
         # the widest disc first, then of each the part in the next smaller one
-        return torch.cumprod(part, dim=2).flip(2)
+        return torch.exp(torch.cumsum(F.logsigmoid(logit), dim=2)).flip(2)
 
     def ln_density(self, code: torch.Tensor, present: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
         """ln of a mixture of von Mises-Fisher distributions in shares of an even one, [N, P]; zero where present [N, 1]
@@ -105,7 +107,7 @@ class SourceMap(nn.Module):
         """How much of each pixel lies in the disc of RADII_DEG[0] around each place [N, S, 3], and in the rings up to
         each further radius, [N, S, R, P]; their edges are soft."""
         cosine = (places @ self.directions.T).clamp(-1 + 1e-6, 1 - 1e-6)
-        degrees = torch.rad2deg(torch.acos(cosine))
+        degrees = torch.acos(cosine) * (180.0 / math.pi)
         discs = [((r - degrees) / EDGE_DEG).clamp(0.0, 1.0) for r in RADII_DEG]
         return torch.stack([discs[0], *(b - a for a, b in zip(discs, discs[1:], strict=False))], dim=2)
 
