@@ -168,7 +168,9 @@ class Watch:
         from anyprobe.evaluate.scoring import groups_of
 
         # whole picture, as in the paper's Table 1
-        images = estimates[self.title].irradiance, pair.irradiance / 255.0
+        estimated = estimates[self.title].irradiance
+        assert estimated is not None, self.title
+        images = estimated, pair.irradiance / 255.0
         self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
         for name, calibration in self.calibrations.items():
             one = estimates[name]

@@ -60,9 +60,12 @@ class InsertOptions:
     ] = None
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
 
-    def foot(self) -> tuple[float, ...] | None:
+    def foot(self) -> tuple[float, float] | None:
         """The pixel of --at; None where it is absent."""
-        return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        if self.at is None:
+            return None
+        x, y = pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        return x, y
 
     def refuse(self, context: typer.Context) -> None:
         """InputError where any is given without --insert."""
@@ -128,13 +131,13 @@ def relight(
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
-        taken = load_photo(photo, hints, segmenter=segmenter)
+        loaded = load_photo(photo, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain = _radiance(taken, light, by, fine)
-    stage = placing(Stage)(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
+        radiance, gain = _radiance(loaded, light, by, fine)
+    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
     names = STRIP if strip else (material,)
     with progress(f"drawing the {insert}", silent):
-        shown = picture_bytes(taken.rgb)
+        shown = picture_bytes(loaded.rgb)
         pictures = [shown] if strip or before else []
         shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
         for one in names:
@@ -144,6 +147,7 @@ def relight(
     with progress(f"writing {out}", silent):
         write_png(out, np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0])
     spot = stage.view.pixels(stage.placement.foot)
+    warnings = [*loaded.warnings, *stage.warnings]
     summary = {
         "photo": str(photo),
         "picture": str(out),
@@ -155,9 +159,9 @@ def relight(
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
         "scale": round(size * stage.placement.share, 3),
-        "warnings": [*taken.warnings, *stage.warnings],
+        "warnings": warnings,
     }
-    for line in summary["warnings"]:
+    for line in warnings:
         if not silent:
             print(f"warning: {line_of(line)}", file=sys.stderr)
     if as_json:
