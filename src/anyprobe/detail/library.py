@@ -123,7 +123,9 @@ def write_library(path: Path, pictures: Iterable[tuple[str, bytes]], signature: 
     Raises:
         InputError: no maps. OutputError: cannot be written.
     """
-    names, features, richness = [], [], []
+    names: list[str] = []
+    features: list[np.ndarray] = []
+    richness: list[float] = []
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
         for name, picture in pictures:
             _put(file, f"{len(names)}.jpg", picture)
