@@ -12,9 +12,9 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, one_photo
+from anyprobe.dataset.distributions import draw_alpha, draw_material
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.pair import shade_surface
-from anyprobe.dataset.priors import draw_alpha, draw_material
 from anyprobe.estimate.photo import Photo
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.render.surface import frame_object, see

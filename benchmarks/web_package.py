@@ -30,7 +30,7 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 ISOLATED = {"Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp"}
 IMPORTS = {
-    "anyprobe": "./node_modules/anyprobe/src/index.js",
+    "anyprobe": "./node_modules/anyprobe/src/plain.js",
     "onnxruntime-web/": "./node_modules/onnxruntime-web/dist/",
 }
 PAGE = '<!doctype html><link rel="icon" href="data:,"><script type="importmap">{}</script>'

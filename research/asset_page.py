@@ -114,7 +114,7 @@ def frozen_page(data: Path) -> str:
 
 
 CREDIT = ("file", "name", "source", "licence", "author")
-"""Of a file; author: as its licence asks to be named, else empty."""
+"""Columns of a file; author: as its licence asks to be named, else empty."""
 
 
 def _credits(folder: Path, suffixes: tuple[str, ...], taken: set[str]) -> Iterator[tuple[str, ...]]:

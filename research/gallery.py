@@ -35,7 +35,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 WIDTH, HEIGHT, FOV_DEG = 480, 360, 30.0
 PATHS, MAP_ROWS = 100, 512
 NOISE, WHITE = 0.006, 0.35
-"""Of display values; and the mean luminance that the exposure gives the photo."""
+"""Noise of display values; and the mean luminance that the exposure gives the photo."""
 TILE, GAP, LABEL = 300, 4, 22
 
 

@@ -45,6 +45,6 @@ def left_out_pairs(data: Path, kept: Path | None = None, conditions: int = 0) ->
 
 
 def left_out_world_pairs(data: Path, kept: Path | None = None) -> Iterable[Pair]:
-    """The same under the priors of dataset.priors, looked up rather than path-traced."""
+    """The same under dataset.distributions, looked up rather than path-traced."""
     store = load_left_out(data)
     return kept_pairs(world_recipes(store, WORLD_PAIRS, SEED), store, kept)

@@ -12,11 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from support.scenes import sphere_photo
+from support import shape_checks
 
-from anyprobe.cli.app import main
-from anyprobe.estimate import estimator as estimate_module
-from anyprobe.estimate.estimator import Estimator
+shape_checks.install()
+
+from support.scenes import sphere_photo  # noqa: E402
+
+from anyprobe.cli.app import main  # noqa: E402
+from anyprobe.estimate import estimator as estimate_module  # noqa: E402
+from anyprobe.estimate.estimator import Estimator  # noqa: E402
 
 
 def pytest_configure() -> None:

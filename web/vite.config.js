@@ -4,8 +4,6 @@ import { defineConfig } from "vite";
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
 
 export default defineConfig({
-  // the page says where its weights and runtime are: none are copied for it
-  plugins: [{ name: "nothing-installed", enforce: "pre", load: (id) => (id.endsWith("/networks/installed.js") ? "export {}" : null) }],
   base: "./", // the page works from any folder of any host
   build: {
     outDir: here("../src/anyprobe/serve/page"),

@@ -13,7 +13,7 @@ from anyprobe.light.dominant_light import connected, dilate
 from anyprobe.light.filtering import blur_cap
 
 PEAK_RADIUS = np.radians(5.0)
-"""Of the cap that luminance is averaged over before the peak is taken; the field leaves it open."""
+"""Radius of the cap that luminance is averaged over before the peak is taken; the field leaves it open."""
 LOBE_LEVEL = 0.3
 LEFT_ENERGY = 0.2
 MOST_BLOBS = 15

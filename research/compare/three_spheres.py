@@ -25,7 +25,7 @@ FIELD_ROWS = 128
 FIELD_SIZE = 32
 """Side of the matt and the silver sphere's picture in pixels: their lobes are wider than its pixels."""
 MIRROR_SIZE = 282
-"""Of the mirror sphere's, which shows every sun of the map: as the published one (SPHERE_SHARE of 960 x 540)."""
+"""Side of the mirror sphere's picture, which shows every sun: as published (SPHERE_SHARE of 960 x 540)."""
 FIELD_BASE = 0.8
 FIELD_DIFFUSE = {"albedo": FIELD_BASE, "f0": 0.04, "alpha": 0.364**2}
 """Principled BSDF: metallic 0, specular 0.5, roughness 0.364, which is sqrt(alpha)."""

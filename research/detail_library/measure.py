@@ -45,7 +45,7 @@ from research.detail_library.rooms import detailed_room
 
 PAIRS, SEED = 200, 2020
 ORDERS = (8, 10, 12, 16, 24, 31, 48, 63)
-"""Of which powers are printed."""
+"""Orders whose powers are printed."""
 OWN_ROWS = 128
 TILE = 120
 """Pixels of a sheet's sphere."""

@@ -76,7 +76,7 @@ def list_assets(client: Client, kind: str, api: str = API) -> list[Asset]:
             Asset(
                 kind=kind,
                 slug=slug,
-                category=_surroundings(words, entry) if kind == "hdris" else _path(entry),
+                category=_place(words, entry) if kind == "hdris" else _path(entry),
                 words=frozenset(words),
                 authors=", ".join(authors) if isinstance(authors, dict) else "",
                 files_hash=str(entry.get("files_hash") or ""),
@@ -279,7 +279,7 @@ def _path(entry: dict) -> str:
     return str(entry.get("category") or ", ".join(map(str, entry.get("categories") or ())))
 
 
-def _surroundings(words: set[str], entry: dict) -> str:
+def _place(words: set[str], entry: dict) -> str:
     """indoor, outdoor or studio, as the catalog knows them."""
     if any(word.startswith("studio") for word in words):
         return "studio"

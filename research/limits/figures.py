@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from anyprobe.core.response import response
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.pair import Pair, is_painted
 from anyprobe.evaluate.metrics import power_ratio_stops, rmse, ssim
 from anyprobe.evaluate.scoring import ALPHA_EDGES
@@ -49,7 +49,7 @@ def groups(pair: Pair) -> list[str]:
 
 def order(name: str) -> tuple:
     """Key that sorts names of groups as they are printed."""
-    kinds = ("all", *priors.KINDS)
+    kinds = ("all", *distributions.KINDS)
     first = name.split(", ")[0]
     return ("," in name, kinds.index(first) if first in kinds else len(kinds), name)
 

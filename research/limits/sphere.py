@@ -17,10 +17,10 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.camera import draw_shot, exposure, phone_shot
+from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.pair import Pair
-from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.recipe import WORLD
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
 from anyprobe.scatter.materials import Material, total_reflectance
@@ -28,7 +28,7 @@ from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_
 from research.world.materials import kind_given_alpha
 
 POINTS = 20
-"""Of a square of so many points along either side, those on the sphere are seen: 316."""
+"""Points along either side of a square; those on the sphere are seen: 316."""
 VIEWS = 16
 FLOOR = 1e-3
 """Radiance below counts as this in features."""
@@ -37,7 +37,7 @@ RIDGES = (3e-4, 3e-3, 3e-2)
 LEFT_OUT = 6
 """One map of so many chooses the ridge."""
 SPARSE = 16
-"""Of so many numbers of a map, one judges a ridge."""
+"""One of so many numbers of a map judges a ridge."""
 COARSE = 2
 """Pixels of a map along either side of one that is estimated."""
 
@@ -102,17 +102,17 @@ Draw = Callable[[np.random.Generator, float], Material]
 
 
 def world_draw(metal: bool) -> Draw:
-    """Of dataset.priors, metals or all else."""
+    """Of dataset.distributions, metals or all else."""
 
     def draw(rng: np.random.Generator, alpha: float) -> Material:
-        share = kind_given_alpha(np.array([alpha]))[0] * ((np.arange(len(priors.KINDS)) == 0) == metal)
-        return priors.draw_one(rng, int(rng.choice(len(share), p=share / share.sum())), alpha)
+        share = kind_given_alpha(np.array([alpha]))[0] * ((np.arange(len(distributions.KINDS)) == 0) == metal)
+        return distributions.draw_one(rng, int(rng.choice(len(share), p=share / share.sum())), alpha)
 
     return draw
 
 
 def paper_draw(metal: bool) -> Draw:
-    """Of dataset.priors."""
+    """Of dataset.distributions."""
     return lambda rng, alpha: draw_material(rng, alpha, metal)
 
 
@@ -123,7 +123,7 @@ class SphereLimit:
         """Learn from views.
 
         Args:
-            draw: the prior of materials. world: whether photos are taken as phones do, see dataset.priors.
+            draw: the prior of materials. world: whether photos are taken as phones do, see dataset.distributions.
             given: whether the material is given; then what is seen is divided by what it reflects.
         """
         self.alpha, self.given = alpha, given
@@ -178,7 +178,7 @@ def _gain(rng: np.random.Generator, world: bool, seen: np.ndarray, light: np.nda
     bright = luminance(light)
     if world:
         shot = phone_shot(shot, (light * pixel_solid_angles(MAP_HEIGHT)[..., None]).sum(axis=(0, 1)), rng)
-        scene = float(priors.frame_level(bright))
+        scene = float(distributions.frame_level(bright))
     else:
         scene = float(np.exp(np.log(np.maximum(bright, 1e-4)).mean()))
     return (exposure(shot, float(luminance(seen).mean()), scene) * shot.white_balance).astype(np.float32)

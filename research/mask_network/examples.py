@@ -31,7 +31,7 @@ MIN_TARGET_PX = 60
 """Area below which an object is no target."""
 
 CENTRE_SIGMA = 0.35
-"""Of the weight around the picture's centre, in sides."""
+"""Standard deviation of the weight around the picture's centre, in sides."""
 
 PROMPTS = {"none": 0.45, "click": 0.25, "clicks": 0.1, "box": 0.2}
 """Shares of the kinds of prompts: nothing, a click, up to three and some beside the object, a loose box."""

@@ -15,16 +15,16 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.dataset.distributions import draw_alpha, draw_material
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import pixel_wo, shade
-from anyprobe.dataset.priors import draw_alpha, draw_material
 from anyprobe.dataset.sky import tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, draw_elevation
 from anyprobe.dataset.textured import draw_texture, smooth_noise
 from anyprobe.light.environment import MAP_HEIGHT
 
 SIDE = 128
-"""Of a pattern in its own pixels."""
+"""Side of a pattern in its own pixels."""
 
 REAL_SHARE = 0.5
 """So many patterns are crops of maps, where there are any."""

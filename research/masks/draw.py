@@ -28,7 +28,7 @@ SIZE = 480
 TILE = 240
 GAP = 6
 SEED = 77
-"""Of scenes; those that show one clear object are taken in turn."""
+"""Seed of the scenes; those that show one clear object are taken in turn."""
 
 
 def main(path: Path) -> None:

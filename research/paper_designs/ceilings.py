@@ -18,9 +18,9 @@ from research.paper_designs.scale import MATERIALS, VIEWS
 from research.paper_designs.tables import Tables
 
 CAMERAS = 3
-"""Of the next elevations, below and above, whose lights are learned from too."""
+"""Cameras of the next elevations, below and above, whose lights are learned from too."""
 PENALTIES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-"""Of the ridge, in mean eigenvalues of the pixels' products; chosen material by material on maps kept back."""
+"""Penalties of the ridge, in mean eigenvalues of the pixels' products; chosen by material on maps kept back."""
 KEPT_BACK = 5
 """One in so many training maps, with its mirrored twin."""
 CHANNELS = {"photo": slice(0, 3), "irradiance": slice(3, 6)}

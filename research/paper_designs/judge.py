@@ -21,7 +21,7 @@ from research.paper_designs.tables import Tables, mirror_places
 from research.paper_designs.transport import TO_EYE
 
 TEST_PAIRS = 1000
-"""Of training pairs half as many are judged."""
+"""Test pairs that are judged; of training pairs, half as many."""
 BLOCK = 250
 WINDOW, SIGMA = 5, 1.5
 """SSIM's 11 x 11 Gaussian (Wang et al. 2004)."""

@@ -11,7 +11,7 @@ from anyprobe.scatter.materials import Material
 VIEWS = 23
 """Cameras, evenly over the upper hemisphere, as in the paper's Sect. 3.5."""
 EPOCHS = 11
-"""Of the gradual targets, Sect. 3.3."""
+"""Epochs of the gradual targets, Sect. 3.3."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

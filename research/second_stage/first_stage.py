@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
+from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.pairs import Batch, PairConfig, PairSource
-from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.surfaces import SurfaceConfig, SurfaceSet, build_surfaces
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.light_net import LightNet

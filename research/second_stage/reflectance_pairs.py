@@ -18,9 +18,9 @@ from anyprobe.core.color import REC709
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import CameraCurve, response
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
+from anyprobe.dataset.distributions import METALS
 from anyprobe.dataset.pairs import pixel_wo
-from anyprobe.dataset.priors import METALS
 from anyprobe.dataset.seen_surroundings import ASPECTS, GAIN_STOPS, TURN_COLUMNS
 from anyprobe.dataset.surfaces import ELEVATION_SINES
 from anyprobe.light.environment import MAP_HEIGHT
@@ -39,7 +39,7 @@ BASE_ROWS = 64
 class ReflectanceConfig:
     """batch: samples a step; fresh: lights made at once, every `period` steps; pool: how many such groups are at hand.
 
-    world: share of samples with the priors of dataset.priors; the others have those of dataset.pairs.
+    world: share of samples with dataset.distributions; the others have those of dataset.pairs.
     errors: share of samples with the first stage's normals, the others have true ones; most_errors: by how much
     its errors are drawn out at most, since they are smaller on surfaces that it has learned from.
     normals, material, surroundings: shares of samples that come with them, as input.
@@ -215,7 +215,7 @@ class ReflectanceSource:
         alpha = np.clip(alpha, 0.01, 1.0)
         chances = kind_given_alpha(alpha).cumsum(axis=1)
         kind = (rng.random((count, 1)) > chances[:, :3]).sum(axis=1)
-        albedo, f0 = priors.draw_colors(rng, kind)
+        albedo, f0 = distributions.draw_colors(rng, kind)
         metal, (other_albedo, other_f0) = rng.random(count) < 0.45, _older(rng, count)
         metal_f0 = np.array(METALS)[rng.integers(len(METALS), size=count)] * rng.uniform(0.75, 1.0, (count, 1))
         metal_f0 = np.clip(metal_f0 + rng.normal(0, 0.02, (count, 3)), 0.2, 1.0)
@@ -279,12 +279,12 @@ class ReflectanceSource:
         metering = rng.uniform(0.0, 0.7, count)
         older = key**metering * scene ** (1 - metering)
         older *= np.clip(on_object * older, 0.03, 0.9) / (on_object * older)
-        weight, key = priors.draw_metering(rng, count)
-        newer = priors.metered_gain(on_object, priors.frame_level(luminance.numpy()), weight, key)
-        newer *= np.clip(on_object * newer, *priors.OBJECT_RANGE) / (on_object * newer)
+        weight, key = distributions.draw_metering(rng, count)
+        newer = distributions.metered_gain(on_object, distributions.frame_level(luminance.numpy()), weight, key)
+        newer *= np.clip(on_object * newer, *distributions.OBJECT_RANGE) / (on_object * newer)
         angles = torch.from_numpy(np.cos((np.arange(MAP_HEIGHT) + 0.5) / MAP_HEIGHT * np.pi - np.pi / 2)).float()
         ambient = (light * angles[:, None]).mean((2, 3)) / angles.mean()
-        balance = priors.draw_white_balance(rng, ambient.numpy())
+        balance = distributions.draw_white_balance(rng, ambient.numpy())
         balance = np.where(world[:, None], balance, np.exp(rng.normal(0.0, 0.08, (count, 3))))
         gain = np.where(world, newer, older)[:, None] * balance
         exponent = np.clip(rng.normal(0.9, 0.1, count), 0.4, 1.6)
@@ -348,7 +348,7 @@ def _mirrored(normals: torch.Tensor) -> torch.Tensor:
 
 
 def _older(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo and f0 of the dielectrics of dataset.priors, [N, 3] each."""
+    """Albedo and f0 of the dielectrics of dataset.distributions, [N, 3] each."""
     f0 = np.repeat(f0_from_ior(rng.uniform(1.3, 1.8, (count, 1))), 3, axis=1)
     tint = np.exp(rng.normal(0.0, 1.0, (count, 3)) * rng.choice([0.03, 0.15, 0.6], (count, 1)))
     albedo = rng.uniform(0.08, 0.9, (count, 1)) * tint / tint.max(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The world test set: path-traced pairs under the priors of dataset.priors; objects shade and mirror themselves."""
+"""The world test set: path-traced pairs under dataset.distributions; objects shade and mirror themselves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ PATHS = 128
 """Through each pixel; the noise that is left is a camera's in a dim room."""
 COUNT, SEED = 200, 2026
 PARTS = {"test": "test.txt", "left-out": "left_out.txt"}
-"""Of held-out maps and shapes; of the training assets that no shipped weights learn from, to choose models by."""
+"""The list of each part: of held-out maps and shapes; of the training assets that no shipped weights learn from,
+to choose models by."""
 
 
 def recipes_of(part: str) -> list[Recipe]:

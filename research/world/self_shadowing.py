@@ -21,11 +21,11 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
+from anyprobe.dataset.distributions import KINDS
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.occlusion import hidden_cells
 from anyprobe.dataset.pair import _draw, _look, is_painted, render_pair
 from anyprobe.dataset.pairs import pixel_wo, shade
-from anyprobe.dataset.priors import KINDS
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
 from anyprobe.evaluate.methods import run_with_priors
 from anyprobe.evaluate.metrics import direction_error_deg

@@ -18,10 +18,11 @@ from anyprobe.errors import (
     ModelError,
     OutputError,
 )
-from anyprobe.estimate.estimator import Estimator, estimate
+from anyprobe.estimate.estimator import Estimator, Settings, estimate
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, load_photo
 from anyprobe.estimate.result import Light
+from anyprobe.hints import Hints
 from anyprobe.light.dominant_light import DominantLight
 from anyprobe.scatter.materials import Material
 
@@ -31,6 +32,7 @@ __all__ = [
     "AnyprobeError",
     "DominantLight",
     "Estimator",
+    "Hints",
     "InputError",
     "InvalidEnvironment",
     "InvalidMask",
@@ -42,6 +44,7 @@ __all__ = [
     "ModelError",
     "OutputError",
     "Photo",
+    "Settings",
     "estimate",
     "fuse_lights",
     "load_photo",

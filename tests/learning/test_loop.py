@@ -25,8 +25,9 @@ from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError, OutputError  # noqa: E402
 from anyprobe.estimate.runtime import Models  # noqa: E402
+from anyprobe.nets.paper import NETS  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
-from anyprobe.train.chain import NETS, Chain  # noqa: E402
+from anyprobe.train.chain import Chain  # noqa: E402
 from anyprobe.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import LightConfig, lift, normals, paper, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402

@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
 
-from anyprobe.train.chain import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
+from anyprobe.nets.paper import HdrNet, IlluminationNet, IrradianceNet  # noqa: E402
 
 
 def test_each_net_gives_the_size_the_next_one_takes():

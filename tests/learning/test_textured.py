@@ -11,10 +11,10 @@ from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import pair as pair_module  # noqa: E402
 from anyprobe.dataset import pairs  # noqa: E402
 from anyprobe.dataset.asset_store import load_asset_store  # noqa: E402
+from anyprobe.dataset.distributions import METALS, draw_material  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pair import render_pair  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
-from anyprobe.dataset.priors import METALS, draw_material  # noqa: E402
 from anyprobe.dataset.recipe import full_plan  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.dataset.textured import (  # noqa: E402

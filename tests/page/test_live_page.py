@@ -77,7 +77,7 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     found = read_radiance(Path(seen["background"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)
-    softer = estimator.with_emitters("expected")
+    softer = estimator.with_settings(emitters="expected")
     found = read_radiance(Path(seen["softAlpha"]))  # of the same mask: its alpha channel
     assert np.abs(response(found) - response(softer(aside_photo).radiance)).mean() < 0.015
     soft = softer(vase_photo, click=[click])

@@ -33,7 +33,6 @@ def packed(chromium, tmp_path_factory) -> Path:
     if not (MODULES / "onnxruntime-web").is_dir():
         pytest.skip("needs the packages of web/ (cd web && npm ci)")
     folder = tmp_path_factory.mktemp("packed")
-    subprocess.run(["node", "build/weights.js"], cwd=WEB, check=True, capture_output=True)  # npm may skip prepack
     subprocess.run(["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True)
     return next(folder.glob("*.tgz"))
 
@@ -132,6 +131,7 @@ def test_package_holds_what_its_readme_says_and_no_more(plain_site):
     assert {path.name for path in package.iterdir()} == {
         "LICENSE",
         "README.md",
+        "dist",
         "package.json",
         "src",
         "types",
@@ -160,17 +160,46 @@ def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, 
     with serve({"/": plain_site}) as url:  # not isolated: one thread
         seen = run_steps("package_sources.mjs", url, {"page": "three.html"}, complaints_allowed=True)
     expected = estimator(VASE, fov_deg=FOV_DEG).sh9().ravel()
+    assert {"url", "blob", "file", "unloaded"} <= set(seen["sh9"])
     for name, sh9 in seen["sh9"].items():
         assert np.linalg.norm(np.subtract(sh9, expected)) < 0.06 * np.linalg.norm(expected), name
     assert seen["covered"] == pytest.approx(0.137, abs=0.02)
     assert seen["quality"] > 0.8
+    assert seen["mask"] == {"width": 512, "height": 512, "length": 512 * 512}
     refused = seen["refused"]
-    assert refused["empty"].startswith("image: expected one with pixels")
-    assert refused["mask"].startswith("mask: expected")
-    assert refused["normals"].startswith("normals: expected")
-    assert "expected wasm or webgpu, got webgl" in refused["engine"]
-    assert seen["hasWebgpu"] or "expected a browser with WebGPU" in refused["webgpu"]
-    assert "disposed" in refused["disposed"]
+    for name, (code, line) in EXPECTED_FAULTS.items():
+        assert refused[name]["name"] == "AnyProbeError", name
+        assert refused[name]["code"] == code, name
+        assert re.search(line, refused[name]["message"]), (name, refused[name])
+    assert seen["hasWebgpu"] or refused["webgpu"]["code"] == "unsupported"
+    assert refused["aborted"]["name"] == "AbortError"
+    assert refused["aborted early"]["name"] == "AbortError"
+
+
+EXPECTED_FAULTS = {
+    "nothing": ("invalid-image", "^image: expected an address.*, got null$"),
+    "empty": ("invalid-image", "^image: expected a picture with pixels, got an image without an address"),
+    "absent": ("fetch-failed", r"absent\.png could not be fetched \(answer 404\)"),
+    "text": ("invalid-image", "^image: expected a file that the browser can show, got text/plain of 3 bytes"),
+    "pixels": ("invalid-image", "^image: expected 4 bytes a pixel of 2 x 2, got 3"),
+    "mask": ("invalid-option", "^mask: expected 512 x 512 numbers, got 9"),
+    "mask of bytes": ("invalid-option", "^mask: expected numbers from 0 to 1, got 255"),
+    "mask of another aspect": ("invalid-option", "^mask: expected the picture's aspect, 512 x 512, got 10 x 20"),
+    "no object": ("no-object", "No object is marked"),
+    "normals": ("invalid-option", "^normals: expected 512 x 512 x 3 numbers, got 9"),
+    "click": ("invalid-option", "^click: expected points in the picture, 512 x 512 pixels"),
+    "point": ("invalid-option", r"^click: expected \[x, y\] in pixels"),
+    "fov": ("invalid-option", "^fovDeg: expected degrees between 1 and 170.* got 190"),
+    "emitters": ("invalid-option", '^emitters: expected mode or expected, got "soft"'),
+    "unknown": ("invalid-option", "^estimate: unknown option fov; expected of click,"),
+    "material": ("invalid-option", "^material: expected one of chrome"),
+    "engine": ("invalid-option", 'expected wasm or webgpu, got "webgl"'),
+    "weights": ("fetch-failed", r"absent\.onnx could not be fetched \(answer 404\)"),
+    "runtime": ("fetch-failed", "the runtime could not be fetched|could not be fetched"),
+    "disposed": ("disposed", "disposed"),
+    "after": ("disposed", "disposed"),
+    "track after": ("disposed", "disposed"),
+}
 
 
 @pytest.mark.slow

@@ -13,10 +13,11 @@ import pytest
 from PIL import Image
 from support.folders import snapshot
 
-from anyprobe.cli.options import MaskOptions, hints_for
+from anyprobe.cli.options import hints_for
 from anyprobe.core.response import response
 from anyprobe.files.paths import natural_order
 from anyprobe.files.radiance import read_radiance
+from anyprobe.hints import Hints
 
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
 
@@ -289,8 +290,8 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
 def test_a_folder_of_panoramas_may_hold_radiance_files(work, photo_rgba):
     (work / "panoramas").mkdir()
     (work / "panoramas" / "room.hdr").touch()
-    given = MaskOptions().hints() | {"surroundings": Path("panoramas")}
-    assert hints_for(Path("room.jpg"), given)["surroundings"] == Path("panoramas/room.hdr")
+    given = Hints(surroundings=Path("panoramas"))
+    assert hints_for(Path("room.jpg"), given).surroundings == Path("panoramas/room.hdr")
 
 
 def test_names_are_ordered_whatever_digits_they_have():

@@ -18,7 +18,8 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.estimate.runtime import DEFAULT_MODEL, Outputs, bundled_models
+from anyprobe.estimate.photo import crop_object
+from anyprobe.estimate.runtime import DEFAULT_MODEL, PHOTO_SIZE, Outputs, bundled_models
 from anyprobe.files.radiance import map_attributes, read_radiance
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
@@ -138,6 +139,18 @@ def test_black_or_white_object_warns_and_is_not_trusted(photo_rgba, estimator, v
     assert len(light.warnings) == 1
     assert "\n" not in light.warnings[0]
     assert light.well_exposed_fraction < 0.05
+
+
+def test_confidence_falls_in_proportion_where_less_than_half_of_the_object_is_well_exposed(photo_rgba, estimator):
+    photo_rgba[..., :3] = 128
+    columns = np.nonzero(photo_rgba[..., 3].any(axis=0))[0]
+    photo_rgba[:, columns[len(columns) // 3] :, :3] = 255
+    crop = crop_object(anyprobe.load_photo(photo_rgba), PHOTO_SIZE)
+    own = estimator.models(crop.image, crop.tan_half).confidence
+    light = estimator(photo_rgba)
+    exposed = light.well_exposed_fraction
+    assert 0.15 < exposed < 0.35
+    assert light.confidence.mean() == pytest.approx(own.mean() * 2 * exposed, rel=0.02)
 
 
 def test_errors_are_the_callers_value_errors(estimator):

@@ -15,6 +15,7 @@ from anyprobe.cli.options import hints_for, list_photos
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files
+from anyprobe.hints import Hints
 from anyprobe.masks import find
 from anyprobe.masks.cut import Cut
 from anyprobe.masks.depth import mask_from_depth, read_depth
@@ -188,10 +189,10 @@ def make(folder: str, *names: str) -> Path:
 
 def test_a_longer_name_is_another_photos_mask(work):
     masks = make("masks", "shot.0002.png", "shot.png", "pot.0001.png", "jar.JPG.png", "[a].0001.png", "[a].png")
-    given = {"mask": masks, "depth": None}
+    given = Hints(mask=masks)
     for name, mask in {"shot.jpg": "shot.png", "shot.0002.jpg": "shot.0002.png", "[a].jpg": "[a].png"}.items():
-        assert hints_for(Path(name), given)["mask"] == masks / mask
-    assert hints_for(Path("jar.JPG"), given)["mask"] == masks / "jar.JPG.png"
+        assert hints_for(Path(name), given).mask == masks / mask
+    assert hints_for(Path("jar.JPG"), given).mask == masks / "jar.JPG.png"
     with pytest.raises(InputError, match="expected pot.png or pot_mask.png in masks, found neither"):
         hints_for(Path("pot.jpg"), given)
 

@@ -347,7 +347,7 @@ def test_nothing_to_find():
 
 
 def test_near_without_depth():
-    with pytest.raises(InvalidMask, match="--depth"):
+    with pytest.raises(InvalidMask, match="near: expected depth with it"):
         load_photo(GREY, near=3.0)
 
 

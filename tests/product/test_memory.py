@@ -12,7 +12,7 @@ import pytest
 from anyprobe.core.response import inverse_response, response
 from anyprobe.export.cube_textures import cube_faces, encode_bc6h
 from anyprobe.relight.appearance import _seen_of_object
-from anyprobe.relight.ground import View
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Stage, cast_shadow
 
 
@@ -83,7 +83,7 @@ def scene(rng):
 
 def test_shadow_by_strips_is_the_shadow(scene, monkeypatch):
     photo, view, shadow = scene
-    monkeypatch.setattr("anyprobe.relight.ground.STRIP_PIXELS", 9_000)
+    monkeypatch.setattr("anyprobe.relight.ground_view.STRIP_PIXELS", 9_000)
     found = cast_shadow(photo, view, shadow)
     rows, columns = np.mgrid[0 : view.height, 0 : view.width] + 0.5
     ratio = shadow.at(view.on_ground(columns.ravel(), rows.ravel())).reshape(photo.rgb.shape)
@@ -120,7 +120,7 @@ def test_object_of_a_larger_photo_is_judged_by_no_more_pixels(monkeypatch):
 
 def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):
     photo, view, shadow = scene
-    monkeypatch.setattr("anyprobe.relight.ground.STRIP_PIXELS", 9_000)
+    monkeypatch.setattr("anyprobe.relight.ground_view.STRIP_PIXELS", 9_000)
     assert most_bytes(lambda: cast_shadow(photo, view, shadow)) < photo.rgb.nbytes + 400 * 9_000
     stage = object.__new__(Stage)
     stage.photo, stage.view = photo, view

@@ -16,12 +16,13 @@ import anyprobe
 from anyprobe.cli.relight import progress
 from anyprobe.core.response import response
 from anyprobe.errors import InputError
+from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
 from anyprobe.files.objects import OBJECTS, open_object
 from anyprobe.light.filtering import irradiance_map
 from anyprobe.relight.appearance import least_scale, material_from_photo
-from anyprobe.relight.ground import View, contact_of
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.insert import Arrangement, Stage, cast_shadow
 from anyprobe.relight.shadow import REACH
 from anyprobe.render.mesh import Mesh

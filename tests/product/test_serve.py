@@ -145,7 +145,9 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
     assert answer["emitters"] == "expected"
     packed = answer["radiance"]
     radiance = np.frombuffer(base64.b64decode(packed["base64"]), "<f4").reshape(packed["shape"])
-    np.testing.assert_allclose(radiance, estimator.with_emitters("expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        radiance, estimator.with_settings(emitters="expected")(photo_rgba).radiance, rtol=1e-4, atol=1e-5
+    )
     assert client.post("/v1/estimate", content=photo).json()["emitters"] == "mode"
 
 
@@ -195,7 +197,10 @@ def test_full_house_answers_429_and_when_to_come_back(estimator, photo):
     class Slow:
         model_id = "slow"
 
-        def from_crop(self, photo, crop, start, *, material):
+        def with_settings(self):
+            return self
+
+        def from_crop(self, photo, crop, start):
             started.set()
             go_on.wait(20)
             return estimator.from_crop(photo, crop)

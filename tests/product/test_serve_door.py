@@ -24,6 +24,7 @@ from fastapi.testclient import TestClient
 from anyprobe.cli.serve import _token
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.serve import tasks
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
 from anyprobe.serve.door import DoorProtocol, FewLines
@@ -218,25 +219,25 @@ def black(side: int) -> bytes:
 def test_what_takes_too_long_is_ended_and_the_next_is_served(photo):
     lane = Lane(seconds=0.5, memory_mb=2000)
     with pytest.raises(TooSlow, match="seconds"):
-        lane.call("upright", Upload(photo=black(7000)), 10**9)
-    assert lane.call("mask", Upload(photo=photo), 10**9, True)["source"] == "alpha"
+        lane.call(tasks.upright, Upload(photo=black(7000)), 10**9)
+    assert lane.call(tasks.mask, Upload(photo=photo), 10**9, True)["source"] == "alpha"
     lane.close()
 
 
 def test_what_takes_too_much_memory_is_refused_and_the_next_is_served(photo):
     lane = Lane(seconds=30.0, memory_mb=300)
     with pytest.raises(TooMuchMemory):
-        lane.call("upright", Upload(photo=black(6000)), 10**9)
-    assert lane.call("mask", Upload(photo=photo), 10**9, True)["source"] == "alpha"
+        lane.call(tasks.upright, Upload(photo=black(6000)), 10**9)
+    assert lane.call(tasks.mask, Upload(photo=photo), 10**9, True)["source"] == "alpha"
     lane.close()
 
 
 def test_errors_come_back_as_they_are(lane):
     with pytest.raises(InputError) as caught:
-        lane.call("mask", Upload(photo=b"no picture", name="p.png"), 10**9, True)
+        lane.call(tasks.mask, Upload(photo=b"no picture", name="p.png"), 10**9, True)
     assert str(caught.value).startswith("p.png: expected an image")
     with pytest.raises(RuntimeError, match="decoding process"):
-        lane.call("mask", None, 10**9, True)
+        lane.call(tasks.mask, None, 10**9, True)
 
 
 @pytest.mark.parametrize(
@@ -253,11 +254,11 @@ def test_bombs_are_refused_by_what_they_would_be_decoded_to(estimator, address, 
 def test_a_plain_photo_does_not_wait_behind_slow_files(estimator, photo, monkeypatch):
     go_on, started, real = threading.Event(), threading.Event(), Lane.call
 
-    def call(self, task, *arguments):
-        if arguments[0].photo.startswith(b"#?"):
+    def call(self, task):
+        if task.args[0].photo.startswith(b"#?"):
             started.set()
             go_on.wait(60)
-        return real(self, task, *arguments)
+        return real(self, task)
 
     monkeypatch.setattr(Lane, "call", call)
     with TestClient(create_app(estimator, Limits(workers=2))) as client:

@@ -23,12 +23,13 @@ PROGRAM = """
 import resource, sys
 from pathlib import Path
 from anyprobe.masks.propose import shared_network
+from anyprobe.hints import Hints
 from anyprobe.serve import tasks
 photo, mask = (Path(name).read_bytes() if name else None for name in sys.argv[1:])
 shared_network()
 held = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 before = held()
-tasks.cut(tasks.Upload(photo=photo, mask=mask), 25_000_000, True, True)
+tasks.cut(tasks.Upload(photo=photo, hints=Hints(mask=mask)), 25_000_000, True, True)
 print(held() - before)
 """
 

@@ -86,7 +86,7 @@ def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pict
     files = parts(rgb, mask=[as_png(one) for one in masks])
     asked = {"material": "matte", "albedo": "0.5", "roughness": "0.4", "emitters": "expected", "include": "radiance"}
     matte = given_material("matte", (0.5,), 0.4)
-    spread = estimator.with_emitters("expected")
+    spread = estimator.with_settings(emitters="expected")
     lights = [spread(one, mask=mask, material=matte) for one, mask in zip(rgb, masks, strict=True)]
     answer = client.post("/v1/fuse", files=files, data=asked)
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)

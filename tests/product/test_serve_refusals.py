@@ -70,10 +70,10 @@ def exported(target: str, folder, suffix: str, **options) -> bytes:
 @pytest.mark.parametrize(
     ("address", "name", "known"),
     [
-        ("estimate", "not", "box, click, exclude, fov,"),
+        ("estimate", "not", "click, exclude, box, fov,"),
         ("estimate", "clik", "detail, size, format"),
         ("estimate", "world_from_camera", "material"),
-        ("mask", "material", "one of box, click, exclude, fov, format, got"),
+        ("mask", "material", "one of click, exclude, box, fov, pitch, format, got"),
         ("photo", "fov", "expected none here"),
         ("fuse", "clik", "surroundings"),
         ("export/three", "yaw", "one of exposure, world_from_camera, got"),
@@ -106,6 +106,7 @@ def test_all_that_is_described_is_taken(client, photo):
     """And so nothing is described that would be refused."""
     given = {
         "fov": "60",
+        "pitch": "20",
         "normals": "sphere",
         "surroundings": "photo",
         "material": "matte",
@@ -124,6 +125,12 @@ def test_all_that_is_described_is_taken(client, photo):
     files = {"photo": ("p.png", photo)}
     for address, data in (("estimate", {}), ("fuse", poses)):
         assert client.post(f"/v1/{address}", files=files, data=data, params=given).status_code == 200
+
+
+@pytest.mark.parametrize("name", ["mask", "normals", "surroundings", "confidence"])
+def test_a_photo_is_bounded_whatever_its_name(estimator, photo, name):
+    with TestClient(create_app(estimator, Limits(max_pixels=1000))) as client:
+        assert f"{name}: expected at most" in refusal(client.post("/v1/mask", files={"photo": (name, photo)}), 413)
 
 
 # Statuses

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.color import luminance
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.pair import render_pair
@@ -67,7 +67,7 @@ def test_materials_are_of_the_recipe_s_kind_and_half():
         for brighter in (0, 4):
             for seed in range(4):
                 _, given = drawn(material=kind + brighter, seed=seed)
-                low, high = priors.ALPHA[kind][[0, -1]]
+                low, high = distributions.ALPHA[kind][[0, -1]]
                 assert low <= given.alpha <= high
                 assert np.any(given.albedo) == (kind > 0)
                 value.append(luminance(total_reflectance(given.albedo, given.f0)).mean())
@@ -85,8 +85,8 @@ def test_only_painted_objects_are_textured_about_the_colour_that_is_given():
 
 def test_photos_of_the_world_are_metered_by_the_frame(monkeypatch):
     levels = []
-    of_frame = priors.frame_level
-    monkeypatch.setattr(priors, "frame_level", lambda seen: levels.append(of_frame(seen)) or levels[-1])
+    of_frame = distributions.frame_level
+    monkeypatch.setattr(distributions, "frame_level", lambda seen: levels.append(of_frame(seen)) or levels[-1])
     drawn()
     assert len(levels) == 1
     drawn(conditions=1)

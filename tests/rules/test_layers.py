@@ -14,7 +14,7 @@ import anyprobe
 SOURCE = Path(anyprobe.__file__).parent
 
 ORDER = (
-    "errors core light scatter render files export detail nets masks dataset estimate relight video "
+    "errors core light scatter render files export detail nets masks hints dataset estimate relight video "
     "evaluate train serve cli __init__ __main__"
 ).split()
 """A part may import itself and the parts before it."""
@@ -26,6 +26,8 @@ ONLY = {
     "openvino": {"estimate"},
     "rembg": {"masks"},
     "trimesh": {"files"},
+    "rawpy": {"files"},
+    "pillow_jxl": {"files"},
     "typer": {"cli"},
     "rich": {"cli", "train"},
     "ray": {"dataset"},

@@ -7,8 +7,8 @@ import numpy as np
 from anyprobe.core.frames import normalize
 from anyprobe.core.response import response
 from anyprobe.files.objects import open_object
-from anyprobe.relight.ground import View
-from anyprobe.relight.insert import window_surroundings
+from anyprobe.relight.ground_view import View
+from anyprobe.relight.insert import window_of
 from anyprobe.relight.placement import Placement
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
@@ -28,7 +28,7 @@ def drawn_by_package(width: int, height: int, pose: dict, radiance: np.ndarray, 
     mesh = Mesh(positions=foot + radius * (up + outwards), faces=sphere.faces, normals=sphere.normals)
     focal = max(width, height) / 2 / np.tan(np.radians(pose["longFovDeg"]) / 2)
     view = View(width=width, height=height, focal=focal, up=up)
-    window = window_surroundings(Placement(mesh=mesh, foot=foot, radius=radius, pitch_deg=0.0), view)
+    window = window_of(Placement(mesh=mesh, foot=foot, radius=radius, pitch_deg=0.0), view)
     drawn = draw_mesh(mesh, window.camera, radiance, MATERIALS[material])
     picture = np.zeros((height, width, 4), np.float32)
     rows, columns = np.mgrid[0 : window.size, 0 : window.size]

@@ -19,7 +19,8 @@ from anyprobe.light.temporal import step
 from anyprobe.masks.cut import cut_out, tidy
 from anyprobe.masks.propose import default_graph, shared_network
 from anyprobe.masks.quality import Evidence, examine
-from anyprobe.relight.ground import View
+from anyprobe.masks.sources import mask_from_file
+from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
 from anyprobe.scatter.materials import given_material, material_input
 
@@ -43,6 +44,15 @@ def _normals(mask: np.ndarray) -> np.ndarray:
     n = np.stack([x, y, np.full_like(x, 0.5)], axis=-1)
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
     return np.where(mask[..., None] > 0.5, n, 0.0).astype(np.float32)
+
+
+def _soft_mask(mask: np.ndarray) -> np.ndarray:
+    """[H, W, 4] uint8: an opaque picture, white on the object, grey over a wide edge, with noise and a tint."""
+    y, x = (np.abs(np.arange(length) - length / 2) / length for length in mask.shape)
+    wide = np.clip(1.6 - 4.0 * np.hypot(y[:, None], x[None, :]), 0.0, 1.0)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, mask.shape)
+    grey = np.clip(wide + noise, 0.0, 1.0)[..., None] * [250, 255, 245]
+    return np.concatenate([grey, np.full((*mask.shape, 1), 255)], axis=-1).astype(np.uint8)
 
 
 def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -143,12 +153,18 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "irradiance_map": irradiance_map(light.radiance),
         "blurred": blur_cosine_power(light.radiance, 5.0),
     }
+    mask_file = _soft_mask(loaded.mask)
+    (folder / "mask_file.rgba").write_bytes(mask_file.tobytes())
+    soft = replace(loaded, mask=mask_from_file(mask_file, mask_file.shape[:2]))
+    answers["mask_soft"] = soft.mask
+    of_soft = estimator.from_photo(soft)
+    answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
     if estimator.models.stages == LIFT_STAGES:
         with_background = replace(loaded, use_background=True)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
         answers["radiance_surroundings"], answers["confidence_surroundings"] = lit.radiance, lit.confidence
-        answers["radiance_expected"] = estimator.with_emitters(EXPECTED).from_photo(loaded).radiance
+        answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)
         with_normals = replace(loaded, normals=answers["normals"])
         answers["normals_crop"] = crop_object(with_normals).normals.transpose(2, 0, 1)

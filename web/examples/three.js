@@ -18,7 +18,7 @@ document.body.append(renderer.domElement);
 const scene = new Scene();
 scene.environment = new EnvironmentTexture().update(light.prefiltered);
 const materials = [
-  { color: [0.65, 0.66, 0.66], metalness: 1, roughness: 0.173 },
+  { color: [0.549, 0.556, 0.554], metalness: 1, roughness: 0.173 },
   { color: [1, 0.77, 0.34], metalness: 1, roughness: 0.346 },
   { color: [0.6, 0.6, 0.6], metalness: 0, roughness: 0.949 },
 ];

@@ -19,13 +19,8 @@ if (config.server && !["localhost", "127.0.0.1", "[::1]"].includes(location.host
   element("private").textContent = "Photos stay in this browser; HEIC and exports go to the machine that serves this page.";
 }
 const stage = new PhotoStage();
-const networks = new ProbeOpener(
-  config,
-  ({ done, of }) => {
-    if (done < of) setStatus(`Opening the networks, ${done + 1} of ${of} …`);
-  },
-  stage.stage.isSoftware ? 1 : 0, // which then draws
-);
+const networks = new ProbeOpener(config, showDownload, stage.stage.isSoftware ? 1 : 0); // software then draws
+let fetched = null; // the file that is on its way
 const tools = new ObjectTools(stage);
 const light = new LightPanel(config);
 const stages = new StagesPanel();
@@ -45,6 +40,14 @@ const reflections = element("reflections");
 element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
 const options = () => ({ surroundings: surroundings.checked, emitters: soften.checked ? "expected" : "mode" });
+
+/** One line a file, and one where it stalls; lines of the camera stay. */
+function showDownload({ file, loaded, total, stalled }) {
+  const size = total ? ` of ${(total / 1e6).toFixed(1)}` : "";
+  if (stalled) setStatus(`Waiting for ${file}: ${(loaded / 1e6).toFixed(1)}${size} MB have come. Check the connection.`);
+  else if (file !== fetched && !live.running) setStatus(`Fetching ${file}${total ? `, ${(total / 1e6).toFixed(1)} MB` : ""} …`);
+  fetched = stalled ? null : file;
+}
 
 /** The picture, its field of view and name; mask and box of its object and its light, once there are any. */
 let opened = null;

@@ -1,11 +1,11 @@
 /** The page's light probe: opened at the first call, and again after one that failed. */
 
-import { AnyProbe } from "../src/index.js";
+import { AnyProbe } from "../src/anyprobe.js";
 
 export class ProbeOpener {
   /**
    * @param {object} config of the page: weights
-   * @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened
+   * @param {(progress: import("../src/files/download.js").Progress) => void} onProgress while networks are opened
    * @param {number} sparedCores how many the networks leave to others
    */
   constructor(config, onProgress, sparedCores) {
@@ -22,6 +22,7 @@ export class ProbeOpener {
       threads: Number(asked.get("threads")) || spare,
       weights: Object.fromEntries(Object.entries(this.config.weights).map(([stage, path]) => [stage, at(path)])),
       runtime: at("ort/"),
+      worker: () => new Worker(new URL("../src/networks/worker.js", import.meta.url), { type: "module" }),
       onProgress: this.onProgress,
     }).catch((error) => {
       this.opened = null;

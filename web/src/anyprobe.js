@@ -1,13 +1,15 @@
 /** The light around an object of one material: pictures and videos in, lights out. */
 
+import { AnyProbeError } from "./errors.js";
 import { Light } from "./light/light.js";
 import { Tracker } from "./live/tracker.js";
+import { checkSetup, requireBrowser } from "./networks/setup.js";
 import { WorkerClient } from "./networks/workerClient.js";
-import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
+import { checkHints, checkLight, checkNames, longFovOf } from "./options.js";
 import { hintsOf } from "./photo/hints.js";
 import { givenMaterial, materialInput } from "./photo/material.js";
 import { maskFromAlpha } from "./photo/picture.js";
-import { readMask, readSource } from "./photo/source.js";
+import { readMask, readNormals, readSource } from "./photo/source.js";
 
 export class AnyProbe {
   #client;
@@ -23,18 +25,16 @@ export class AnyProbe {
    * Open the networks in a thread of their own.
    *
    * @param {import("../types/index.d.ts").LoadOptions} [options]
+   * @param {object} [files] an entry's own weights, runtime and worker
    * @returns {Promise<AnyProbe>}
    */
-  static async load({ engine = "wasm", threads, weights, runtime, onProgress = () => {} } = {}) {
-    let given = { weights, runtime };
-    if (!weights || !runtime) {
-      const { installedRuntime, installedWeights } = await import("./networks/installed.js");
-      given = { weights: weights ?? installedWeights(), runtime: runtime ?? installedRuntime(engine) };
-    }
-    const client = new WorkerClient(onProgress);
+  static async load(options = {}, files = {}) {
+    checkNames("load", options);
+    requireBrowser();
+    const { worker, onProgress, ...given } = checkSetup(options, files);
+    const client = new WorkerClient(worker, onProgress);
     try {
-      const most = threads ?? (navigator.hardwareConcurrency || 1);
-      return new AnyProbe(client, await client.ask("open", { ...given, engine, threads: most }));
+      return new this(client, await client.ask("open", given, options.signal));
     } catch (error) {
       client.end(); // an engine that did not open once never does
       throw error;
@@ -47,9 +47,11 @@ export class AnyProbe {
    * @returns {Promise<{mask: Float32Array, width: number, height: number, quality: number | null, warnings: string[]}>}
    *   quality: the IoU to expect, null without a mask network; warnings: a line where that is below 0.81
    */
-  async mask(image, hints = {}) {
-    const picture = readSource(image);
-    return { ...(await this.#findMask(picture, hints)), width: picture.width, height: picture.height };
+  async mask(image, options = {}) {
+    checkNames("mask", options);
+    this.#client.check();
+    const picture = await readSource(image, options.signal);
+    return { ...(await this.#findMask(picture, options)), width: picture.width, height: picture.height };
   }
 
   /**
@@ -59,17 +61,22 @@ export class AnyProbe {
    * @param {import("../types/index.d.ts").EstimateOptions} [options]
    * @returns {Promise<Light>}
    */
-  async estimate(image, { mask, normals, fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, ...hints } = {}) {
-    const options = { surroundings, emitters, material: describe(material) };
-    const picture = readSource(image);
-    const given = mask ? readMask(mask, picture) : maskFromAlpha(picture);
-    const found = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, hints);
-    if (normals && normals.length !== 3 * found.mask.length) {
-      throw new Error(`normals: expected ${picture.width} x ${picture.height} x 3 numbers, got ${normals.length}`);
-    }
-    const { light } = await this.examine({ picture, mask: found.mask, normals, longFovDeg: fovDeg, options });
-    const { quality, warnings } = found;
-    return new Light({ ...light, mask: { quality, warnings } });
+  async estimate(image, options = {}) {
+    checkNames("estimate", options);
+    checkLight(options);
+    const { surroundings, emitters, signal } = options;
+    const material = describe(options.material);
+    this.#client.check();
+    const picture = await readSource(image, signal);
+    const { width, height } = picture;
+    const longFovDeg = longFovOf(options, width, height);
+    const normals = options.normals && readNormals(options.normals, picture);
+    checkHints(options, picture.fullWidth, picture.fullHeight);
+    const given = options.mask ? await readMask(options.mask, picture, signal) : maskFromAlpha(picture);
+    const { mask, quality, warnings } = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, options);
+    const asked = { picture, mask, normals, longFovDeg, options: { surroundings, emitters, material } };
+    const { light } = await this.#client.ask("estimate", asked, signal);
+    return new Light({ ...light, mask: { data: mask, width, height, quality, warnings } });
   }
 
   /** estimate for a page that shows the networks' stages and three spheres too; a picture in memory and its mask. */
@@ -87,28 +94,48 @@ export class AnyProbe {
    * @param {import("../types/index.d.ts").TrackOptions} [options]
    * @returns {Tracker}
    */
-  track(video, onLight, { fovDeg = DEFAULT_LONG_FOV_DEG, surroundings, emitters, material, onError, onLost, withViews = false, ...hints } = {}) {
-    const options = { surroundings, emitters, material: describe(material) };
+  track(video, onLight, options = {}) {
+    checkNames("track", options);
+    checkLight(options);
+    const { surroundings, emitters, onError, onLost, signal, withViews = false } = options;
+    const material = describe(options.material);
+    this.#client.check();
+    signal?.throwIfAborted();
     this.#tracker?.stop();
     const tracker = (this.#tracker = new Tracker(video, this.#client, {
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? reportError,
     }));
-    const given = { hints, longFovDeg: fovDeg, options, withViews };
-    tracker.start(given).catch((error) => tracker.running && tracker.onError(error));
+    const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
+    const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
+    tracker
+      .start({ ...given, options: { surroundings, emitters, material }, withViews })
+      .catch((error) => tracker.running && tracker.fail(error));
+    signal?.addEventListener("abort", () => tracker.stop(), { once: true });
     return tracker;
   }
 
-  /** End the thread; what is asked of it still is refused. */
+  /** End the thread; what was asked of it, and is from here on, rejects. */
   dispose() {
     this.#tracker?.stop();
     this.#client.end();
   }
 
-  #findMask(picture, hints) {
-    return this.#client.ask("mask", { picture, hints: hintsOf(hints, picture.scale) });
+  #findMask(picture, options) {
+    checkHints(options, picture.fullWidth, picture.fullHeight);
+    return this.#client.ask("mask", { picture, hints: hintsOf(options, picture.scale) }, options.signal);
   }
 }
 
+if (Symbol.dispose) {
+  AnyProbe.prototype[Symbol.dispose] = AnyProbe.prototype.dispose;
+}
+
 /** A given material as the network takes it. */
-const describe = (material) => (material === undefined ? undefined : materialInput(givenMaterial(material)));
+function describe(material) {
+  try {
+    return material === undefined ? undefined : materialInput(givenMaterial(material));
+  } catch (error) {
+    throw new AnyProbeError("invalid-option", error.message);
+  }
+}

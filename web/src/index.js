@@ -1,8 +1,13 @@
-/** anyprobe: the light around an object of one material, from its picture, in the browser. */
+/** anyprobe for bundlers: weights, worker and runtime are copied by what names them in networks/wasmFiles.js. */
 
-export { AnyProbe } from "./anyprobe.js";
-export { Light } from "./light/light.js";
-export { irradiance } from "./light/harmonics.js";
-export { inverseResponse, response } from "./core/response.js";
-export { encodeExr } from "./files/exr.js";
-export { encodeHdr } from "./files/hdr.js";
+import { AnyProbe as Core } from "./anyprobe.js";
+import { filesForWasm } from "./networks/wasmFiles.js";
+
+export * from "./exports.js";
+
+export class AnyProbe extends Core {
+  /** @param {import("../types/index.d.ts").LoadOptions} [options] */
+  static load(options) {
+    return super.load(options, filesForWasm());
+  }
+}

@@ -12,6 +12,7 @@ const workers = [];
 globalThis.document = { baseURI: "http://localhost/" };
 globalThis.location = { search: "" };
 Object.defineProperty(globalThis, "navigator", { value: { hardwareConcurrency: 2 } });
+globalThis.OffscreenCanvas = globalThis.createImageBitmap = class {};
 globalThis.Worker = class {
   constructor() {
     this.asked = [];
@@ -29,11 +30,11 @@ const config = { weights: { light: "weights/light.onnx" } };
 test("what failed once is tried again, in another thread; what is open stays", async () => {
   const opener = new ProbeOpener(config, () => {}, 0);
   const failing = [opener.open(), opener.open()];
-  workers[0].onmessage({ data: { id: workers[0].asked[0].id, error: "not there" } });
-  for (const one of failing) await assert.rejects(one, /not there/);
+  workers[0].onmessage({ data: { id: workers[0].asked[0].id, error: { code: "fetch-failed", message: "not there" } } });
+  for (const one of failing) await assert.rejects(one, { name: "AnyProbeError", code: "fetch-failed", message: /not there/ });
   assert.ok(workers[0].isEnded && workers[0].asked.length === 1);
   const { task, weights, runtime, engine, threads } = workers[0].asked[0];
-  assert.deepEqual([task, weights.light, runtime], ["open", "http://localhost/weights/light.onnx", "http://localhost/ort/"]);
+  assert.deepEqual([task, weights.light.url, runtime], ["open", "http://localhost/weights/light.onnx", "http://localhost/ort/"]);
   assert.deepEqual([engine, threads], ["wasm", 2]);
 
   const opening = opener.open();
@@ -49,16 +50,16 @@ test("what failed once is tried again, in another thread; what is open stays", a
 
 test("a graph that cannot be fetched is named", async () => {
   const ort = { InferenceSession: { create: async (bytes) => ({ bytes }) } };
-  const weights = { light: "http://localhost/weights/light.onnx?0123" };
+  const weights = { light: { url: "http://localhost/weights/light.onnx?0123" } };
   const { fetch } = globalThis;
   try {
     globalThis.fetch = async () => new Response("gone", { status: 404 });
-    await assert.rejects(Models.open(ort, weights), /^Error: light\.onnx could not be fetched \(answer 404\)$/);
+    await assert.rejects(Models.open(ort, weights), /^AnyProbeError: light\.onnx could not be fetched \(answer 404\)$/);
     globalThis.fetch = async (_, { integrity }) => new Response(integrity);
-    const hashed = { light: { url: weights.light, integrity: "sha384-" } };
+    const hashed = { light: { ...weights.light, integrity: "sha384-" } };
     assert.deepEqual((await Models.open(ort, hashed)).sessions.light.bytes, new TextEncoder().encode("sha384-"));
     globalThis.fetch = async () => Promise.reject(new TypeError("Failed to fetch"));
-    await assert.rejects(Models.open(ort, weights), /^Error: light\.onnx could not be fetched \(Failed to fetch\)$/);
+    await assert.rejects(Models.open(ort, weights), /^AnyProbeError: light\.onnx could not be fetched \(Failed to fetch\)$/);
     globalThis.fetch = async () => new Response(Uint8Array.of(1, 2));
     assert.deepEqual((await Models.open(ort, weights)).sessions.light.bytes, Uint8Array.of(1, 2));
   } finally {

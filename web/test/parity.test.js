@@ -19,6 +19,7 @@ import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { propose } from "../src/photo/propose.js";
 import { objectBox } from "../src/photo/picture.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
+import { readMask } from "../src/photo/source.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
@@ -36,17 +37,27 @@ function floats(name) {
 
 function assertClose(actual, expected, tolerance, what) {
   assert.equal(actual.length, expected.length, what);
-  let worst = 0;
-  for (let i = 0; i < expected.length; i++) {
-    worst = Math.max(worst, Math.abs(actual[i] - expected[i]) / (1 + Math.abs(expected[i])));
-  }
+  const worst = Math.max(...batches(offBy(actual, expected)));
   assert.ok(worst <= tolerance, `${what}: off by ${worst}`);
+}
+
+/** By how much each number is off; what is no number is off by all there is. */
+function offBy(actual, expected) {
+  return Float64Array.from(expected, (value, i) => {
+    const off = Math.abs(actual[i] - value) / (1 + Math.abs(value));
+    return Number.isNaN(off) ? Infinity : off;
+  });
+}
+
+/** The largest of every thousand: Math.max takes no more than some ten thousand. */
+function batches(values) {
+  return Array.from({ length: Math.ceil(values.length / 1000) }, (_, i) => Math.max(...values.subarray(1000 * i, 1000 * (i + 1))));
 }
 
 /** The last bit of a direction may lift a pixel to its neighbour: a few may differ. */
 function assertMostlyClose(actual, expected, tolerance, what) {
   assert.equal(actual.length, expected.length, what);
-  const off = expected.map((value, i) => Math.abs(actual[i] - value) / (1 + Math.abs(value))).sort();
+  const off = offBy(actual, expected).sort();
   const worst = off[Math.floor(0.99 * off.length)];
   assert.ok(worst <= tolerance, `${what}: one in a hundred off by ${worst}`);
 }
@@ -67,6 +78,19 @@ before(async () => {
   found.light = describe(cameraRadiance(found.stages, found.crop.cameraFromCrop));
 });
 
+test("what is no number is not close to one, wherever it stands", () => {
+  for (const at of [0, 500, 999]) {
+    const numbers = Float32Array.from({ length: 1000 }, (_, i) => i);
+    const broken = numbers.slice().fill(NaN, at, at + 1);
+    assertClose(numbers, numbers, 0, "same");
+    assertMostlyClose(numbers, numbers, 0, "same");
+    assert.throws(() => assertClose(broken, numbers, 1, "broken"), /off by Infinity/);
+    assert.throws(() => assertClose(numbers, broken, 1, "broken"), /off by Infinity/);
+    const many = numbers.slice().fill(NaN, at - at / 9, at + 11);
+    assert.throws(() => assertMostlyClose(many, numbers, 1, "broken"), /off by Infinity/);
+  }
+});
+
 test("the crop and its camera", { skip }, () => {
   assertClose(found.crop.image, floats("crop"), 1e-5, "crop");
   assertClose([found.crop.tanHalf], floats("tan_half"), 1e-6, "tan_half");
@@ -81,6 +105,23 @@ test("the stages", { skip }, () => {
 
 test("the map in the camera's frame", { skip }, () => {
   assertMostlyClose(found.light.radiance, floats("radiance"), 3e-3, "radiance");
+});
+
+test("a soft mask from a picture of it, and the light with it", { skip }, async () => {
+  const { picture, longFovDeg, models } = found;
+  globalThis.ImageData = class {
+    constructor(data, width, height) {
+      Object.assign(this, { data, width, height });
+    }
+  };
+  const { width, height } = picture;
+  const file = new ImageData(new Uint8ClampedArray(readFileSync(join(folder, "mask_file.rgba"))), width, height);
+  const mask = await readMask(file, { width, height, fullWidth: width, fullHeight: height });
+  assertClose(mask, floats("mask_soft"), 1e-5, "soft mask");
+  const crop = cropObject(picture, mask, longFovDeg);
+  const { radiance } = await lightOfObject(models, picture, longFovDeg, crop, {});
+  assertMostlyClose(radiance, floats("radiance_soft"), 3e-3, "radiance of the soft mask");
+  assertClose(describe(radiance).sh9, floats("sh9_soft"), 1e-3, "sh9 of the soft mask");
 });
 
 /** The light of the photo's object by other options. */

@@ -81,6 +81,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
   const networks = {
     spares: [],
     open: () => opening.then(() => new AnyProbe(networks, { hasMask: true, engine: "wasm", threads: 1 })),
+    check: () => {},
     ask: async (task, given) => void asked.push({ task, ...given }),
     give: () => {},
   };

@@ -1,7 +1,9 @@
 /** The types as programs use them: npm run types. */
 
 import { Mesh, PerspectiveCamera, Scene, WebGLRenderer } from "three";
-import { AnyProbe, type Light, encodeHdr, irradiance } from "anyprobe";
+import { AnyProbe, AnyProbeError, type Light, encodeHdr, irradiance } from "anyprobe";
+import { AnyProbe as Core } from "anyprobe/core";
+import { AnyProbe as OnGpu } from "anyprobe/webgpu";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, ProbeLight, groundShadowOpacity, installCameraCurve } from "anyprobe/three";
 
 export async function use(image: HTMLImageElement, video: HTMLVideoElement, scene: Scene, renderer: WebGLRenderer) {
@@ -23,6 +25,20 @@ export async function use(image: HTMLImageElement, video: HTMLVideoElement, scen
   const shadow: Mesh = new ContactShadow(0.4);
   scene.add(lights, shadow, new MaskOccluder().group);
   scene.environment = new EnvironmentTexture().update(light.prefiltered);
+  await Core.load({ weights: { light: "light.onnx" }, runtime: new URL("ort/", "https://localhost/") });
+  await OnGpu.load({ signal: AbortSignal.timeout(9), onProgress: ({ loaded, total, stalled }) => [loaded + (total ?? 0), stalled] });
+  const { projectionMatrix } = new PerspectiveCamera();
+  const found = await probe.estimate(new Blob(), { projectionMatrix, signal: new AbortController().signal });
+  if (found.mask) new MaskOccluder().show(found.mask, 5, 500);
+  const code: "disposed" | string = new AnyProbeError("disposed", "").code;
+  // @ts-expect-error the core has no weights of its own
+  await Core.load({});
+  // @ts-expect-error a misspelt option
+  await probe.estimate(image, { fov: 30 });
+  // @ts-expect-error there is no such code
+  new AnyProbeError("broken", code);
+  // @ts-expect-error a picture is needed
+  await probe.estimate(null);
   // @ts-expect-error there is no such engine
   await AnyProbe.load({ engine: "webgl" });
   // @ts-expect-error a click is two numbers

@@ -18,28 +18,64 @@ export interface Picture {
   rgba: Uint8ClampedArray;
 }
 
-export type ImageSource =
+export type Drawable =
   | HTMLImageElement
   | HTMLVideoElement
   | HTMLCanvasElement
   | OffscreenCanvas
   | ImageBitmap
   | VideoFrame
-  | ImageData
-  | CameraTexture
-  | Picture;
+  | ImageData;
 
-export interface LoadOptions {
-  /** What runs the networks; "webgpu" is refused where the browser has none. Default "wasm". */
+/** An address and a Blob or File are fetched and decoded; an image is waited for. */
+export type ImageSource = string | URL | Blob | Drawable | CameraTexture | Picture;
+
+/** What a program can ask of an error; see AnyProbeError. */
+export type ErrorCode =
+  | "invalid-option"
+  | "invalid-image"
+  | "no-object"
+  | "unsupported"
+  | "fetch-failed"
+  | "worker-failed"
+  | "disposed"
+  | "failed";
+
+/** Whatever this package throws, but an AbortSignal's own reason. */
+export declare class AnyProbeError extends Error {
+  readonly name: "AnyProbeError";
+  readonly code: ErrorCode;
+  constructor(code: ErrorCode, message: string, options?: ErrorOptions);
+}
+
+/** Bytes of one file; total is null where the server does not say it; stalled: none has come for ten seconds. */
+export interface Progress {
+  file: string;
+  loaded: number;
+  total: number | null;
+  stalled: boolean;
+}
+
+export interface Cancellable {
+  /** Rejects with its reason. */
+  signal?: AbortSignal;
+}
+
+export interface LoadOptions extends Cancellable {
+  /** What runs the networks: each entry of the package has its own, the import map's has both. */
   engine?: "wasm" | "webgpu";
   /** Of WASM, at most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
   threads?: number;
-  /** Address, address and hash, or bytes of each graph. Default: those in this package. */
-  weights?: Record<string, string | { url: string; integrity: string } | Uint8Array>;
-  /** Folder of onnxruntime-web's files, with a slash. Default: as the bundler or the import map has it. */
-  runtime?: string | { module: string; wasm: string };
-  onProgress?: (progress: { done: number; of: number }) => void;
+  /** Address, address and hash, or bytes of each graph; mask is fetched when a mask is first wanted. Default: those in this package. */
+  weights?: { light: Graph; mask?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+  /** Folder of onnxruntime-web's files, or its module and .wasm. Default: as the bundler or the import map has it. */
+  runtime?: string | URL | { module: string; wasm: string };
+  /** Address of the thread's script, or what starts it. */
+  worker?: string | URL | (() => Worker);
+  onProgress?: (progress: Progress) => void;
 }
+
+export type Graph = string | URL | { url: string; integrity?: string } | Uint8Array;
 
 /** Where the object is, in pixels of the picture. Without any the mask network proposes the object. */
 export interface Hints {
@@ -51,13 +87,21 @@ export interface Hints {
   box?: [x0: number, y0: number, x1: number, y1: number];
 }
 
+/** The angle that the picture takes in; at most one of them. Default: 65 degrees along the longer side, a phone's main camera. */
+export interface Lens {
+  /** Vertical field of view, degrees, as three.js's cameras have it. */
+  fovDeg?: number;
+  /** Of the longer side, degrees. */
+  longFovDeg?: number;
+  /** Of the camera that took the picture, column by column: an XRView's, or a three.js camera's Matrix4. */
+  projectionMatrix?: ArrayLike<number> | { elements: ArrayLike<number> };
+}
+
 export interface LightOptions {
   /** The picture's background becomes part of the environment map. */
   surroundings?: boolean;
   /** Light sources at their most likely positions (sharp shadows), or their mean radiance (soft). Default "mode". */
   emitters?: "mode" | "expected";
-  /** Field of view of the longer side, degrees. Default 65, a phone's main camera. */
-  fovDeg?: number;
   /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
   material?: GivenMaterial;
 }
@@ -68,14 +112,14 @@ export type GivenMaterial =
   | MaterialName
   | { name?: MaterialName; albedo?: number | [number, number, number]; roughness?: number };
 
-export interface EstimateOptions extends Hints, LightOptions {
-  /** White on the object: a picture, or numbers in [0, 1] of the picture's size. */
+export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable {
+  /** White on the object, or opaque there: a picture of the same aspect, or numbers in [0, 1] of the picture's size. */
   mask?: Float32Array | Exclude<ImageSource, CameraTexture | Picture>;
   /** Normals of the object in the camera's frame, three numbers a pixel of the picture, unit, zero where unknown. */
   normals?: Float32Array;
 }
 
-export interface TrackOptions extends Hints, LightOptions {
+export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
   onError?: (error: Error) => void;
   /** No object is seen in a frame. */
   onLost?: () => void;
@@ -123,8 +167,18 @@ export declare class Light {
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
   /** What was given: the share of the map that the background shows, and whether normals and material were. */
   readonly priors: { surroundings: number; normals: boolean; material: boolean };
-  /** Of an estimate from a picture: how good the found mask is, see AnyProbe.mask; quality is null where it was given. */
-  readonly mask?: { quality: number | null; warnings: string[] };
+  /** Where the object is, as MaskOccluder of anyprobe/three takes it. */
+  readonly mask: Mask | null;
+}
+
+/** Numbers in [0, 1], 1 on the object. */
+export interface Mask {
+  data: Float32Array;
+  width: number;
+  height: number;
+  /** Of a mask found in a still picture, see AnyProbe.mask; null where it was given. */
+  quality?: number | null;
+  warnings?: string[];
 }
 
 export interface Tracker {
@@ -148,12 +202,14 @@ export declare class AnyProbe {
    * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
    * null without a mask network, with a line on what looks wrong where that is below 0.81.
    */
-  mask(image: ImageSource, hints?: Hints): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
+  mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
   /** The light of every frame of a playing video, steady on a still scene. One video at a time. */
   track(video: HTMLVideoElement, onLight: (light: Light) => void, options?: TrackOptions): Tracker;
+  /** End the thread. What was asked of it, and is from here on, rejects with the code "disposed". */
   dispose(): void;
+  [Symbol.dispose](): void;
 }
 
 /** Irradiance of a plane with a unit normal from radiance coefficients. */

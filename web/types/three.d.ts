@@ -1,7 +1,7 @@
 /** anyprobe/three: estimates in three.js. */
 
 import type { DirectionalLight, Group, LightProbe, Mesh, Object3D, Object3DEventMap, Texture, WebGLRenderer } from "three";
-import type { AnyProbe, Light, Tracker, TrackOptions, Vector3 } from "./index.d.ts";
+import type { AnyProbe, Light, Mask, Tracker, TrackOptions, Vector3 } from "./index.d.ts";
 
 export interface ProbeLightEventMap extends Object3DEventMap {
   estimationstart: {};
@@ -50,5 +50,5 @@ export declare function shadowOpacity(share: number): number;
 export declare class MaskOccluder {
   readonly group: Group;
   /** distance of the object's base along -Z; focalPx of the camera, in the mask's pixels. */
-  show(mask: Float32Array, width: number, height: number, distance: number, focalPx: number): void;
+  show(mask: Mask, distance: number, focalPx: number): void;
 }

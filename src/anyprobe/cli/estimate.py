@@ -6,10 +6,10 @@ import json
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -28,22 +28,24 @@ from anyprobe.cli.options import (
     hints_for,
     list_photos,
     photo_source,
+    result_stem,
     with_bundles,
 )
 from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.hints import Hints
 
 if TYPE_CHECKING:
     from anyprobe.estimate.estimator import Estimator
     from anyprobe.estimate.photo import Photo
     from anyprobe.estimate.result import Light
-    from anyprobe.scatter.materials import Material
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Done:
-    """One photo's outcome: the dominant light and files, or the error's line."""
+    """One photo's outcome: what its files are called and the dominant light, or the error's line."""
 
     photo: Path
+    stem: str = ""
     direction: np.ndarray | None = None
     level_stops: float | None = None
     seconds: float = 0.0
@@ -69,12 +71,12 @@ def estimate(
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the environment map around an object. Writes <stem>.exr, .hdr, .json and .png per photo."""
-    hints, material = taken.photo_hints() | {"fov_deg": taken.fov}, taken.given_material()
+    hints = taken.hints()
     listed = list_photos(photos)
-    estimator = by.estimator(**fine.settings(size))
+    estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(size))
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
-    call = EstimateCall(estimator=estimator, out=out, hints=hints, material=material, as_json=as_json, listed=listed)
+    call = EstimateCall(estimator=estimator, out=out, hints=hints, as_json=as_json, listed=listed)
     if poses is not None:
         done = [call.together(steps, poses)]
         _report(done, talk, out)
@@ -97,8 +99,7 @@ class EstimateCall:
 
     estimator: Estimator
     out: Path
-    hints: dict[str, Any]
-    material: Material | None
+    hints: Hints
     as_json: bool
     listed: list[Path]
 
@@ -110,8 +111,9 @@ class EstimateCall:
         try:
             hints = hints_for(path, self.hints)
             self._check(path, hints)
-            photo = load_photo(photo_source(path), name="stdin" if path == STDIN else None, **hints)
-            light = self.estimator.from_photo(photo, start, material=self.material)
+            name = "stdin" if path == STDIN else None
+            photo = load_photo(photo_source(path), hints, name=name, segmenter=self.estimator.segmenter)
+            light = self.estimator.from_photo(photo, start)
             return self._write(path, photo, light, sum(light.info["seconds"].values()))
         except AnyprobeError as error:
             line = _line(path, error)
@@ -131,41 +133,39 @@ class EstimateCall:
         def load(path: Path) -> Photo:
             hints = hints_for(path, self.hints)
             self._check(self.listed[0], hints, poses)
-            if hints["fov_deg"] is None:
-                hints["fov_deg"] = fovs[path]
+            if hints.fov_deg is None:
+                hints = replace(hints, fov_deg=fovs[path])
             try:
-                return load_photo(path, **hints)
+                return load_photo(path, hints, segmenter=self.estimator.segmenter)
             except AnyprobeError as error:
                 raise InputError(_line(path, error)) from error
 
         photos = map(load, steps)
         first = next(photos)
-        light = self.estimator.multiview(chain([first], photos), turned, start=start, material=self.material)
+        light = self.estimator.multiview(chain([first], photos), turned, start=start)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
-    def _check(self, path: Path, hints: dict[str, Any], poses: Path | None = None) -> None:
+    def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
         """Refuse names that do not differ, and a result that would replace an input."""
         from anyprobe.estimate.outputs import SUFFIXES
 
-        given = (poses, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
-        targets = (self.out / f"{stem_of(path)}{suffix}" for suffix in SUFFIXES)
+        given = (poses, *hints.files().values())
+        targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in SUFFIXES)
         check_names(path, self.listed, targets, given)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:
         from anyprobe.estimate.outputs import write_results
 
-        written = write_results(photo, light, self.out, stem_of(path))
+        stem = result_stem(path, self.listed)
+        written = write_results(photo, light, self.out, stem)
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
         unsure = (light.info.get("uncertainty") or {}).get("level_stops")
-        return Done(photo=path, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings)
-
-
-def stem_of(path: Path) -> str:
-    """Of a photo's results."""
-    return "stdin" if path == STDIN else path.stem
+        return Done(
+            photo=path, stem=stem, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
+        )
 
 
 def _line(path: Path, error: AnyprobeError) -> str:
@@ -195,7 +195,7 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
             f"{one.seconds:.2f}",
         )
     talk.print(table)
-    written = [stem_of(one.photo) for one in done if not one.error]
+    written = [one.stem for one in done if not one.error]
     if written:  # on a line of its own, which a narrow terminal does not cut into pieces
         name = written[0] if len(written) == 1 else "<stem>"
         talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)

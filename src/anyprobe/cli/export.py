@@ -15,7 +15,7 @@ from anyprobe.export.exported_light import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
 
 MAX_PIXELS = 8192 * 4096
-"""Of a map that is exported: some targets take 90 bytes a pixel."""
+"""The most pixels of a map that is exported: some targets take 90 bytes a pixel."""
 
 
 def export(

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, with_bundles
+from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, result_stem, with_bundles
 from anyprobe.errors import AnyprobeError
+from anyprobe.hints import Hints
 
 
 @with_bundles
@@ -24,7 +25,7 @@ def mask(
     failed = False
     for path in listed:
         try:
-            line, warnings = _one(path, out, hints, listed)
+            line, warnings = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
             typer.echo(line)
             for warning in warnings:
                 print(f"warning: {warning}", file=sys.stderr)
@@ -36,20 +37,19 @@ def mask(
         raise typer.Exit(2)
 
 
-def _one(path: Path, out: Path, hints: dict, listed: list[Path]) -> tuple[str, tuple[str, ...]]:
+def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str | None) -> tuple[str, tuple[str, ...]]:
     """Write one photo's two files; a line that says what was found and how, and warnings."""
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
     from anyprobe.masks.find import find_mask
 
-    hints = hints_for(path, hints)
-    targets = {kind: out / f"{path.stem}_{kind}.png" for kind in ("overlay", "mask")}
-    check_names(path, listed, targets.values(), [hints["depth"]])
+    targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
+    check_names(path, listed, targets.values(), hints.files().values())
     pixels = read_image(path)
-    found = find_mask(pixels, **hints)
-    overlay = draw_overlay(pixels.rgb, found.mask, hints["click"] or (), hints["exclude"] or ())
+    found = find_mask(pixels, **hints.place(), segmenter=segmenter)
+    overlay = draw_overlay(pixels.rgb, found.mask, hints.click or (), hints.exclude or ())
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())
     sure = "" if found.confidence is None else f", expected IoU {found.confidence:.2f}"
-    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", found.warnings
+    return f"{targets['mask']}: by {found.source}, {share:.0f} % of the photo{sure}", pixels.warnings + found.warnings

@@ -11,9 +11,9 @@ import glob
 import inspect
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -23,53 +23,57 @@ from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import open_regular, visible_files
+from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, said_as
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
     from anyprobe.estimate.estimator import Estimator
-    from anyprobe.estimate.normals_model import NormalsEstimator
-    from anyprobe.scatter.materials import Material
 
 STDIN = Path("-")
 """A photo that comes through standard input."""
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".exr")
-PANORAMA_SUFFIXES = (*PHOTO_SUFFIXES, ".hdr")
-DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
-@contextmanager
-def said_as(**options: str) -> Iterator[None]:
-    """What the library says of an argument is said of the option that gives it: at="--at"."""
-    try:
-        yield
-    except InputError as error:
-        name, _, rest = str(error).partition(": ")
-        if name not in options:
-            raise
-        raise type(error)(f"{options[name]}: {rest}") from error
+def _options_of(hints: Iterable[str]) -> Any:
+    """A dataclass with an option for each of these hints."""
+    options = [(name, _hint_option(HINTS[name]), None) for name in hints]
+    return make_dataclass("HintOptions", options, frozen=True, kw_only=True)
+
+
+def _hint_option(hint: Hint) -> Any:
+    kind: Any = str
+    metavar, text = hint.metavar, hint.help
+    if hint.suffixes:
+        metavar, text = (
+            "|".join(("FILE", *hint.words)),
+            f"{text.rstrip('.')}; or a folder of them, named like the photos.",
+        )
+    elif hint.numbers == (1,):
+        kind = float
+    given = {"metavar": metavar, "help": text, "min": hint.range[0], "max": hint.range[1]}
+    return Annotated[list[kind] | None if hint.repeated else kind | None, typer.Option(f"--{hint.name}", **given)]
+
+
+def option_of(name: str) -> str:
+    """What the command line calls a hint."""
+    return f"--{HINTS[name].name}"
+
+
+def said_of_hints() -> AbstractContextManager[None]:
+    """What the library says of a hint is said of its option."""
+    return said_as(**{name: f"--{hint.name}" for field, hint in HINTS.items() for name in (field, hint.name)})
+
+
+TO_FIND = [name for name, hint in HINTS.items() if hint.about == "place" and name != "mask"]
+"""Hints by which a mask is found."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class MaskOptions:
+class MaskOptions(_options_of(TO_FIND)):
     """Where the object is."""
 
-    click: Annotated[
-        list[str] | None, typer.Option(metavar="X,Y", help="A point on the object, in pixels; repeatable.")
-    ] = None
-    exclude: Annotated[
-        list[str] | None, typer.Option(metavar="X,Y", help="A point beside the object, in pixels; repeatable.")
-    ] = None
-    box: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Box around the object, in pixels.")] = None
-    depth: Annotated[
-        Path | None, typer.Option(help="Depth image of the same view; or a folder of them, named like the photos.")
-    ] = None
-    near: Annotated[
-        float | None, typer.Option(help="Near clipping depth, in the depth image's own unit (often mm).")
-    ] = None
-    far: Annotated[float | None, typer.Option(help="Far clipping depth, in the same unit.")] = None
     segmenter: Annotated[
         str | None,
         typer.Option(
@@ -81,56 +85,36 @@ class MaskOptions:
         bool, typer.Option("--strict", help="Exit with status 2 if a result has a warning; it is written all the same.")
     ] = False
 
-    def hints(self, mask: Path | None = None) -> dict[str, Any]:
-        """The keywords of load_photo, or one line on what does not go together.
+    def hints(self, **more: Any) -> Hints:
+        """What the options give, and more; or one line on what does not go together.
 
-        mask and depth may still be folders: hints_for makes them one photo's.
+        Files may still be folders: hints_for makes them one photo's.
         """
-        given = {"--mask": mask, "--depth": self.depth, "--box": self.box, "--click": self.click}
-        named = [name for name, value in given.items() if value]
-        if len(named) > 1 and named != ["--box", "--click"]:
-            raise InputError(f"{' and '.join(named)}: expected one of them, got both")
-        if self.exclude and (mask is not None or self.depth is not None):
-            raise InputError(
-                f"--exclude: expected --click, --box or neither with it, got {named[0]}; leave one of them out"
-            )
-        if self.depth is None and (self.near is not None or self.far is not None):
-            option = "--far" if self.near is None else "--near"
-            raise InputError(f"{option}: expected --depth FILE with it, a depth image to cut, got none; add it")
-        for option, path in (("--mask", mask), ("--depth", self.depth)):
+        texts = {name: getattr(self, name, None) for name in HINTS}
+        given = {name: text for name, text in texts.items() if text not in (None, [])}
+        check_together(list(given), option_of)
+        with said_of_hints():
+            hints = Hints(**{name: _read(HINTS[name], text) for name, text in given.items()} | more)
+        for name in ("mask", "depth"):
+            path = hints.files().get(name)
             if path is not None and not path.exists():
-                raise InvalidMask(f"{option} {path}: no such file or folder; check the path")
-        points = {"click": (self.click, "120,90"), "exclude": (self.exclude, "20,90")}
-        return {
-            "mask": mask,
-            "box": None if self.box is None else pixels_of("--box", self.box, 4, "X0,Y0,X1,Y1", "40,30,220,260"),
-            **{
-                name: [pixels_of(f"--{name}", text, 2, "X,Y", example) for text in texts] if texts else None
-                for name, (texts, example) in points.items()
-            },
-            "depth": self.depth,
-            "near": self.near,
-            "far": self.far,
-            "segmenter": self.segmenter,
-        }
+                raise InvalidMask(f"{option_of(name)} {path}: no such file or folder; check the path")
+        return hints
+
+
+def _read(hint: Hint, given: Any) -> Any:
+    """What a hint's option stands for, which typer gives as text, texts or a number."""
+    if hint.suffixes:
+        return hint.read_path(given)
+    if isinstance(given, list):
+        return [hint.read(text) for text in given]
+    return hint.read(given) if isinstance(given, str) else given
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ObjectOptions(MaskOptions):
+class ObjectOptions(MaskOptions, _options_of(name for name in HINTS if name not in TO_FIND)):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
-    mask: Annotated[
-        Path | None, typer.Option(help="Mask image, white = object; or a folder of masks, named like the photos.")
-    ] = None
-    fov: Annotated[float | None, typer.Option(help="Field of view of the longer side, degrees; default: EXIF.")] = None
-    normals: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|sphere",
-            help="The object's normal map: (n + 1) / 2 in a picture, or .exr or .npy, of the photo's size; +X right, "
-            "+Y up, +Z toward the camera; a folder of them, named like the photos; or sphere, if the object is one.",
-        ),
-    ] = None
     normals_from: Annotated[
         Path | None,
         typer.Option(
@@ -138,55 +122,18 @@ class ObjectOptions(MaskOptions):
             help="Estimate the normals with this ONNX graph; FILE.json beside it describes it (docs/inputs.md).",
         ),
     ] = None
-    material: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="The object's material: chrome, gold, plastic or matte (albedo 0.6)."),
-    ] = None
     metal: Annotated[bool, typer.Option("--metal", help="The object is bare metal: chrome, if no --material.")] = False
-    roughness: Annotated[
-        float | None, typer.Option(min=0.1, max=1.0, help="Its roughness as in glTF: the square root of GGX alpha.")
-    ] = None
-    albedo: Annotated[
-        str | None,
-        typer.Option(metavar="R,G,B", help="Its linear diffuse albedo, or one number: 0.18 for a grey card."),
-    ] = None
-    surroundings: Annotated[
-        str | None,
-        typer.Option(
-            metavar="photo|FILE",
-            help="What is known of the surroundings: photo, to use the photo's background; or a panorama in the "
-            "camera's frame, transparent where unknown.",
-        ),
-    ] = None
 
-    def photo_hints(self) -> dict[str, Any]:
-        """The keywords of load_photo besides the field of view; see hints."""
+    def hints(self, **more: Any) -> Hints:
         from anyprobe.estimate.normals_model import open_normals_model
-        from anyprobe.estimate.normals_prior import SPHERE
-        from anyprobe.estimate.surroundings import PHOTO
 
-        hints = self.hints(self.mask)
-        normals: Path | str | NormalsEstimator | None = self.normals
         if self.normals_from is not None:
-            if normals is not None:
+            if self.normals is not None:
                 raise InputError("--normals and --normals-from: expected one of them, got both")
-            normals = open_normals_model(self.normals_from)
-        elif normals not in (None, SPHERE):
-            normals = Path(normals)
-        seen = self.surroundings if self.surroundings in (None, PHOTO) else Path(self.surroundings)
-        return hints | {"normals": normals, "surroundings": seen}
-
-    def given_material(self) -> Material | None:
-        """The material that the options give; None where they give nothing."""
-        from anyprobe.scatter.materials import given_material
-
-        try:
-            albedo = None if self.albedo is None else [float(part) for part in self.albedo.split(",")]
-        except ValueError:
-            raise InputError(f"--albedo: expected numbers, got {self.albedo!r}; for instance --albedo 0.18") from None
-        name = self.material or ("chrome" if self.metal else None)
-        with said_as(material="--material", albedo="--albedo", roughness="--roughness"):
-            return given_material(name, albedo, self.roughness)
+            more["normals"] = open_normals_model(self.normals_from)
+        if self.metal and self.material is None:
+            more["material"] = "chrome"
+        return MaskOptions.hints(self, **more)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -296,20 +243,10 @@ def photo_source(path: Path) -> Path | bytes:
     return sys.stdin.buffer.read() if path == STDIN else path
 
 
-def hints_for(photo: Path, hints: dict[str, Any]) -> dict[str, Any]:
-    """The keywords for one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
-    kinds = {
-        "mask": PHOTO_SUFFIXES,
-        "depth": DEPTH_SUFFIXES,
-        "normals": DEPTH_SUFFIXES,
-        "surroundings": PANORAMA_SUFFIXES,
-    }
-    files = {
-        kind: _file_for(photo, hints[kind], kind, suffixes)
-        for kind, suffixes in kinds.items()
-        if isinstance(hints.get(kind), Path)
-    }
-    return hints | files
+def hints_for(photo: Path, hints: Hints) -> Hints:
+    """The hints of one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
+    files = hints.files().items()
+    return replace(hints, **{name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in files})
 
 
 def list_photos(photos: list[Path]) -> list[Path]:
@@ -320,7 +257,7 @@ def list_photos(photos: list[Path]) -> list[Path]:
         if not path.is_dir():
             chosen.append(path)
             continue
-        found = visible_files(path, PHOTO_SUFFIXES)
+        found = visible_files(path, PICTURES)
         written = {f"{p.stem}_{kind}" for p in found for kind in ("mask", "overlay", "relit")}
         found = [p for p in found if p.stem not in written and not (p.suffix.lower() == ".exr" and _is_map(p))]
         if not found:
@@ -339,9 +276,17 @@ def _is_map(path: Path) -> bool:
     return bool(high[0] - low[0] == 2 * (high[1] - low[1]))
 
 
+def result_stem(photo: Path, listed: list[Path]) -> str:
+    """What a photo's results are called: its stem; with the suffix (photo_heic) where another photo has the same."""
+    if photo == STDIN:
+        return "stdin"
+    alike = any(other.stem == photo.stem and other.suffix != photo.suffix for other in listed)
+    return f"{photo.stem}_{photo.suffix[1:]}" if alike and photo.suffix else photo.stem
+
+
 def check_names(photo: Path, listed: list[Path], targets: Iterable[Path], given: Iterable[Any]) -> None:
     """Refuse results of one name for two photos, and one that would replace a photo or what else is given."""
-    twins = [other for other in listed if other.stem == photo.stem]
+    twins = [other for other in listed if result_stem(other, listed) == result_stem(photo, listed)]
     if twins and twins[0] != photo:
         raise OutputError(f"{photo}: expected names that differ, got {twins[0]} before it; rename one of them")
     inputs = {one.resolve(): one for one in (*listed, *given) if isinstance(one, Path)}

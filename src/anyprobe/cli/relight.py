@@ -23,25 +23,24 @@ from anyprobe.cli.options import (
     hints_for,
     pixels_of,
     refuse_unused,
-    said_as,
     with_bundles,
 )
 from anyprobe.errors import OutputError
+from anyprobe.hints import HINTS, said_as
 
 if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
     from anyprobe.render.mesh import Mesh
-    from anyprobe.scatter.materials import Material
 
 Renderer = Literal["auto", "own", "mitsuba"]
 """What renders the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
 SHOWN_AFTER_S = 1.0
-OF_ESTIMATES = (
-    "normals normals_from surroundings material metal roughness albedo emitters model engine threads detail "
-    "detail_library"
-)
+OF_ESTIMATES = [
+    *(name for name, hint in HINTS.items() if hint.about == "light"),
+    *("normals_from", "metal", "emitters", "model", "engine", "threads", "detail", "detail_library"),
+]
 """Parameters that an estimate alone depends on."""
 placing = said_as(at="--at", size="--scale", turn_deg="--turn", pitch_deg="--pitch")
 """Decorates what places an object."""
@@ -59,9 +58,6 @@ class InsertOptions:
         str | None, typer.Option(metavar="X,Y", help="Its ground contact point, in pixels; default: beside the object.")
     ] = None
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
-    pitch: Annotated[
-        float | None, typer.Option(help="Camera pitch, degrees downwards; default: level, or as the object requires.")
-    ] = None
 
     def foot(self) -> tuple[float, ...] | None:
         """The pixel of --at; None where it is absent."""
@@ -69,7 +65,7 @@ class InsertOptions:
 
     def refuse(self, context: typer.Context) -> None:
         """InputError where any is given without --insert."""
-        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "pitch", "renderer")
+        refuse_unused(context, "without --insert", "insert_material", "at", "scale", "renderer")
 
     def mesh(self, insert: str) -> Mesh:
         """What --insert names; InputError where it, or its material, is none."""
@@ -116,25 +112,25 @@ def relight(
     from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
 
     if light is not None:
-        refuse_unused(context, "beside --light", *OF_ESTIMATES.split())
+        refuse_unused(context, "beside --light", *OF_ESTIMATES)
     if strip:
         refuse_unused(context, "beside --strip, which shows all materials", "insert_material")
-    material, size, pitch, strict = placed.insert_material, placed.scale, placed.pitch, taken.strict
-    hints, given = hints_for(photo, taken.photo_hints()), taken.given_material()
+    material, size, strict = placed.insert_material, placed.scale, taken.strict
+    hints, segmenter = hints_for(photo, taken.hints()), taken.segmenter
     foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or Path("relit") / f"{photo.stem}_relit.png"
     if out.suffix.lower() != ".png":
         raise OutputError(f"{out}: the picture is a PNG; choose a name that ends in .png")
-    inputs = (photo, light, *(hints[name] for name in ("mask", "depth", "normals", "surroundings")))
+    inputs = (photo, light, *hints.files().values())
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
-        taken = load_photo(photo, fov_deg=taken.fov, **hints)
+        taken = load_photo(photo, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain = _radiance(taken, light, by, fine, given)
-    stage = placing(Stage)(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn, pitch_deg=pitch))
+        radiance, gain = _radiance(taken, light, by, fine)
+    stage = placing(Stage)(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
     names = STRIP if strip else (material,)
     with progress(f"drawing the {insert}", silent):
         shown = picture_bytes(taken.rgb)
@@ -187,9 +183,7 @@ def progress(what: str, silent: bool) -> Iterator[None]:
         timer.cancel()
 
 
-def _radiance(
-    photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions, material: Material | None
-) -> tuple[np.ndarray, float]:
+def _radiance(photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions) -> tuple[np.ndarray, float]:
     """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
     if light is not None:
         from anyprobe.export.exported_light import read_with_origin
@@ -201,8 +195,8 @@ def _radiance(
         return radiance, 1.0
     from anyprobe.relight.appearance import least_scale
 
-    radiance = by.estimator(**fine.settings()).from_photo(photo, material=material).radiance
-    if material is not None:  # which settles the level
+    radiance = by.estimator(**fine.settings()).from_photo(photo).radiance
+    if photo.material is not None:  # which settles the level
         return radiance, 1.0
     gain = least_scale(photo, radiance)
     return radiance * np.float32(gain), gain

@@ -7,6 +7,7 @@ import json
 import shlex
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -54,21 +55,20 @@ def video(
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
     from anyprobe.video.clip import open_clip, upright_size
-    from anyprobe.video.following import MaskFollower
+    from anyprobe.video.following import SUFFIXES, MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
     from anyprobe.video.track import forget_run
 
     if insert is None:
         placed.refuse(context)
     out = out or Path(f"{clip.stem}_light")
-    fov, name, object_material = taken.fov, insert, taken.given_material()
-    material, size, pitch = placed.insert_material, placed.scale, placed.pitch
-    hints = taken.photo_hints()
-    surroundings, normals = hints.pop("surroundings"), hints.pop("normals")
-    folders = {kind: hints.pop(kind) for kind in ("mask", "depth")} | {
-        "normals": normals if isinstance(normals, Path) else None
-    }
-    given = {key: value for key, value in hints.items() if value and key not in ("near", "far")}
+    name, material, size = insert, placed.insert_material, placed.scale
+    hints = taken.hints()
+    given, object_material = dict(hints.given()), hints.surface()
+    folders = {kind: path for kind, path in hints.files().items() if kind in SUFFIXES}
+    first = {key: given[key] for key in ("click", "exclude", "box") if key in given}
+    if taken.segmenter:
+        first["segmenter"] = taken.segmenter
     foot = placed.foot()
     if poses is not None and name is not None:
         raise InputError("--poses and --insert: expected one of them; relit clips need a camera that stands still")
@@ -78,17 +78,17 @@ def video(
     turned = None if given_poses is None else given_poses.in_order()
     if turned is not None and len(turned) < header.num_frames:
         raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
-    if given_poses is not None and fov is None:
-        fov = given_poses.clip_fov_deg(*upright_size(header))
+    if given_poses is not None and hints.fov_deg is None:
+        hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*upright_size(header)))
     virtual = None
     if mesh is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
-        place = Arrangement(size=size, at=foot, pitch_deg=pitch)
+        place = Arrangement(size=size, at=foot)
         virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
-    every_frame = {"fov_deg": fov, "near": hints["near"], "far": hints["far"]} | (
-        {"normals": normals} if isinstance(normals, str) or callable(normals) else {}
-    )
-    follower = MaskFollower(folders, given, every_frame, surroundings)
+    every_frame = {key: getattr(hints, key) for key in ("fov_deg", "pitch_deg", "near", "far")}
+    if hints.normals is not None and "normals" not in folders:
+        every_frame["normals"] = hints.normals
+    follower = MaskFollower(folders, first, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
         estimator, library = by.estimator(), fine.library()
     settings = {
@@ -97,18 +97,18 @@ def video(
         "model": estimator.model_id,
         "every": every,
         "exr": exr,
-        "first_frame": given,
-        "fov_deg": fov,
+        "first_frame": first,
+        "fov_deg": hints.fov_deg,
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
         "emitters": by.emitters,
-        "normals": str(taken.normals_from) if callable(normals) else normals if isinstance(normals, str) else None,
+        "normals": str(taken.normals_from) if taken.normals_from else None if "normals" in folders else hints.normals,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_material": material if name else None,
         "at": foot,
         "scale": size,
-        "pitch_deg": pitch,
+        "pitch_deg": hints.pitch_deg,
         "renderer": virtual.renderer if virtual else None,
         "detail": None if library is None else library.digest(),
     }

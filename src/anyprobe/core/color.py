@@ -26,7 +26,7 @@ def luminance(rgb):
     return REC709[0] * rgb[..., 0] + REC709[1] * rgb[..., 1] + REC709[2] * rgb[..., 2]
 
 
-def to_bytes(display: Float[np.ndarray, ...]) -> UInt8[np.ndarray, ...]:
+def to_bytes(display: Float[np.ndarray, " ..."]) -> UInt8[np.ndarray, " ..."]:
     """Display values in [0, 1] to uint8, rounded."""
     values = np.clip(np.asarray(display), 0.0, 1.0)
     values = np.multiply(values, 255.0, out=values if isinstance(values, np.ndarray) else None)  # photos are large

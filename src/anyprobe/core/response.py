@@ -12,13 +12,15 @@ from dataclasses import dataclass
 import array_api_compat.numpy  # noqa: F401
 from array_api_compat import array_namespace
 
+from anyprobe.core.contract import contract
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraCurve:
     """The curve's two numbers; the defaults are the means of the fitted family."""
 
-    exponent: float = 0.9
-    sigma: float = 0.6
+    exponent: float = contract("curve")["exponent"]
+    sigma: float = contract("curve")["sigma"]
 
 
 MEAN_CURVE = CameraCurve()

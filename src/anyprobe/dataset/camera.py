@@ -9,12 +9,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, to_device
+from array_api_compat import array_namespace, device, to_device
 from PIL import Image
 
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import CameraCurve, response
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.errors import InputError, InvalidEnvironment
 
 SUBSAMPLINGS = ("4:4:4", "4:2:2", "4:2:0")
@@ -36,7 +36,7 @@ class Shot:
     jpeg_quality: as libjpeg counts, None for no JPEG; jpeg_subsampling: of SUBSAMPLINGS.
     object_range: bounds of the object's mean radiance, whatever is metered.
     meters_frame: whether the camera meters as phones do: the mean of the object, by weight metering, and of what its
-        frame shows around it, is brought to scene_key (dataset.priors.metered_gain); object_key has no say.
+        frame shows around it, is brought to scene_key (dataset.distributions.metered_gain); object_key has no say.
     """
 
     metering: float
@@ -83,16 +83,16 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
 
 
 def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:
-    """The shot with the metering and white balance of dataset.priors, in light of mean colour ambient [3]."""
-    (weight,), (key,) = priors.draw_metering(rng, 1)
-    balance = priors.draw_white_balance(rng, ambient[None])[0]
+    """The shot with the metering and white balance of dataset.distributions, in light of mean colour ambient [3]."""
+    (weight,), (key,) = distributions.draw_metering(rng, 1)
+    balance = distributions.draw_white_balance(rng, ambient[None])[0]
     return replace(
         shot,
         metering=float(weight),
         scene_key=float(key),
         white_balance=balance,
         meters_frame=True,
-        object_range=priors.OBJECT_RANGE,
+        object_range=distributions.OBJECT_RANGE,
     )
 
 
@@ -100,10 +100,10 @@ def exposure(shot: Shot, object_mean: float, scene: float) -> float:
     """The gain from radiance to the photo's exposure units.
 
     object_mean: mean luminance of the object. scene: exp(mean ln luminance) of the map, or where the shot meters the
-    frame, priors.frame_level of it.
+    frame, distributions.frame_level of it.
     """
     if shot.meters_frame:
-        gain = priors.metered_gain(object_mean, scene, shot.metering, shot.scene_key)
+        gain = distributions.metered_gain(object_mean, scene, shot.metering, shot.scene_key)
     else:
         by_object = shot.object_key / max(object_mean, 1e-6)
         by_scene = shot.scene_key / max(scene, 1e-6)
@@ -145,7 +145,7 @@ def gaussian_rows(size: int, sigma: float) -> np.ndarray:
 def blur(planes, sigma: float):
     """Gaussian blur of pictures [..., S, S] by sigma > 0 pixels: G p G^T."""
     xp = array_namespace(planes)
-    rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=planes.device)
+    rows = xp.asarray(gaussian_rows(planes.shape[-1], sigma), device=device(planes))
     return rows @ planes @ rows.T
 
 
@@ -179,7 +179,7 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
 
     def column(values):
         values = np.asarray(values, np.float32).reshape(len(shots), -1, 1, 1)
-        return xp.asarray(values, device=radiance.device)
+        return xp.asarray(values, device=device(radiance))
 
     behind = xp.zeros_like(radiance) if background is None else background
     scene = xp.where(mask, radiance, behind) * column([shot.white_balance for shot in shots])
@@ -199,7 +199,7 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
             levels[k] = xp.where(mask[k], levels[k], xp.round(xp.clip(mean, 0.0, 1.0) * 255.0)[:, None, None])
         picture = np.moveaxis(np.asarray(to_device(levels[k], "cpu")), 0, -1).astype(np.uint8, order="C")
         stored = compress(picture, shot.jpeg_quality, shot.jpeg_subsampling).astype(np.float32)
-        levels[k] = xp.asarray(np.moveaxis(stored, -1, 0), device=levels.device)
+        levels[k] = xp.asarray(np.moveaxis(stored, -1, 0), device=device(levels))
     return levels * cover if background is None else levels
 
 

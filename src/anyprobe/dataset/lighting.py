@@ -16,9 +16,9 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.catalog import normalize_map
-from anyprobe.dataset.priors import draw_alpha
+from anyprobe.dataset.distributions import draw_alpha
 from anyprobe.dataset.sky import direction_at, soft_cap, tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.dominant_light import dilate, find_dominant_light
@@ -148,7 +148,7 @@ SIZE = 128
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LitMaterial:
     """terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
-    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of priors.KINDS, None for
+    radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of distributions.KINDS, None for
     the materials and cameras of the paper."""
 
     terms: torch.Tensor
@@ -208,7 +208,7 @@ class Illuminator:
     def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
         """A random map, view and alpha; half of the maps mirrored.
 
-        world: share of those of a kind and an alpha of dataset.priors.
+        world: share of those of a kind and an alpha of dataset.distributions.
         """
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
@@ -217,8 +217,8 @@ class Illuminator:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
         alpha = draw_alpha(rng)
         if world > 0 and rng.random() < world:
-            kind = priors.draw_kinds(rng, 1)
-            alpha = float(priors.draw_alphas(rng, kind)[0])
+            kind = distributions.draw_kinds(rng, 1)
+            alpha = float(distributions.draw_alphas(rng, kind)[0])
             return replace(self.light(which, rotation, alpha, elevation), kind=int(kind[0]))
         return self.light(which, rotation, alpha, elevation)
 

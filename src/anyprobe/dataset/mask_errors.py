@@ -10,7 +10,7 @@ MIN_OBJECT_PX = 24
 """Smallest longer side of what stays of an object: the least that an estimate accepts."""
 
 KEPT_SHARE = 0.4
-"""Of the object's pixels at least so many stay in the mask."""
+"""The smallest share of the object's pixels that stays in the mask."""
 
 EXACT_SHARE = 0.25
 """So many masks have no error at all."""

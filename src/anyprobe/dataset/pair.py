@@ -17,11 +17,11 @@ from anyprobe.core.frames import rotation_y, world_from_camera
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, one_photo, phone_shot
+from anyprobe.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe.dataset.mask_errors import disturb_mask
-from anyprobe.dataset.priors import SPECULAR_BELOW, draw_alpha, draw_material
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
 from anyprobe.dataset.textured import draw_factor, draw_share, factor_at, paint
 from anyprobe.errors import InputError, InvalidMesh
@@ -136,7 +136,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
     bright = luminance(light)
     # a camera that meters the whole scene sees exp(mean ln luminance)
     log_mean = float(np.exp(np.log(np.maximum(bright, 1e-4)).mean()))
-    seen = priors.frame_level(bright) if shot.meters_frame else log_mean
+    seen = distributions.frame_level(bright) if shot.meters_frame else log_mean
     gain = exposure(shot, float(luminance(reflected).mean()), seen)
     picture = np.zeros((*surface.mask.shape, 3), np.float32)
     picture[surface.mask] = reflected * gain
@@ -167,7 +167,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
 
 def is_painted(recipe: Recipe) -> bool:
     """Whether an object's recipe is of the kind painted of the world's priors."""
-    return recipe.conditions == WORLD and priors.KINDS[recipe.material % 4] == "painted"
+    return recipe.conditions == WORLD and distributions.KINDS[recipe.material % 4] == "painted"
 
 
 def _painted(material: Material, mesh: Mesh, rng: np.random.Generator) -> Material:
@@ -218,8 +218,8 @@ def _draw(recipe: Recipe, rng: np.random.Generator) -> _Drawn:
     fov_deg = rng.uniform(10.0, 45.0)
     if recipe.conditions == WORLD:
         kind, brighter = recipe.material % 4, recipe.material // 4
-        alpha = float(priors.draw_alphas(rng, np.array([kind]))[0])
-        material = priors.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
+        alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
+        material = distributions.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
     else:
         alpha = draw_alpha(rng, recipe.material % 2 == 0)
         material = draw_material(rng, alpha, bool(recipe.material // 2 % 2))

@@ -20,13 +20,13 @@ from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
+from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.priors import draw_material
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
 from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.dataset.shape_augment import join_some, reshape_some
@@ -45,7 +45,7 @@ class PairConfig:
     lanes: step k belongs to lane k modulo lanes, and each lane has lit materials of its own, so that as
     many processes can make batches without shading anything twice.
     conditions: 1 for photos and masks as the world gives them, 0 for clean photos and exact masks.
-    world: share of lit materials, and so of photos, of dataset.priors: what objects of this world are made of, and how
+    world: share of lit materials, and so of photos, of dataset.distributions: what objects are made of, and how
         phones expose and balance them.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
     given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
@@ -187,7 +187,7 @@ class PairSource:
         """
         count, size = len(chosen), normals.shape[-1]
         materials = [
-            draw_material(rng, lit.alpha) if lit.kind is None else priors.draw_one(rng, lit.kind, lit.alpha)
+            draw_material(rng, lit.alpha) if lit.kind is None else distributions.draw_one(rng, lit.kind, lit.alpha)
             for lit in chosen
         ]
         described = np.stack([material_input(one) for one in materials])
@@ -263,7 +263,7 @@ class PairSource:
         bright = (light * weights).sum(1)
         scene = torch.exp(torch.log(bright.clip(min=1e-4)).mean((1, 2))).tolist()
         for one in [number for number, shot in enumerate(shots) if shot.meters_frame]:
-            scene[one] = float(priors.frame_level(bright[one].cpu().numpy()))
+            scene[one] = float(distributions.frame_level(bright[one].cpu().numpy()))
         gains = [exposure(*each) for each in zip(shots, on_object, scene, strict=True)]
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 

@@ -27,7 +27,7 @@ VIEWPOINTS = 23
 MATERIALS = 8
 EXPOSURES = 5
 WORLD = 2
-"""Conditions of photos with the priors of dataset.priors, flawed as the world gives them."""
+"""Conditions of photos with dataset.distributions, flawed as the world gives them."""
 
 _LAYOUT = struct.Struct(">BB4s4sBBQ")
 
@@ -39,7 +39,7 @@ class Recipe:
     kind: "object" for photo and irradiance, "map" for an LDR map and its ln radiance.
     map_id, shape_id: 8 hexadecimal digits, the assets' ids in an AssetStore.
     material: for objects 0 to 7: bit 0 diffuse rather than specular, bit 1 metal, bit 2 a
-        second draw of the two, or under WORLD bits 0 and 1 the kind of priors.KINDS, bit 2 the
+        second draw of the two, or under WORLD bits 0 and 1 the kind of distributions.KINDS, bit 2 the
         brighter half of that kind; for maps the exposure's number, 0 to 4.
     view: Fibonacci viewpoint, 0 to 22.
     conditions: 0 for the paper's clean photos, 1 for photos as the world gives them, WORLD (objects
@@ -187,7 +187,7 @@ def balanced_recipes(store: AssetStore, count: int, seed: int = 2020, conditions
 
 
 def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
-    """A test set under the world's priors: in turn the kinds of priors.KINDS, the darker and the brighter half of
+    """A test set under the world's distributions: in turn their KINDS, the darker and the brighter half of
     each, indoor/outdoor, every shape alike; the rest at random."""
     return _test_set(
         store, count, seed, WORLD, MATERIALS, lambda k: k // (2 * MATERIALS) + k, lambda k, rng: k % MATERIALS

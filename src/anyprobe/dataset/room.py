@@ -28,7 +28,7 @@ WARM = np.array([1.15, 1.0, 0.75])
 WOOD = np.array([1.3, 1.0, 0.65])
 
 BOUNCES = 4
-"""Of which the first is the direct light."""
+"""Bounces of light; the first is the direct light."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -20,7 +20,7 @@ from anyprobe.files.images import png_bytes
 CONDITIONS = ("clean", "world")
 
 FORMATS = (1, 2)
-"""Of datasets that are read; the last is written. Objects of format 1 have no normals."""
+"""Formats of datasets that are read; the last is written. Objects of format 1 have no normals."""
 NORMALS = "normals.png"
 ARRAYS = {
     "object": {

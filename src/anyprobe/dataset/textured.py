@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from anyprobe.dataset.camera import blur
-from anyprobe.dataset.priors import draw_material
+from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.sky import tint
 from anyprobe.render.reflectance import read_map
 from anyprobe.scatter.materials import Material

@@ -30,7 +30,7 @@ HELD = 9.0
 """Sharpness of the blur b_l = exp(-l (l + 1) / 18) of order l; an estimate holds 1 - (1 - b)^3: of order 3 .88, of
 order 4 .70, of order 6 .26, of order 8 .05."""
 BANDS = (192.0, 768.0)
-"""Of the blurs between bands: a half at orders 16 and 32."""
+"""Variances of the blurs between bands: a half at orders 16 and 32."""
 CONTRAST = (0.22, 0.13, 0.16)
 """Deviation of ln radiance in each band that a candidate is brought to, near to that of real maps; docs/detail.md has
 the power that this gives. Made-up detail adds its own variance to the error, so that more costs more."""
@@ -52,7 +52,7 @@ CLIPPED = 0.97
 LEAST_COVER = 1e-3
 """What display values are divided by at least, where next to nothing is covered."""
 LEAST_RADIUS = np.radians(1.0)
-"""Of the disc."""
+"""The smallest radius of a disc."""
 
 
 def blend(

@@ -31,12 +31,12 @@ from anyprobe.light.filtering import blur_cosine_power
 
 SUFFIXES = (".exr", ".hdr")
 ROWS = 512
-"""Of a picture at most."""
+"""The most rows of a picture."""
 FEATURE_ROWS = 16
 EXPONENT, SIGMA = 0.6, 0.6
-"""Of the code x^n / (x^n + s): half of it lies below 0.43 of the mean, and 254 of 255 stands for 4,000."""
+"""Parameters of the code x^n / (x^n + s): half of it lies below 0.43 of the mean, and 254 of 255 stands for 4,000."""
 QUALITY = 90
-"""Of the JPEG pictures."""
+"""Quality of the JPEG pictures."""
 DARKEST = 1e-3
 """Radiance over the geometric mean below which all is black."""
 PATTERN, SHADING = 12.0, 6.0
@@ -45,7 +45,7 @@ up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
 VERSION = 1
-"""Of the file; another is made anew."""
+"""Version of the file; another is made anew."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

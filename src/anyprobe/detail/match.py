@@ -16,19 +16,20 @@ from PIL import Image, ImageFilter
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.core.latlong import bilinear, pixel_directions, pixel_solid_angles
+from anyprobe.core.response import response
 from anyprobe.detail.library import FEATURE_ROWS, Library, features_of
 from anyprobe.light.environment import reduced, rotate
 
 PITCHES_DEG = tuple(range(-15, 76, 10))
 """How far the camera may look down."""
 PITCH_PRICE = 0.01
-"""Of a camera that looks down by a radian, squared; in units of squared ln radiance."""
+"""Cost of a camera that looks down by a radian, squared; in units of squared ln radiance."""
 TINT_PRICE = 0.5
-"""Of what the white balance differs, squared, in the same units."""
+"""Cost of the difference in white balance, squared, in the same units."""
 SHADING_WEIGHT = 2.0
-"""Of the ln shading beside that of each channel's ln radiance."""
+"""Weight of the ln shading beside that of each channel's ln radiance."""
 PLAIN_PRICE, RICH = 0.1, 0.06
-"""Of a candidate with little detail: ln(RICH / richness) squared, where that is below RICH; see library.richness_of."""
+"""Cost of a candidate with little detail: ln(RICH / richness) squared; 0 above RICH; see library.richness_of."""
 LEAST_CONFIDENCE = 0.05
 
 
@@ -194,19 +195,26 @@ FRONT = 0.05
 """Least -z of a direction that a photo may show."""
 
 
-def seen_in_photo(rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float, rows: int) -> np.ndarray:
+def seen_in_photo(
+    rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float, rows: int, radiance: np.ndarray | None = None
+) -> np.ndarray:
     """The map in the camera's frame as far as the photo shows it: [rows, 2 rows, 4] float32, display values times
     cover, and cover in [0, 1], which fades out towards the border and the object.
 
     Args:
         rgb: [H, W, 3] display values; mask: [H, W], 1 on the object.
         long_fov_deg: field of view of the longer side.
+        radiance: [H, W, 3], where the photo holds it above white: with a fifth channel then, the cover, and radiance in
+            the place of display values above 1.
     """
     height, width = mask.shape
     focal = max(height, width) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     scale = min(1.0, FINE * rows / np.pi / focal)
     size = (max(2, round(width * scale)), max(2, round(height * scale)))
-    picture = np.dstack([_resized(rgb[..., k], size) for k in range(3)] + [_beside(mask, size)])
+    colors = np.dstack([_resized((rgb if radiance is None else radiance)[..., k], size) for k in range(3)])
+    if radiance is not None:
+        colors = np.where(colors > 1, colors, response(np.maximum(colors, 0.0)))
+    picture = np.dstack([colors, _beside(mask, size)])
     d = pixel_directions(rows)
     depth = np.maximum(-d[..., 2], FRONT)
     column, row = 0.5 + focal * d[..., 0] / depth / width, 0.5 - focal * d[..., 1] / depth / height
@@ -218,7 +226,7 @@ def seen_in_photo(rgb: np.ndarray, mask: np.ndarray, long_fov_deg: float, rows: 
     shown = bilinear(picture.astype(np.float32), np.stack([column[inside], row[inside]], axis=-1))
     cover = shown[:, 3:] * np.clip(margin, 0.0, 1.0)[:, None]
     found[inside] = np.concatenate([shown[:, :3] * cover, cover], axis=1)
-    return found
+    return found if radiance is None else np.concatenate([found, found[..., 3:]], axis=-1)
 
 
 def _resized(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:

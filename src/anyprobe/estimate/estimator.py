@@ -4,36 +4,85 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from inspect import getdoc
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.material_prior import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
-from anyprobe.estimate.normals_prior import NormalsSource
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LIFT_STAGES, MODE, PHOTO_SIZE, Models, model_id
-from anyprobe.estimate.surroundings import SurroundingsSource, use_surroundings
+from anyprobe.estimate.surroundings import use_surroundings
 from anyprobe.files.images import ImageSource
+from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
-from anyprobe.masks.depth import DepthSource
-from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
-from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import Albedo, Material, as_material
 
-ENOUGH_EXPOSED = 0.5
+BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
+
+
+class SettingsDict(TypedDict, total=False):
+    """Settings as keywords."""
+
+    model: str
+    threads: int | None
+    engine: str
+    emitters: str
+    segmenter: str | Segmenter | None
+    detail: str
+    size: int
+    detail_library: str | Path | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Settings:
+    """How lights are estimated, whatever the photo.
+
+    Attributes:
+        model: name of a bundled one, "lift" or "paper", or a folder of graphs.
+        threads: of the engine; None leaves the choice to it.
+        engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
+        emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or "expected",
+            the mean radiance over all positions (soft, and truer on matte objects).
+        segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
+            masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
+        detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single photos,
+            not of several together.
+        size: rows of a map with detail: 64, 128, 256 or 512.
+        detail_library: folder of maps that detail is from; None: our own.
+    Raises:
+        InputError: another detail or size.
+    """
+
+    model: str = DEFAULT_MODEL
+    threads: int | None = None
+    engine: str = DEFAULT_ENGINE
+    emitters: str = MODE
+    segmenter: str | Segmenter | None = None
+    detail: str = DETAILS[0]
+    size: int = ROWS
+    detail_library: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        check_detail(self.detail)
+        check_rows(self.size)
+
+    @property
+    def networks(self) -> tuple[str, int | None, str]:
+        """What the networks are opened by."""
+        return self.model, self.threads, self.engine
 
 
 class Estimator:
@@ -43,110 +92,60 @@ class Estimator:
     >>> light = estimator("vase.png", mask="mask.png")   # doctest: +SKIP
     """
 
-    def __init__(
-        self,
-        model: str = DEFAULT_MODEL,
-        *,
-        threads: int | None = None,
-        engine: str = DEFAULT_ENGINE,
-        emitters: str = MODE,
-        segmenter: str | Segmenter | None = None,
-        detail: str = DETAILS[0],
-        size: int = ROWS,
-        detail_library: str | Path | None = None,
-    ) -> None:
+    @spread(Settings)
+    def __init__(self, settings: Settings | str | None = None, **more: Unpack[SettingsDict]) -> None:
         """Open the networks.
 
         Args:
-            model: name of a bundled one, "lift" or "paper", or a folder of graphs.
-            threads: of the engine; None leaves the choice to it.
-            engine: what runs the graphs: "onnxruntime", "openvino", "openvino-bf16" or "cuda".
-            emitters: "mode", light sources at their most likely positions (sharp shadows and highlights), or
-                "expected", the mean radiance over all positions (soft, and truer on matte objects).
-            segmenter: what finds the object in photos without a mask, instead of the built-in network: a name of
-                masks.segmenters ("rembg", "sam:FOLDER", a plug-in), or a Segmenter.
-            detail: "none", or "plausible": the structure of a real-looking place, see Light.with_detail; of single
-                photos, not of several together.
-            size: rows of a map with detail: 64, 128, 256 or 512.
-            detail_library: folder of maps that detail is from; None: our own.
+            settings: see Settings, or the model's name; or by keyword.
         Raises:
             InputError, ModelError, MissingExtra: with one line that says what to do.
         """
-        self.models = Models(model, threads, engine, emitters)
-        self.model_id, self.emitters = model_id(model), emitters
-        self._set(segmenter, detail, size, detail_library)
+        if isinstance(settings, str):
+            settings = Settings(model=settings)
+        settings = replace(settings or Settings(), **more)
+        self.models = Models(*settings.networks, settings.emitters)
+        self.model_id = model_id(settings.model)
+        self._set(settings)
 
-    def _set(
-        self, segmenter: str | Segmenter | None, detail: str, size: int, detail_library: str | Path | None
-    ) -> None:
-        check_detail(detail)
-        check_rows(size)
+    def _set(self, settings: Settings) -> None:
+        segmenter = settings.segmenter
         self.segmenter = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
-        self.detail, self.size, self.detail_library = detail, size, detail_library
+        self.settings = settings
 
-    def with_emitters(self, emitters: str) -> Estimator:
-        """The same open networks with other emitters."""
+    @spread(Settings)
+    def with_settings(self, **more: Unpack[SettingsDict]) -> Estimator:
+        """One with other settings; the open networks are shared where model, threads and engine stay."""
+        settings = replace(self.settings, **more)
+        if settings.networks != self.settings.networks:
+            return Estimator(settings)
         other = copy(self)
-        other.models, other.emitters = self.models.with_emitters(emitters), emitters
+        other.models = self.models.with_emitters(settings.emitters)
+        other._set(settings)
         return other
 
-    def __call__(
-        self,
-        source: ImageSource,
-        *,
-        mask: MaskSource | None = None,
-        click: Clicks | None = None,
-        exclude: Clicks | None = None,
-        box: Sequence[float] | None = None,
-        depth: DepthSource | None = None,
-        near: float | None = None,
-        far: float | None = None,
-        fov_deg: float | None = None,
-        normals: NormalsSource | None = None,
-        material: Material | str | None = None,
-        albedo: Albedo | None = None,
-        roughness: float | None = None,
-        surroundings: SurroundingsSource | None = None,
-    ) -> Light:
+    @spread(Hints)
+    def __call__(self, source: ImageSource | Photo, hints: Hints | None = None, **more: Unpack[HintsDict]) -> Light:
         """The light around the object of one photo.
 
         Args:
-            source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]).
-            mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function
-                from the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the
-                photo's alpha channel is taken, else the mask network's proposal.
-            click, exclude: x, y in pixels of the upright photo on the object and beside it, one or several.
-            box: x0, y0, x1, y1 around the object, likewise.
-            depth: depth image of the same view; near, far: where to cut it, in its unit.
-            fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
-            normals: the object's normal map of the photo's size in the camera's frame (see
-                normals_prior.read_normals), or "sphere".
-            material: the object's: a Material, or "chrome", "gold", "plastic" or "matte". Level and colour of the
-                light are fitted to it.
-            albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
-            roughness: as in glTF, 0.1 to 1, likewise.
-            surroundings: "photo", to use the photo's background; or a panorama in the camera's frame, transparent
-                where unknown.
+            source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo of
+                load_photo, whose hints were given there, but for the material.
+            hints: what is given of the object, the camera and the light, see Hints; or by keyword.
         Raises:
             InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
         """
         start = time.perf_counter()
-        material = as_material(material, albedo, roughness)
-        photo = load_photo(
-            source,
-            mask=mask,
-            click=click,
-            exclude=exclude,
-            box=box,
-            depth=depth,
-            near=near,
-            far=far,
-            fov_deg=fov_deg,
-            normals=normals,
-            surroundings=surroundings,
-            segmenter=self.segmenter,
-        )
-        return self.from_photo(photo, start, material=material)
+        hints = as_hints(hints, more)
+        if not isinstance(source, Photo):
+            return self.from_photo(load_photo(source, hints, segmenter=self.segmenter), start)
+        late = [name for name, _ in hints.given() if name not in ("material", "albedo", "roughness")]
+        if late:
+            raise InputError(
+                f"{' and '.join(late)}: expected with a picture, got it with a Photo, which is read already; "
+                "give it to load_photo"
+            )
+        return self.from_photo(source, start, material=hints.surface())
 
     def multiview(
         self,
@@ -175,16 +174,17 @@ class Estimator:
 
         Args:
             start: of time.perf_counter, when its loading began; the sidecar's seconds count from it.
-            material: the object's, if given.
+            material: the object's, instead of the Photo's own.
         """
         start = time.perf_counter() if start is None else start
         light = self.from_crop(photo, crop_object(photo, PHOTO_SIZE), start, material=material)
-        return light if self.detail == DETAILS[0] else self._with_detail(light, photo)
+        return light if self.settings.detail == DETAILS[0] else self._with_detail(light, photo)
 
     def _with_detail(self, light: Light, photo: Photo) -> Light:
         """Of what is known of the surroundings too."""
         start = time.perf_counter()
-        light = light.with_detail(library=self.detail_library, size=self.size, seen=photo.seen(self.size))
+        size = self.settings.size
+        light = light.with_detail(library=self.settings.detail_library, size=size, seen=photo.seen(size))
         seconds = {**light.info["seconds"], "detail": round(time.perf_counter() - start, 4)}
         return replace(light, info={**light.info, "seconds": seconds})
 
@@ -204,12 +204,12 @@ class Estimator:
         """
         loaded = time.perf_counter()
         start = loaded if start is None else start
-        material = as_material(material)
+        material = photo.material if material is None else as_material(material)
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         known: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
-            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals)
+            outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals, crop.radiance)
             known |= done
         exposed = _well_exposed(crop.image)
         if outputs.confidence is not None:
@@ -238,10 +238,11 @@ class Estimator:
             info={
                 "photo": photo.name,
                 "model": self.model_id,
-                "emitters": self.emitters,
+                "emitters": self.settings.emitters,
                 **({} if photo.exposure is None else {"exposure": float(f"{photo.exposure:.6g}")}),
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
+                **({} if photo.pitch_deg is None else {"pitch_deg": round(float(photo.pitch_deg), 3)}),
                 "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
                 "priors": known,
                 **_said(outputs.posterior),
@@ -275,7 +276,7 @@ def _well_exposed(image: np.ndarray) -> float:
     if not len(object_pixels):
         return 0.0
     display = luminance(object_pixels[:, :3] / object_pixels[:, 3:])
-    return float(((display > 0.02) & (display < 0.98)).mean())
+    return float(((display > BLACK) & (display < WHITE)).mean())
 
 
 def _said(posterior: dict[str, float] | None) -> Info:
@@ -301,57 +302,22 @@ def _shared(model: str, threads: int | None, engine: str) -> Estimator:
     return Estimator(model, threads=threads, engine=engine)
 
 
-def estimate(
-    source: ImageSource,
-    *,
-    mask: MaskSource | None = None,
-    click: Clicks | None = None,
-    exclude: Clicks | None = None,
-    box: Sequence[float] | None = None,
-    depth: DepthSource | None = None,
-    near: float | None = None,
-    far: float | None = None,
-    fov_deg: float | None = None,
-    normals: NormalsSource | None = None,
-    material: Material | str | None = None,
-    albedo: Albedo | None = None,
-    roughness: float | None = None,
-    surroundings: SurroundingsSource | None = None,
-    model: str = DEFAULT_MODEL,
-    threads: int | None = None,
-    engine: str = DEFAULT_ENGINE,
-    emitters: str = MODE,
-    segmenter: str | Segmenter | None = None,
-    detail: str = DETAILS[0],
-    size: int = ROWS,
-    detail_library: str | Path | None = None,
-) -> Light:
-    """The light around the object of one photo; an Estimator used once (its networks are kept for the next call)."""
-    estimator = _shared(model, threads, engine).with_emitters(emitters)
-    estimator._set(segmenter, detail, size, detail_library)
-    return estimator(
-        source,
-        mask=mask,
-        click=click,
-        exclude=exclude,
-        box=box,
-        depth=depth,
-        near=near,
-        far=far,
-        fov_deg=fov_deg,
-        normals=normals,
-        material=material,
-        albedo=albedo,
-        roughness=roughness,
-        surroundings=surroundings,
-    )
+class EstimateDict(HintsDict, SettingsDict, total=False):
+    """What estimate takes by keyword."""
 
 
-def _arguments(function: Callable) -> str:
-    """The lines of a docstring below "Args:", without what is raised."""
-    return str(getdoc(function)).partition("Args:\n")[2].partition("Raises:")[0]
+@spread(Hints, Settings)
+def estimate(source: ImageSource | Photo, hints: Hints | None = None, **more: Unpack[EstimateDict]) -> Light:
+    """The light around the object of one photo; the networks stay open for the next call.
 
-
-if estimate.__doc__:  # -OO drops docstrings
-    estimate.__doc__ += f"\n\nArgs:\n{_arguments(Estimator.__call__)}{_arguments(Estimator.__init__)}"
-    estimate.__doc__ += "Raises:\n    AnyprobeError: with one line that says what to do."
+    Args:
+        source: path, bytes, Pillow image or array ([H, W, 3 or 4], uint8 or float in [0, 1]); or a Photo of load_photo.
+        hints: what is given of the object, the camera and the light, see Hints: mask=, click=, material= and so on.
+        more: the same by keyword, and how to estimate, see Settings: model=, emitters=, detail= and so on.
+    Raises:
+        AnyprobeError: with one line that says what to do.
+    """
+    how = {name: value for name, value in more.items() if name in SettingsDict.__annotations__}
+    hints = as_hints(hints, {name: value for name, value in more.items() if name not in how})
+    settings = Settings(**how)  # type: ignore[arg-type]
+    return _shared(*settings.networks).with_settings(**how)(source, hints)  # type: ignore[arg-type]

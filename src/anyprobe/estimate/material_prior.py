@@ -34,6 +34,8 @@ CLIPPED = 0.97
 """Display value from which on a pixel says only how bright its light is at least."""
 LEVELS = 3
 """Maps of 64, 32 and 16 rows that pixels fall into: where they lie far apart, a coarse one joins them."""
+MOST_STERADIANS = 0.1
+"""That a pixel of a mirror is taken to show at most: more is an error of its normals."""
 ENOUGH = 0.5
 """Pixels that a place of a map must have seen for the measured light to count half."""
 MEASURED = 0.65
@@ -54,12 +56,14 @@ def measure(
     normals: Float[np.ndarray, "S//2 S//2 3"],
     tan_half: float,
     material: Material,
+    mirrored: Float[np.ndarray, "S S 3"] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Replace what the object mirrors of a map by what its photo shows of it.
 
     A mirror shows F(n.wo) L(2 (n.wo) n - wo), with Schlick's F. Pixels fall into maps of several sizes; the finest that
     covers a direction well gives it, the given map the rest. A clipped pixel marks where light above
-    white may come from but not how much there is: that is the given map's.
+    white may come from but not how much there is: that is the given map's. Where the photo holds radiance above white,
+    that is measured too: each pixel's power, over the solid angle that it mirrors, goes to where it comes from.
 
     Args:
         radiance: [H, 2H, 3], the map in the crop's frame and the photo's exposure units.
@@ -67,6 +71,7 @@ def measure(
         normals: [S / 2, S / 2, 3] the true ones in the crop's frame, unit or zero.
         tan_half: of half the angle that the crop's side takes in.
         material: the mirror.
+        mirrored: [S, S, 3], the crop's radiance times mask, of photos that hold it above white.
     Returns:
         the map [H, 2H, 3] float32, and the share [H, 2H] of each of its pixels that was measured.
     """
@@ -74,11 +79,17 @@ def measure(
     n, known = _twice(normals)
     wo = pixel_rays(tan_half, len(image))
     seen = known & (image[..., 3] > 0.99) & (dot(n, wo)[..., 0] > MIRROR_STEEP)
-    n, wo, display = n[seen], wo[seen], image[seen][:, :3]
+    wi = reflect(wo, n)
+    angles = None if mirrored is None else _solid_angles(wi, known)[seen]
+    n, wo, wi, display = n[seen], wo[seen], wi[seen], image[seen][:, :3]
     fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(dot(n, wo))
     light = inverse_response(np.minimum(display, CLIPPED)) / fresnel
     clipped = display.max(axis=-1, keepdims=True) >= CLIPPED
-    uv, at = direction_to_uv(reflect(wo, n)), direction_to_uv(pixel_directions(height))
+    emitted = None
+    if mirrored is not None:
+        whole = mirrored[seen] / fresnel
+        clipped, light, emitted = np.zeros_like(clipped), np.minimum(whole, 1.0), np.maximum(whole - 1.0, 0.0)
+    uv, at = direction_to_uv(wi), direction_to_uv(pixel_directions(height))
     result, unseen = np.minimum(radiance, 1.0).astype(np.float64), np.ones((height, 2 * height, 1))
     for level in reversed(range(LEVELS)):
         sums, count = _gather(light, uv, height >> level)
@@ -90,6 +101,8 @@ def measure(
     place, count = _gather(clipped.repeat(3, axis=1), uv, height)
     place = place[..., :1] / (count + ENOUGH)
     result = result + _above_white(np.maximum(radiance - 1.0, 0.0), place, unseen)
+    if emitted is not None and angles is not None:
+        result = result + _laid_down(emitted, angles, uv, height)
     return result.astype(np.float32), 1.0 - unseen[..., 0]
 
 
@@ -106,6 +119,43 @@ def _above_white(above: np.ndarray, clipped: np.ndarray, unseen: np.ndarray) -> 
     alike = power.mean() / (clipped * areas).sum()
     share = ODDS * clipped * (one + alike) + unseen * one
     return share * power / max((share * areas).sum(), 1e-12)
+
+
+def _solid_angles(wi: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Steradians [S, S, 1] that each pixel of a mirror shows, by what its neighbours [S, S, 3] show."""
+    sides = []
+    for axis in (0, 1):
+        steps = np.diff(wi, axis=axis)
+        both = np.take(known, range(1, len(known)), axis) & np.take(known, range(len(known) - 1), axis)
+        pad = [(0, 0)] * axis + [(1, 1)] + [(0, 0)] * (1 - axis)
+        steps, both = np.pad(steps * both[..., None], [*pad, (0, 0)]), np.pad(both, pad)
+        first, last = (np.take(one, range(len(known)), axis) for one in (steps, both))
+        second, later = (np.take(one, range(1, len(known) + 1), axis) for one in (steps, both))
+        sides.append((first + second) / np.maximum(last.astype(np.float32) + later, 1.0)[..., None])
+    return np.minimum(np.linalg.norm(np.cross(*sides), axis=-1, keepdims=True), MOST_STERADIANS)
+
+
+def _laid_down(emitted: np.ndarray, angles: np.ndarray, uv: np.ndarray, height: int) -> np.ndarray:
+    """A map [H, 2H, 3] with the power of radiance [P, 3] over solid angles [P, 1] at places uv [P, 2].
+
+    A pixel that shows more than one of the map's falls into a coarser map, so that no gaps are between it and the next.
+    """
+    result, at = np.zeros((height, 2 * height, 3)), direction_to_uv(pixel_directions(height))
+    areas = pixel_solid_angles(height)[..., None]
+    largest = float(areas.max())
+    level_of = np.clip(np.ceil(np.log2(np.maximum(angles[:, 0] / largest, 1e-6)) / 2), 0, LEVELS - 1)
+    for level in range(LEVELS):
+        chosen = level_of == level
+        power = (emitted * angles)[chosen]
+        if not power.any():
+            continue
+        sums, _ = _gather(power, uv[chosen], height >> level)
+        found = sums / pixel_solid_angles(height >> level)[..., None]
+        if level:
+            found = bilinear(found, at)
+            found *= power.sum(axis=0) / np.maximum((found * areas).sum(axis=(0, 1)), 1e-12)
+        result += found
+    return result
 
 
 def _twice(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,7 +186,7 @@ INSIDE = 0.99
 MAX_STOPS = 3.0
 """Largest gain or loss of a channel: more is not the material's doing."""
 MAX_POINTS, NUM_SAMPLES = 400, 64
-"""Of the object, evenly spread; each is shaded with so many samples."""
+"""The most points of the object, evenly spread; each is shaded with so many samples."""
 TRUST = 0.5
 """Share of the gain that is applied, in the logarithm; of 0, 0.5 and 1 the best on the left-out part of the world test
 set (research.limits)."""
@@ -148,6 +198,7 @@ def use_material(
     tan_half: float,
     material: Material,
     given_normals: Float[np.ndarray, "64 64 3"] | None,
+    mirrored: np.ndarray | None = None,
 ) -> tuple[Outputs, dict]:
     """A model's answer, made to fit a material that is known.
 
@@ -156,12 +207,13 @@ def use_material(
     Args:
         outputs, image, tan_half: of a crop, see estimate.runtime.Models.
         given_normals: [64, 64, 3] as they were given, zero elsewhere; None for none.
+        mirrored: the crop's radiance, see measure.
     Returns:
         the answer, and what was done, for the sidecar.
     """
     done = {name: _list(getattr(material, name)) for name in ("albedo", "f0")} | {"alpha": float(material.alpha)}
     if given_normals is not None and is_mirror(material):
-        radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material)
+        radiance, seen = measure(outputs.radiance, image, given_normals, tan_half, material, mirrored)
         confidence = outputs.confidence
         if confidence is not None:
             confidence = (confidence + seen * (MEASURED - confidence)).astype(np.float32)
@@ -179,7 +231,7 @@ def _list(values: np.ndarray) -> list[float]:
 def fit_gain(
     radiance: Float[np.ndarray, "H 2*H 3"],
     image: Float[np.ndarray, "S S 4"],
-    normals: Float[np.ndarray, "S//k S//k 3"],
+    normals: Float[np.ndarray, "N N 3"],
     tan_half: float,
     material: Material,
 ) -> Float[np.ndarray, " 3"]:

@@ -30,7 +30,7 @@ VOTE = 12.0
 REACH = np.cos(np.radians(40.0))
 """Votes that belong to one light source lie within 40 degrees of it."""
 SOURCE_RADIUS = np.radians(4.0)
-"""Of a light source, as in the maps of single photos."""
+"""Radius of a light source, as in the maps of single photos."""
 LEAST_POWER = 1e-3
 """Luminance over the sphere below which there is no light source."""
 

@@ -14,7 +14,6 @@ A graph FILE.onnx is described by FILE.json:
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,13 +24,11 @@ from PIL import Image
 from anyprobe.core.frames import turn_towards
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.graphs import open_graph
+from anyprobe.hints import NormalsEstimator
 from anyprobe.masks.check import object_box
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-NormalsEstimator = Callable[[np.ndarray], np.ndarray]
-"""From a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's frame."""
 
 WINDOW = 1.6
 """Side of what the estimator is shown over the longer side of the object's box: some surroundings help it."""

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import open_regular
+from anyprobe.hints import NormalsSource
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
 
 Part = tuple[slice, slice]
 """Rows and columns of a photo."""
 
-SHORTEST = 0.5
+SHORTEST: float = contract("graph")["shortest_normal"]
 """A vector shorter than this is no normal: nothing is known there, or opposite ones were averaged."""
 NEAR_UNIT = 0.15
 UNIT_SHARE = 0.6
@@ -31,8 +31,6 @@ UNIT_SHARE = 0.6
 one had more, .77, whose vectors look away; normal maps of spheres 40 pixels wide as JPEG of quality 30 had .78."""
 PLAIN = 0.1
 """Display value up to which black, and down from 1 white, is no normal's colour: their vectors are far too long."""
-SPHERE = "sphere"
-"""In place of a normal map: the object is a sphere, whose outline gives its normals."""
 ROUND = 0.9
 """Overlap with a sphere's outline, intersection over union, from which on a mask is taken for one."""
 STRIP_PX = 1 << 17
@@ -208,7 +206,7 @@ def _decoded(source: Path | bytes | np.ndarray, name: str) -> tuple[np.ndarray, 
     """_read of floats, which are vectors already, or of a picture."""
     if isinstance(source, np.ndarray) and source.dtype.kind == "f":
         return source, name, False
-    pixels = read_image(source)
+    pixels = read_image(source, as_data=True)
     rgb = pixels.rgb
     known = (rgb.max(axis=-1) > PLAIN) & (rgb.min(axis=-1) < 1.0 - PLAIN)
     if pixels.alpha is not None:

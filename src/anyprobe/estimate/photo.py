@@ -7,28 +7,25 @@ from typing import Unpack
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
-from anyprobe.errors import InputError, InvalidPhoto
-from anyprobe.estimate.normals_model import NormalsEstimator, estimated_normals
-from anyprobe.estimate.normals_prior import SHORTEST, SPHERE, NormalsSource, normals_from_outline, read_normals
+from anyprobe.errors import InputError
+from anyprobe.estimate.normals_model import estimated_normals
+from anyprobe.estimate.normals_prior import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import (
-    PHOTO,
-    SurroundingsSource,
-    at_rows,
-    read_panorama,
-    turned,
-    visible_surroundings,
-)
+from anyprobe.estimate.surroundings import at_rows, read_panorama, turned, visible_surroundings
 from anyprobe.files.images import ImageSource, read_image
+from anyprobe.hints import PHOTO, SPHERE, Hints, HintsDict, NormalsEstimator, NormalsSource, as_hints, spread
 from anyprobe.masks.check import object_box
-from anyprobe.masks.find import Where, find_mask
+from anyprobe.masks.find import find_mask
+from anyprobe.masks.segmenters import Segmenter
+from anyprobe.scatter.materials import Material
 
-DEFAULT_LONG_FOV_DEG = 65.0
+DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
-CROP_MARGIN = 1.1
+CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the crop over the longer side of the object's bounding box."""
 
 CLIPPED_SHARE = 0.98
@@ -54,6 +51,9 @@ class Photo:
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
         exposure: how much light it took, see files.images.Pixels; None where nothing says so.
+        radiance: [H, W, 3] linear, above white too, see files.images.Pixels; None where display values say all.
+        pitch_deg: how far the camera looks down; None where it is not given.
+        material: the object's; None where it is not given.
     """
 
     rgb: np.ndarray
@@ -69,17 +69,20 @@ class Photo:
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
     exposure: float | None = None
+    radiance: np.ndarray | None = None
+    pitch_deg: float | None = None
+    material: Material | None = None
 
     def seen(self, rows: int) -> np.ndarray | None:
         """What is known of the map, [rows, 2 rows, 4 or 5], for one with detail (detail.blend); None: nothing."""
         if self.use_background:
-            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows)
+            return seen_in_photo(self.rgb, self.mask, self.long_fov_deg, rows, self.radiance)
         return None if self.panorama is None else at_rows(self.panorama, rows)
 
     def without_pixels(self) -> Photo:
         """What is known of it, for when its object is cut out already: photos are large."""
         rgb, mask = self.rgb[:0].copy(), self.mask[:0].copy()  # views would hold all of them
-        bare = replace(self, rgb=rgb, mask=mask, normals=None)
+        bare = replace(self, rgb=rgb, mask=mask, normals=None, radiance=None)
         return replace(bare, use_background=False, surroundings_map=None, panorama=None)
 
 
@@ -96,6 +99,7 @@ class Crop:
         tan_half: tangent of half the angle that its side takes in, seen as its own camera's picture.
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
+        radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
     """
 
     image: np.ndarray
@@ -105,40 +109,37 @@ class Crop:
     tan_half: float
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | None = None
+    radiance: np.ndarray | None = None
 
 
+@spread(Hints)
 def load_photo(
     source: ImageSource,
+    hints: Hints | None = None,
     *,
-    fov_deg: float | None = None,
-    normals: NormalsSource | NormalsEstimator | None = None,
-    surroundings: SurroundingsSource | None = None,
     name: str | None = None,
-    **where: Unpack[Where],
+    segmenter: str | Segmenter | None = None,
+    **more: Unpack[HintsDict],
 ) -> Photo:
-    """Read a photo and find its object.
+    """Read a photo, find its object, and keep what else is given of it.
 
     Args:
         source: path, bytes, Pillow image or array, see read_image.
-        fov_deg: field of view of the longer side, in (1, 170); else from EXIF, else 65.
-        normals: known ones, see estimate.normals_prior.read_normals; "sphere", where the object is
-            one; or an estimator of them, see estimate.normals_model.
-        surroundings: a panorama, as far as it is known, see read_surroundings; or "photo", for what
-            the photo itself shows beside the object.
+        hints: what is given of the object, the camera and the light, see Hints; or by keyword.
         name: what messages call the photo; None: its file's name, or what it is.
-        where: what is given about the object: mask, depth with near and far, click, exclude,
-            box; see masks.find.Where. Nothing: the alpha channel, else our network's proposal.
+        segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
+    Raises:
+        InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
-    if fov_deg is not None and not 1.0 < fov_deg < 170.0:
-        raise InvalidPhoto(f"field of view: expected 1 to 170 degrees along the longer side, got {fov_deg:g}")
+    hints = as_hints(hints, more)
     pixels = read_image(source, name)
-    use_background = isinstance(surroundings, str) and surroundings == PHOTO
+    use_background = isinstance(hints.surroundings, str) and hints.surroundings == PHOTO
     surroundings_map, panorama = None, None
-    if surroundings is not None and not use_background:
-        surroundings_map, panorama = read_panorama(surroundings)
-    found = find_mask(pixels, **where)
-    if fov_deg is not None:
-        long_fov_deg, fov_source = float(fov_deg), "given"
+    if hints.surroundings is not None and not use_background:
+        surroundings_map, panorama = read_panorama(hints.surroundings)
+    found = find_mask(pixels, **hints.place(), segmenter=segmenter)
+    if hints.fov_deg is not None:
+        long_fov_deg, fov_source = float(hints.fov_deg), "given"
     elif pixels.long_fov_deg is not None:
         long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
     else:
@@ -152,11 +153,14 @@ def load_photo(
         warnings=pixels.warnings + found.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=_known_normals(normals, pixels.rgb, found.mask, long_fov_deg),
+        normals=_known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg),
         use_background=use_background,
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
+        radiance=pixels.radiance,
+        pitch_deg=hints.pitch_deg,
+        material=hints.surface(),
     )
 
 
@@ -194,9 +198,14 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
     image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
+    radiance = None
+    if photo.radiance is not None:
+        radiance = np.maximum(_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
     surroundings_map = None
     if photo.use_background:
-        surroundings_map = visible_surroundings(photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half))
+        surroundings_map = visible_surroundings(
+            photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
+        )
         if surroundings_map is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
@@ -212,6 +221,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         tan_half=float(tan_half),
         normals=normals,
         surroundings_map=surroundings_map,
+        radiance=radiance,
     )
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from anyprobe.scatter.materials import Material
 
 VERSION = 3
-"""Of the sidecar; one that says none is of version 1. Older ones had other names: see RENAMED and RENAMED_INSIDE."""
+"""Version of the sidecar; one that says none is of version 1. Older names: RENAMED and RENAMED_INSIDE."""
 RENAMED = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "priors"}
 """Keys of a sidecar of version 1, which says no version, and of today's."""
 EMITTERS = {"drawn": "mode", "spread": "expected"}
@@ -85,8 +85,9 @@ class Info(TypedDict, total=False):
     priors: what was given of the object; object and uncertainty: None from a model that does not estimate them
     (`paper`); seconds: by step.
 
-    Some lights lack a key: exposure where no EXIF says it; fused, the photos of a multiview light; detail, where that
-    is from, see with_detail. A Light that is no estimate of this release may lack any.
+    Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
+    given; fused, the photos of a multiview light; detail, where that is from, see with_detail. A Light that is no
+    estimate of this release may lack any.
     """
 
     photo: str
@@ -95,6 +96,7 @@ class Info(TypedDict, total=False):
     exposure: float
     long_fov_deg: float
     fov_source: str
+    pitch_deg: float
     mask: MaskInfo
     priors: dict[str, Any]
     object: ObjectInfo | None
@@ -184,7 +186,7 @@ class Light:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
 
-    def rotate(self, rotation: Float[np.ndarray, "3 3"]) -> Light:
+    def rotate(self, rotation: np.ndarray) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
         With world_from_camera it becomes a map in the world's frame.

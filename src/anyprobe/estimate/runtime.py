@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import onnxruntime
 
+from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
@@ -98,24 +99,24 @@ CONTRACT = {
 CONTRACTS = ("1", "2", CONTRACT["contract"])
 """Contracts that are read: 2 takes no material and says nothing of the object; 1 has other names for its inputs."""
 
-STAGES = ("irradiance", "illumination", "hdr")
+STAGES: tuple[str, ...] = tuple(contract("graph")["chain"])
 """The paper's chain, one graph each."""
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
-LIFT_INPUTS = ("photo", "tan_half", "given_normals", "surroundings", "material")
-LIFT_OUTPUTS = ("irradiance", "ln_radiance", "confidence", "normals", "ln_expected", "posterior")
+LIFT_INPUTS: tuple[str, ...] = tuple(contract("graph")["inputs"])
+LIFT_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["outputs"])
 FORMER_INPUTS = {"1": ("photo", "tan_half", "known_normals", "around"), "2": LIFT_INPUTS[:4]}
 """Inputs of graphs of older contracts, in the same order."""
 POSTERIOR = ("metal", "red", "green", "blue", "reflectance_error", "level_error", "color_error")
 """What a graph says of the object and of its own map: probability of a metal, total reflectance RGB, and mean errors of
 its logarithm, of ln of the map's level and of its mean colour in degrees."""
-EMITTERS = ("mode", "expected")
+EMITTERS: tuple[str, str] = tuple(contract("graph")["emitters"])
 """What a map may be asked for: emitters where a guess is nearest to all that is likely, or their light spread over all
 places as likely as it is; see docs/conventions.md."""
 MODE, EXPECTED = EMITTERS
 FIRST_STAGES = (LIFT_STAGES[0], STAGES[0])
-PHOTO_SIZE = 128
-NORMALS_SIZE = 64
+PHOTO_SIZE: int = contract("sizes")["crop"]
+NORMALS_SIZE: int = contract("sizes")["normals"]
 DEFAULT_MODEL = "lift"
 
 

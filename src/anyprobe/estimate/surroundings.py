@@ -20,16 +20,14 @@ from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.files.headers import MAX_PIXELS
-from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear
+from anyprobe.hints import PHOTO, SurroundingsSource
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-PHOTO = "photo"
-"""In place of a panorama: take the photo's own surroundings."""
-SurroundingsSource = ImageSource
 GROW_PX = 4
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
 FINE = 2.0
@@ -53,7 +51,7 @@ PLAIN = 2.0 / 255.0
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
-def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 4"]:
+def read_surroundings(source: SurroundingsSource, *, above_white: bool = False) -> Float[np.ndarray, "64 128 C"]:
     """A panorama of the camera's frame, as far as it is known, as [64, 128, 4]: display RGB times cover, and cover.
 
     Args:
@@ -114,7 +112,7 @@ def _displayed(source: SurroundingsSource) -> np.ndarray:
 
 def surroundings_of(
     radiance: Float[np.ndarray, "H 2*H 3"], cover: Float[np.ndarray, "H 2*H 1"], measured: np.ndarray | None = None
-) -> Float[np.ndarray, "H 2*H 3"]:
+) -> Float[np.ndarray, "H 2*H C"]:
     """Surroundings of radiance [H, 2H, 3] and cover [H, 2H, 1]; measured: its share with values above white."""
     display = response(radiance)
     if measured is None:
@@ -154,20 +152,24 @@ def visible_surroundings(
     camera_from_crop: Float[np.ndarray, "3 3"],
     image: np.ndarray,
     tan_half: float,
-) -> Float[np.ndarray, "64 128 4"] | None:
+    radiance: Float[np.ndarray, "H W 3"] | None = None,
+) -> np.ndarray | None:
     """The map in the crop's frame as far as the photo shows it beside the object.
 
     Args:
         rgb: [H, W, 3], the photo's display values.
         long_fov_deg: of its longer side.
         image, tan_half: of the crop, see estimate.photo.Crop.
+        radiance: [H, W, 3], the photo's, where it holds it above white.
     Returns:
-        [64, 128, 4] float32, display RGB times cover, and cover in [0, 1]; None where the photo shows one colour.
+        [64, 128, 4] float32, display RGB times cover, and cover in [0, 1], or with radiance [64, 128, 5] with values
+        above white; None where the photo shows one colour.
     """
     height, width = rgb.shape[:2]
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     scale = min(1.0, FINE * MAP_HEIGHT / np.pi / focal)
-    small = _resize(rgb, (max(1, round(width * scale)), max(1, round(height * scale))))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = _resize(rgb, size)
     d = pixel_directions(MAP_HEIGHT)
     x, y, front = _on_plane(d @ camera_from_crop.T.astype(np.float32))
     column, row = (0.5 * width + focal * x) / width, (0.5 * height - focal * y) / height
@@ -176,6 +178,9 @@ def visible_surroundings(
     shown = _sample(small, column.clip(0, 1), row.clip(0, 1))
     if not cover.any() or np.std(shown[cover > 0], axis=0).max() <= PLAIN:
         return None
+    if radiance is not None:
+        linear = np.maximum(_sample(_resize(radiance, size), column.clip(0, 1), row.clip(0, 1)), 0.0)
+        return surroundings_of(linear, cover[..., None], cover[..., None])
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 

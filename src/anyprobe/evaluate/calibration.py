@@ -14,11 +14,11 @@ NEAREST = 1e-4
 CLOSE = 0.1
 """Right is a display value, mean over channels of the absolute difference, within this."""
 BINS = 10
-"""Of the calibration error; docs and model cards quote it over these."""
+"""Bins of the calibration error; docs and model cards quote it over these."""
 FINE = 100
 """Bins that are kept: two claims of one bin count as equal in the AUC."""
 HALVES = ("seen half", "unseen half")
-"""Of every map: behind the camera, which the object faces, and behind the object."""
+"""The halves of every map: behind the camera, which the object faces, and behind the object."""
 
 
 class Calibration:

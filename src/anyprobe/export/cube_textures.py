@@ -50,7 +50,7 @@ def face_size(height: int) -> int:
     return min(1024, 1 << max(0, (height - 1).bit_length()))
 
 
-def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.ndarray, "H 2*H 3"]:
+def cube_faces(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> Float[np.ndarray, "6 S S 3"]:
     """Our map [H, 2H, 3] on six faces [6, S, S, 3] float32, every texel an average over its square."""
     faces = np.empty((6, size, size, 3), np.float32)
     rows = max(1, READS // (SUPERSAMPLE**2 * size))

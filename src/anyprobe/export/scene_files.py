@@ -197,7 +197,7 @@ def pack_usdz(path: Path, files: list[Path]) -> None:
             archive.writestr(entry, file.read_bytes())
 
 
-def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "H 2*H 3"]:
+def pole_to_pole(radiance: Float[np.ndarray, "H 2*H 3"]) -> Float[np.ndarray, "2*H+1 2*H 3"]:
     """The map [H, 2H, 3] in 2H + 1 rows that lie at i / 2H, first and last on the poles.
 
     Mitsuba's rows lie at i / (rows - 1), ours at (i + 0.5) / H. Read between ours and held

@@ -35,7 +35,7 @@ ODD_IN_Y = (1, 4, 5)
 """y, xy and yz."""
 
 
-def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, 27]:
+def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
     """Radiance, coefficient after coefficient: [9, 3] -> [27] r0 g0 b0 r1 ...
 
     XRLightEstimate.sphericalHarmonicsCoefficients, three.js LightProbe.sh.fromArray, and ARCore's
@@ -44,7 +44,7 @@ def webxr(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, 27]:
     return coefficients.reshape(27)
 
 
-def planar(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, 27]:
+def planar(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
     """Radiance, channel after channel: [9, 3] -> [27] r0 r1 ... r8 g0 ... (ARKit)."""
     return coefficients.T.reshape(27)
 

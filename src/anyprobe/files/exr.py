@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 
-from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
+from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb, xyz_from_rgb
 from anyprobe.errors import InputError
 from anyprobe.files.paths import read_regular, utf8_path
 
@@ -42,6 +42,9 @@ NEEDED = {
 
 CHUNK_ROWS = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)
 """Rows of a chunk by the number of its compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+
+LEAST_ASPECT = 0.25
+"""Pixels are made square where they are up to four times as wide as high, or as high as wide."""
 
 FILLER = 13
 """Bytes of an attribute x, a string, with nothing in it."""
@@ -239,9 +242,10 @@ def read_channels(
 def read_exr(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int, *, rec709: bool = False
 ) -> np.ndarray:
-    """The colour of an .exr: channels R, G, B and perhaps A, or Y.
+    """The colour of an .exr: channels R, G, B, or Y, or Y, RY, BY, and perhaps A.
 
-    A data window smaller than the display window is set into it, black around.
+    A data window smaller than the display window is set into it, black around. Pixels that are not square are made so
+    by more or fewer columns.
 
     Args:
         source, fault, max_pixels: of read_channels.
@@ -250,6 +254,10 @@ def read_exr(
         [H, W, 3] or [H, W, 4] float32: colour is premultiplied by A.
     """
     header, found = read_channels(source, name, fault, max_pixels)
+    kind, value = header.attributes.get("chromaticities", (b"", b""))
+    stored = np.frombuffer(value, "<f4").tolist() if (kind, len(value)) == (b"chromaticities", 32) else []
+    if not {*"RGB"} & found.keys() and {"Y", "RY", "BY"} <= found.keys():
+        found |= _from_chroma(found, stored)
     order = "RGB" if all(key in found for key in "RGB") else "YYY"
     layers = [found.get(key) for key in order]
     if found.get("A") is not None:
@@ -261,11 +269,65 @@ def read_exr(
     pixels = np.empty((*shape, len(layers)), dtype=np.float32)
     for i, layer in enumerate(layers):
         pixels[..., i] = layer
-    kind, value = header.attributes.get("chromaticities", (b"", b""))
     if rec709 and kind:
-        stored = np.frombuffer(value, "<f4").tolist() if (kind, len(value)) == (b"chromaticities", 32) else []
         pixels[..., :3] = to_rec709(pixels[..., :3], stored, name, fault)
-    return in_display(pixels, header)
+    return square_pixels(in_display(pixels, header), header, max_pixels)
+
+
+def _from_chroma(found: Mapping[str, np.ndarray], chromaticities: Sequence[float]) -> dict[str, np.ndarray]:
+    """R, G and B of luminance and chroma, RY = (R - Y) / Y and BY = (B - Y) / Y, kept at every second pixel or at all.
+
+    The weights of Y are those of the chromaticities. Nothing where they are impossible or sizes do not go together.
+    """
+    y = found["Y"].astype(np.float32)
+    try:
+        weights = xyz_from_rgb(chromaticities or REC709_CHROMATICITIES)[1]
+    except ValueError:
+        return {}
+    chroma = []
+    for name in ("RY", "BY"):
+        values = found[name].astype(np.float32)
+        for axis in (0, 1):
+            if values.shape[axis] != y.shape[axis]:
+                if values.shape[axis] != -(-y.shape[axis] // 2):
+                    return {}
+                values = _between(values, np.arange(y.shape[axis]) / 2, axis)
+        chroma.append((values + 1) * y)
+    r, b = chroma
+    return {"R": r, "G": (y - weights[0] * r - weights[2] * b) / np.float32(weights[1]), "B": b}
+
+
+def _between(values: np.ndarray, places: np.ndarray, axis: int) -> np.ndarray:
+    """Linearly between the pixels of an axis, at places counted in pixels from the first one's centre."""
+    places = np.clip(places, 0, values.shape[axis] - 1)
+    low = places.astype(int)
+    high = np.minimum(low + 1, values.shape[axis] - 1)
+    share = (places - low).astype(np.float32).reshape([-1 if k == axis else 1 for k in range(values.ndim)])
+    return np.take(values, low, axis) * (1 - share) + np.take(values, high, axis) * share
+
+
+def square_pixels(pixels: np.ndarray, header: ExrHeader, max_pixels: int, *, nearest: bool = False) -> np.ndarray:
+    """Pixels [H, W, ...] with as many columns as make them square; as they are where that is not to be believed.
+
+    Averaged or interpolated, unless the nearest is asked for.
+    """
+    kind, value = header.attributes.get("pixelAspectRatio", (b"", b""))
+    aspect = struct.unpack("<f", value)[0] if (kind, len(value)) == (b"float", 4) else 1.0
+    width = pixels.shape[1]
+    if not LEAST_ASPECT <= aspect <= 1 / LEAST_ASPECT or round(width * aspect) in (0, width):
+        return pixels
+    columns = round(width * aspect)
+    if columns * len(pixels) > max_pixels:
+        return pixels
+    edges = np.arange(columns + 1) * width / columns
+    if nearest:
+        return pixels[:, ((edges[:-1] + edges[1:]) / 2).astype(int)]
+    if aspect > 1:
+        return _between(pixels, (edges[:-1] + edges[1:]) / 2 - 0.5, 1)
+    sums = np.concatenate(
+        [np.zeros_like(pixels[:, :1], np.float64), np.cumsum(pixels, axis=1, dtype=np.float64)], axis=1
+    )
+    return (np.diff(_between(sums, edges, 1), axis=1) * (columns / width)).astype(pixels.dtype)
 
 
 def in_display(pixels: np.ndarray, header: ExrHeader) -> np.ndarray:

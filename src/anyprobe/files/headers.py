@@ -37,7 +37,7 @@ MIN_SIDE_PX, MAX_SIDE_PX = 32, 65_535
 MAX_SCANS = 32
 """Scans of a progressive JPEG, each of which passes over the whole picture; encoders make about ten."""
 
-PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF")
+PHOTO_FORMATS = ("JPEG", "MPO", "PNG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF", "HEIF", "JXL")
 """Formats that may be opened; Pillow knows others that start programs or are no pictures."""
 
 PLUGINS = (
@@ -51,6 +51,39 @@ ON_ITS_SIDE = (5, 6, 7, 8)
 
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"}
 _JPEG_START = b"\xff\xd8\xff"
+JXL_BOX = b"\0\0\0\x0cJXL \r\n\x87\n"
+JXL_STARTS = (b"\xff\x0a", JXL_BOX)
+
+CUT = "a damaged or cut {}; copy it again from where it is from"
+KINDS_BY_START = {
+    b"\xff\xd8": CUT.format("JPEG"),
+    b"\x89PNG": CUT.format("PNG"),
+    b"GIF8": CUT.format("GIF"),
+    b"BM": CUT.format("BMP"),
+    b"RIFF": CUT.format("WebP"),
+    b"II*\0": "a TIFF that is damaged, cut or of an unusual layout; copy it again, or save it as plain TIFF or OpenEXR",
+    b"MM\0*": "a TIFF that is damaged, cut or of an unusual layout; copy it again, or save it as plain TIFF or OpenEXR",
+    b"II+\0": "a TIFF of more than 4 GB (BigTIFF); save it as plain TIFF or OpenEXR",
+    b"MM\0+": "a TIFF of more than 4 GB (BigTIFF); save it as plain TIFF or OpenEXR",
+    b"\xff\x0a": CUT.format("JPEG XL"),
+    JXL_BOX: CUT.format("JPEG XL"),
+    b"\xff\x4f\xff\x51": CUT.format("JPEG 2000"),
+    b"\0\0\0\x0cjP": CUT.format("JPEG 2000"),
+    b"8BPS": "a Photoshop document; export a flat picture, of 16 bits as TIFF or PNG, of 32 bits as OpenEXR",
+    b"%PDF": "a PDF document; export its picture as PNG or TIFF",
+    b"%!PS": "something else, a PostScript document; export its picture as PNG or TIFF",
+    b"<svg": "an SVG drawing, not a photo; export it as PNG",
+    b"PF": "a PFM picture; save it as OpenEXR (.exr), which keeps its range",
+    b"Pf": "a PFM picture; save it as OpenEXR (.exr), which keeps its range",
+    b"\x1aE\xdf\xa3": "a video; anyprobe video takes it",
+    b"PK\x03\x04": "a ZIP archive; unpack it",
+}
+"""What a file is by its first bytes, and what to do with it, where no reader takes it."""
+BRANDS = {
+    **dict.fromkeys((b"avif", b"avis"), CUT.format("AVIF")),
+    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"), CUT.format("HEIC")),
+}
+"""The same by the brand of a file of ISO's base media format; others are videos."""
 _MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
 
 
@@ -66,11 +99,14 @@ def open_picture(stream: BinaryIO, name: str = "photo") -> Image.Image:
     Raises:
         UnknownPicture: it cannot be read.
         InvalidPhoto: decoding it would take too long.
-        MissingExtra: a HEIC photo without its reader installed.
+        MissingExtra: a HEIC or JPEG XL photo without its reader installed.
     """
     head = stream.read(16)
     if head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS:
         _register_heic(name)
+    if head.startswith(JXL_STARTS):
+        stream.seek(0)
+        _register_jxl(stream, name)
     for kind in PHOTO_FORMATS:
         factory, accepts = Image.OPEN.get(kind, (None, None))
         if factory is None or (accepts is not None and accepts(head) is not True):
@@ -165,6 +201,39 @@ def exif_exposure(image: Image.Image) -> float | None:
     return exposure if 0.0 < exposure < np.inf else None
 
 
+def kind_of(head: bytes, num_bytes: int) -> str:
+    """What a file is that no reader takes, and what to do, for a message."""
+    if head[4:8] == b"ftyp":
+        return BRANDS.get(head[8:12], "a video; anyprobe video takes it")
+    said = next((said for start, said in KINDS_BY_START.items() if head.startswith(start)), None)
+    return (
+        said or f"{num_bytes} bytes of something else; check the path, or convert it: to OpenEXR if it holds radiance"
+    )
+
+
+def jxl_size(data: bytes) -> tuple[int, int]:
+    """Width and height by the first bytes of a JPEG XL file (ISO/IEC 18181-1, SizeHeader), or 0, 0."""
+    if data.startswith(JXL_BOX):
+        at = max(data.find(b"jxlc\xff\x0a") + 4, data.find(b"jxlp") + 8)
+        data = data[at:] if at > 8 else b""
+    bits, place = int.from_bytes(data[2:18].ljust(16, b"\0"), "little"), 0
+
+    def read(count: int) -> int:
+        nonlocal place
+        place += count
+        return bits >> (place - count) & ((1 << count) - 1)
+
+    def side(small: bool) -> int:
+        return (read(5) + 1) * 8 if small else read((9, 13, 18, 30)[read(2)]) + 1
+
+    if not data.startswith(JXL_STARTS[0]):
+        return 0, 0
+    small = bool(read(1))
+    height = side(small)
+    ratio = ((0, 1), (1, 1), (12, 10), (4, 3), (3, 2), (16, 9), (5, 4), (2, 1))[read(3)]
+    return (side(small) if ratio[0] == 0 else height * ratio[0] // ratio[1]), height
+
+
 def _exif(image: Image.Image, directory: int | None = None) -> Any:
     """EXIF tags; none where they are damaged: a picture is one without them."""
     try:
@@ -195,3 +264,16 @@ def _register_heic(name: str) -> None:
     except ImportError as error:
         raise MissingExtra("pillow-heif", "heic", f"{name}: a HEIC photo") from error
     pillow_heif.register_heif_opener()
+
+
+def _register_jxl(stream: BinaryIO, name: str) -> None:
+    """Its reader decodes all of a file that it opens: how large the picture is, is judged before."""
+    try:
+        import pillow_jxl  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra("pillow-jxl-plugin", "jxl", f"{name}: a JPEG XL photo") from error
+    width, height = jxl_size(stream.read(1 << 16))
+    if not width * height:
+        raise UnknownPicture
+    check_size(width, height, name)
+    stream.seek(0)

@@ -1,6 +1,6 @@
 """Photos on disk or in memory to display values, and previews back to PNG.
 
-Whatever comes (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, float EXR)
+Whatever comes (palette, CMYK, 16 bits, rotated by EXIF, wide-gamut, HDR, RAW, float EXR)
 leaves as upright sRGB in [0, 1]; what cannot be a photo is refused in one line.
 """
 
@@ -15,15 +15,38 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms, ImageOps
+from PIL import ExifTags, Image, ImageOps
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
-from anyprobe.errors import InvalidPhoto
+from anyprobe.errors import InvalidEnvironment, InvalidPhoto
 from anyprobe.files.atomic import atomic_path
+from anyprobe.files.color_encoding import is_linear
+from anyprobe.files.deep_pixels import (
+    TIFF_STARTS,
+    FloatPicture,
+    heif_sixteen_bits,
+    read_float_tiff,
+    sixteen_bits,
+    turned,
+)
+from anyprobe.files.embedded_color import Shown, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.headers import MAX_PIXELS, UnknownPicture, check_size, exif_exposure, exif_fov_deg, open_picture
+from anyprobe.files.gain_map import GainMap, find_gain_map
+from anyprobe.files.headers import (
+    MAX_PIXELS,
+    UnknownPicture,
+    check_size,
+    exif_exposure,
+    exif_fov_deg,
+    kind_of,
+    open_picture,
+)
+from anyprobe.files.icc import encoding_of
 from anyprobe.files.paths import open_regular
+from anyprobe.files.radiance import decode_hdr
+from anyprobe.files.raw import HEAD_BYTES, develop, is_raw
+from anyprobe.files.rgbe import HDR_MAGIC
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -40,6 +63,8 @@ class Pixels:
         exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
         name: what messages call the picture.
         warnings: one line each, for the user.
+        radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
+            light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
     """
 
     rgb: np.ndarray
@@ -48,25 +73,29 @@ class Pixels:
     name: str
     warnings: tuple[str, ...] = ()
     exposure: float | None = None
+    radiance: np.ndarray | None = None
 
 
-def read_image(source: ImageSource, name: str | None = None) -> Pixels:
+def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = False) -> Pixels:
     """Read a photo from a path, bytes, a Pillow image or an array.
 
-    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. An .exr
-    holds linear radiance and goes through the camera's response. Of an animation the first frame counts.
+    Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. Linear
+    radiance (.exr, .hdr, a TIFF of floats without a profile, RAW) goes through the camera's response. Of an animation
+    the first frame counts.
 
+    Args:
+        as_data: the numbers as they are stored, whatever the file says of colour: normals, say.
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
-        MissingExtra: a HEIC photo without its reader installed.
+        MissingExtra: a HEIC, RAW or JPEG XL photo without its reader installed.
     """
     if isinstance(source, np.ndarray):
         return _from_array(source, name or "array")
     if isinstance(source, Image.Image):
-        return _from_pillow(source, name or Path(getattr(source, "filename", "") or "image").name)
+        return _from_pillow(source, name or Path(getattr(source, "filename", "") or "image").name, None, as_data)
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
-        return _from_stream(io.BytesIO(data), len(data), name or "bytes")
+        return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data)
     if not isinstance(source, (str, os.PathLike)):
         raise InvalidPhoto(
             f"{name or 'photo'}: expected a path, bytes, a Pillow image or an array, "
@@ -74,13 +103,30 @@ def read_image(source: ImageSource, name: str | None = None) -> Pixels:
         )
     path = Path(source)
     with open_regular(path, InvalidPhoto, "an image file") as stream:
-        return _from_stream(stream, os.fstat(stream.fileno()).st_size, name or path.name or str(path))
+        size = os.fstat(stream.fileno()).st_size
+        return _from_stream(stream, size, name or path.name or str(path), as_data, path.name)
 
 
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 """Compression of a PNG, and of one of so many values: a third of the time for a tenth more bytes."""
 STRIP_ROWS = 64
-"""Of a large picture that are converted at a time."""
+"""Rows of a large picture that are converted at a time."""
+
+GAIN_MAP_MARKS, GAIN_MAP_BYTES = (b"hdrgm", b"ts:21496"), 1 << 28
+"""What a JPEG with a gain map has in its first segments, and how much of a file is looked through for the map."""
+TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+"""What brings a picture upright, by EXIF's orientation."""
+TAKEN_FOR_LINEAR = (
+    "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed sRGB's"
+)
 
 
 def write_png(path: str | os.PathLike[str], rgb: np.ndarray) -> None:
@@ -114,51 +160,131 @@ def picture_bytes(image: np.ndarray) -> np.ndarray:
     return result
 
 
-def _from_stream(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
+def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, file_name: str = "") -> Pixels:
     """Decode an open file or buffer, by what its first bytes say."""
-    head = stream.read(len(EXR_MAGIC))
-    stream.seek(0)
+    head = stream.read(64)
     if not head:
         raise InvalidPhoto(f"{name}: expected an image, got an empty file; copy or save it again")
-    if head == EXR_MAGIC:
-        return _from_exr(stream.read(num_bytes), name)
+    if head.startswith(TIFF_STARTS):
+        head += stream.read(HEAD_BYTES)
+    stream.seek(0)
+    if head.startswith(EXR_MAGIC):
+        return _from_linear(read_exr(stream.read(num_bytes), name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+    if head.startswith(HDR_MAGIC):
+        try:
+            return _from_linear(decode_hdr(stream.read(num_bytes), name, MAX_PIXELS), name)
+        except InvalidEnvironment as error:
+            raise InvalidPhoto(str(error)) from error
+    if is_raw(head, file_name):
+        return _from_raw(stream, num_bytes, name)
     try:
         image = open_picture(stream, name)
     except UnknownPicture as error:
-        raise InvalidPhoto(
-            f"{name}: expected an image (JPEG, PNG, WebP, TIFF, EXR, ...), "
-            f"got {num_bytes} bytes of something else; convert it to PNG or JPEG"
-        ) from error
+        stream.seek(0)
+        found = read_float_tiff(stream.read(num_bytes), name) if head.startswith(TIFF_STARTS) else None
+        if found is not None:
+            return _from_float_tiff(found, name, as_data)
+        expected = f"{name}: expected an image (JPEG, PNG, WebP, TIFF, HEIC, AVIF, EXR, RAW, ...), got"
+        raise InvalidPhoto(f"{expected} {kind_of(head, num_bytes)}") from error
     with image:
-        return _from_pillow(image, name)
+        if image.format == "TIFF" and image.mode == "F":
+            stream.seek(0)
+            found = read_float_tiff(stream.read(num_bytes), name)
+            if found is not None:
+                return _from_float_tiff(found, name, as_data)
+        return _from_pillow(image, name, stream, as_data)
 
 
-def _from_pillow(image: Image.Image, name: str) -> Pixels:
-    """Turn upright, take the transparency off, bring the colour to sRGB."""
+def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool) -> Pixels:
+    """Turn upright, take the transparency off, bring the colour to sRGB.
+
+    stream: the open file of the image, for what Pillow leaves out of it; None where there is none.
+    """
     check_size(*image.size, name)
     try:
         # not n_frames, which walks through all of them; a phone's MPO holds a photo and its thumbnail or depth
         animated = image.format != "MPO" and getattr(image, "is_animated", False)
+        encoding, profile, notes = (None, b"", ()) if as_data else said_encoding(image, stream)
+        deep = None
+        if stream is not None:
+            deep = sixteen_bits(image, lambda: _again(stream, name))
+            if encoding is not None and encoding.brighter and image.format == "HEIF":
+                deep = heif_sixteen_bits(stream)
         image.load()
         long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
-        image = _upright(image)
-        alpha = None
-        if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
-            image = image.convert("RGBA")
-            alpha = np.asarray(image.getchannel("A"))
-            image = image.convert("RGB")
-        values = _color_values(image)
+        orientation = _orientation(image)
+        if deep is not None:
+            deep = turned(deep, orientation)
+            alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
+            picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
+        else:
+            picture, alpha = _opaque(_upright(image))
+        done = Shown(values=_values(picture)) if as_data else shown(picture, encoding, profile)
+        gain_map = None if as_data or done.radiance is not None else _gain_map(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
-            f"{name}: expected a whole image, got a damaged or unusual one ({reason}); save it again as PNG or JPEG"
+            f"{name}: expected a whole image, got a damaged or unusual one ({reason}); copy it again, or open and save "
+            "it in another program"
         ) from error
-    del image  # its pixels; they are in values now
-    pixels = _from_array(values, name)
-    if alpha is not None and (alpha < 255).any():
-        pixels = replace(pixels, alpha=np.divide(alpha, np.float32(255.0), dtype=np.float32))
-    notes = (f"{name}: expected one picture, got several frames or pages; the first is used",)
-    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes if animated else (), exposure=exposure)
+    del image, picture, deep  # pixels; they are in values now
+    pixels = _from_array(done.values, name)
+    if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
+        pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
+    radiance = done.radiance
+    if gain_map is not None:
+        radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
+    notes = tuple(f"{name}: {note}" for note in (*notes, *done.warnings))
+    if animated:
+        notes += (f"{name}: expected one picture, got several frames or pages; the first is used",)
+    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure, radiance=radiance)
+
+
+def _again(stream: BinaryIO, name: str) -> Image.Image:
+    stream.seek(0)
+    return open_picture(stream, name)
+
+
+def _opaque(image: Image.Image) -> tuple[Image.Image | np.ndarray, np.ndarray | None]:
+    """A picture without its transparency (L, RGB or CMYK; or values of 16 bits or floats), and that, or None."""
+    alpha = None
+    if image.mode == "LA":
+        return image.getchannel("L"), np.asarray(image.getchannel("A"))
+    if image.has_transparency_data and not image.mode.startswith("I"):  # 16 bits have no RGBA
+        image = image.convert("RGBA")
+        alpha = np.asarray(image.getchannel("A"))
+        image = image.convert("RGB")
+    if image.mode.startswith("I;16") or image.mode == "I":  # older readers give 16 bits as I
+        values = np.asarray(image)
+        if values.min() < 0 or values.max() > 65535:
+            raise ValueError("whole numbers outside 0 to 65535")
+        return values.astype(np.uint16), alpha
+    if image.mode == "F":
+        return np.asarray(image), alpha
+    return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB"), alpha
+
+
+def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
+    if isinstance(picture, np.ndarray):
+        return picture
+    return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
+
+
+def _gain_map(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
+    """Of a JPEG that names one in its first segments."""
+    if stream is None or image.format not in ("JPEG", "MPO"):
+        return None
+    stream.seek(0)
+    head = stream.read(HEAD_BYTES)
+    return find_gain_map(head + stream.read(GAIN_MAP_BYTES)) if any(mark in head for mark in GAIN_MAP_MARKS) else None
+
+
+def _orientation(image: Image.Image) -> int:
+    """As EXIF has it; 1, upright, where that is damaged."""
+    try:
+        return int(image.getexif().get(ExifTags.Base.Orientation, 1))
+    except Exception:  # its parser raises whatever the bad bytes lead it to
+        return 1
 
 
 def _upright(image: Image.Image) -> Image.Image:
@@ -171,51 +297,58 @@ def _upright(image: Image.Image) -> Image.Image:
         return image
 
 
-def _color_values(image: Image.Image) -> np.ndarray:
-    """An opaque Pillow image to an array that _from_array takes."""
-    if image.mode.startswith("I;16") or image.mode == "I":  # older readers give 16 bits as I
-        values = np.asarray(image)
-        if values.min() < 0 or values.max() > 65535:
-            raise ValueError("whole numbers outside 0 to 65535")
-        return values.astype(np.uint16)
-    if image.mode == "F" or (image.mode == "L" and not image.info.get("icc_profile")):
-        return np.asarray(image)
-    if image.mode not in ("L", "RGB", "CMYK"):
-        image = image.convert("RGB")
-    return np.asarray(_to_srgb(image))
+def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
+    radiance, notes = develop(stream.read(num_bytes), name)
+    stream.seek(0)
+    pixels = _from_linear(radiance, name)
+    warnings = tuple(f"{name}: {note}" for note in notes)
+    try:
+        with open_picture(stream, name) as preview:  # which has the EXIF
+            said = {"long_fov_deg": exif_fov_deg(preview), "exposure": exif_exposure(preview)}
+    except (UnknownPicture, InvalidPhoto):
+        said = {}
+    return replace(pixels, warnings=warnings, radiance=None, **said)  # nothing is above the sensor's white
 
 
-def _to_srgb(image: Image.Image) -> Image.Image:
-    """Apply the embedded colour profile; a damaged or unfitting one is ignored."""
-    icc_profile = image.info.get("icc_profile")
-    if icc_profile:
-        try:
-            embedded = ImageCms.ImageCmsProfile(io.BytesIO(icc_profile))
-            if "srgb" not in ImageCms.getProfileDescription(embedded).lower():
-                image = ImageCms.profileToProfile(
-                    image,
-                    embedded,
-                    ImageCms.createProfile("sRGB"),
-                    renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
-                    outputMode="RGB",
-                )
-        except (ImageCms.PyCMSError, OSError, ValueError):
-            pass  # the colours are then read as sRGB, as most viewers do
-    return image if image.mode == "RGB" else image.convert("RGB")  # which would copy it
+def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
+    """Linear radiance, unless a profile says that they are coded; those above 1 are brighter than white."""
+    said = {"long_fov_deg": exif_fov_deg(found.image), "exposure": exif_exposure(found.image)}
+    values, channels = found.values, found.values.shape[2]
+    alpha = values[..., -1:] if channels in (2, 4) else values[..., :0]
+    color = np.repeat(values[..., :1], 3, axis=-1) if channels < 3 else values[..., :3]
+    encoding = encoding_of(found.profile) if found.profile else None
+    if as_data:
+        return replace(_from_array(np.concatenate([color, alpha], axis=-1), name), **said)
+    if encoding is None or is_linear(encoding):
+        linear = color if encoding is None else encoding.linear(color)
+        times = 1.0 if found.premultiplied or not alpha.size else alpha
+        pixels = _from_linear(np.concatenate([linear * times, alpha], axis=-1), name)
+        doubt = found.profile == b"" and pixels.radiance is None
+        notes = (f"{name}: {TAKEN_FOR_LINEAR}",) if doubt else ()
+        return replace(pixels, warnings=notes, **said)
+    _check_finite(values, name)
+    done = shown(color, replace(encoding, brighter=bool(color.max() > 1.0)))
+    pixels = _from_array(np.concatenate([np.clip(done.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
+    return replace(pixels, radiance=done.radiance, **said)
 
 
-def _from_exr(data: bytes, name: str) -> Pixels:
-    """Linear radiance, premultiplied by A, to display values."""
-    pixels = read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True)
-    check_size(pixels.shape[1], pixels.shape[0], name)
+def _check_finite(pixels: np.ndarray, name: str) -> None:
     if not np.isfinite(pixels).all():
         raise InvalidPhoto(f"{name}: expected finite radiance, got NaN or infinity; repair the picture first")
+
+
+def _from_linear(pixels: np.ndarray, name: str) -> Pixels:
+    """Linear radiance [H, W, 3 or 4], premultiplied by A, to display values; itself too where it is above white."""
+    check_size(pixels.shape[1], pixels.shape[0], name)
+    _check_finite(pixels, name)
     radiance = np.maximum(pixels[..., :3], 0.0)
     if pixels.shape[2] == 4:
         alpha = np.clip(pixels[..., 3:], 0.0, 1.0)
-        straight = radiance / np.where(alpha > 0.0, np.maximum(alpha, 1e-4), 1.0)  # 1e-4: no overflow
-        return _from_array(np.concatenate([response(straight), alpha], axis=-1), name)
-    return _from_array(response(radiance), name)
+        radiance = radiance / np.where(alpha > 0.0, np.maximum(alpha, 1e-4), 1.0)  # 1e-4: no overflow
+        made = _from_array(np.concatenate([response(radiance), alpha], axis=-1), name)
+    else:
+        made = _from_array(response(radiance), name)
+    return replace(made, radiance=radiance if radiance.max() > 1.0 else None)
 
 
 def _from_array(values: np.ndarray, name: str) -> Pixels:

@@ -16,7 +16,7 @@ from anyprobe.render.surface import frame_object
 from anyprobe.scatter.materials import Material, material_named
 
 BASE = 0.08
-"""Of the vase's height: what its rounded foot is cut off at, so that it stands."""
+"""Share of the vase's height that its rounded foot is cut off at, so that it stands."""
 
 
 def _vase() -> Mesh:

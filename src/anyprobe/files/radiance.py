@@ -201,12 +201,15 @@ def _check_kind(start: bytes, suffix: str, name: str) -> None:
 
 
 def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
-    """A whole .hdr file to radiance [H, W, 3] float32, EXPOSURE divided out, Rec. 709; or InvalidEnvironment."""
+    """A whole .hdr file to radiance [H, W, 3] float32, upright, Rec. 709; or InvalidEnvironment.
+
+    EXPOSURE and COLORCORR are divided out.
+    """
     header = read_header(data, name, max_pixels)
     if len(data) - header.at < header.height * least_bytes(header.width):
         raise _cut(name, header.height)
     radiance = np.empty((header.height, header.width, 3), dtype=np.float32)
-    at, exposure = header.at, np.float32(header.exposure)
+    at, exposure = header.at, np.array(header.exposure, np.float32)
     try:
         for y in range(header.height):
             row, at = decode_row(data, at, header.width)
@@ -215,7 +218,7 @@ def decode_hdr(data: bytes, name: str, max_pixels: int) -> np.ndarray:
         raise _cut(name, header.height) from error
     except ValueError as error:
         raise InvalidEnvironment(f"{name}: expected new run-length coding or none, got the old; save again") from error
-    return to_rec709(radiance, header.primaries, name, InvalidEnvironment)
+    return to_rec709(np.ascontiguousarray(header.upright(radiance)), header.primaries, name, InvalidEnvironment)
 
 
 def _cut(name: str, height: int) -> InvalidEnvironment:

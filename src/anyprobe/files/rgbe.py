@@ -13,7 +13,9 @@ from anyprobe.core.color import REC709_CHROMATICITIES
 from anyprobe.errors import InvalidEnvironment
 
 HDR_MAGIC = b"#?"
-RESOLUTION = re.compile(rb"-Y (\d{1,9}) \+X (\d{1,9})")
+RESOLUTION = re.compile(rb"([+-][XY]) +(\d{1,9}) +([+-][XY]) +(\d{1,9})")
+"""Along which axis rows follow each other and how many, and the same of a row's pixels; -Y is down, +X to the right."""
+BLANK = re.compile(rb"\r?\n\r?\n")
 
 HDR_HEADER_BYTES = 1 << 16
 """The header ends within these."""
@@ -27,6 +29,10 @@ RLE_WIDTHS = range(8, 32768)
 COMMENT_WIDTH = 72
 """Characters of an attribute's value in one line of a header."""
 
+XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
+"""PRIMARIES of a file of CIE X, Y and Z."""
+FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
+
 UNSTATED = (0.0,) * 8
 """PRIMARIES as programs write them that know of none."""
 
@@ -38,61 +44,91 @@ MIN_RUN = 4
 class HdrHeader:
     """What a .hdr says before its pixels, which begin at byte `at`.
 
-    exposure: what the pixels were multiplied by.
+    height, width: of the rows as they are stored; axes: along which rows, and a row's pixels, follow each other.
+    exposure: what the pixels' red, green and blue were multiplied by.
     primaries: CIE x, y of red, green, blue and white; those of Rec. 709 where the file names none, or eight zeros.
     """
 
     height: int
     width: int
-    exposure: float
+    axes: tuple[bytes, bytes]
+    exposure: tuple[float, float, float]
     primaries: tuple[float, ...]
     at: int
+
+    def upright(self, stored: np.ndarray) -> np.ndarray:
+        """Pixels [height, width, C] as they are stored, upright."""
+        rows, columns = self.axes
+        stored = stored[:: 1 if rows in (b"-Y", b"+X") else -1, :: 1 if columns in (b"-Y", b"+X") else -1]
+        return stored if rows.endswith(b"Y") else stored.swapaxes(0, 1)
 
 
 def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     """The header of a .hdr from the file's first bytes; InvalidEnvironment if it cannot be read by it."""
-    header, blank, body = data[:HDR_HEADER_BYTES].partition(b"\n\n")
-    if not data.startswith(HDR_MAGIC) or not blank:
-        raise InvalidEnvironment(f"{name}: expected a Radiance .hdr file, got other or no data; save it again")
-    exposure, primaries = 1.0, REC709_CHROMATICITIES
-    for line in header.split(b"\n"):
+    start = data[:HDR_HEADER_BYTES]
+    blank = BLANK.search(start)
+    if not data.startswith(HDR_MAGIC) or blank is None:
+        raise InvalidEnvironment(f"{name}: expected a Radiance .hdr file, got other or no data; copy it again")
+    exposure, primaries, form = np.ones(3), REC709_CHROMATICITIES, FORMATS[0]
+    for line in start[: blank.start()].split(b"\n"):
         key, _, value = line.partition(b"=")
-        if key.strip() == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
-            raise InvalidEnvironment(f"{name}: expected FORMAT=32-bit_rle_rgbe, got {_shown(value)}; save it as RGBE")
-        if key.strip() == b"EXPOSURE":  # cumulative: each line tells a factor already multiplied in
-            try:
-                exposure *= float(value)
-            except ValueError:
-                exposure = 0.0
-        if key.strip() == b"PRIMARIES":
+        key, value = key.strip(), value.strip()
+        if key == b"FORMAT":
+            form = value
+        if key == b"EXPOSURE":  # cumulative, as COLORCORR: each line tells a factor already multiplied in
+            exposure *= _factors(value, 1, "EXPOSURE to be a number > 0", name)
+        if key == b"COLORCORR":
+            exposure *= _factors(value, 3, "COLORCORR to be three numbers > 0", name)
+        if key == b"GAMMA" and not np.allclose(_factors(value, 1, "GAMMA to be 1", name), 1.0, atol=1e-3):
+            raise InvalidEnvironment(f"{name}: expected GAMMA=1, got {_shown(value)}; save it as linear radiance")
+        if key == b"PRIMARIES":
             try:
                 primaries = tuple(float(number) for number in value.split())
             except ValueError as error:
                 raise InvalidEnvironment(
                     f"{name}: expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header"
                 ) from error
-    if primaries == UNSTATED:
-        primaries = REC709_CHROMATICITIES
-    if not (np.isfinite(exposure) and exposure > 0.0):
+    if form not in FORMATS:
+        raise InvalidEnvironment(f"{name}: expected FORMAT=32-bit_rle_rgbe, got {_shown(form)}; save it as RGBE")
+    if primaries == UNSTATED or form != FORMATS[0]:
+        primaries = REC709_CHROMATICITIES if form == FORMATS[0] else XYZ
+    if not (np.isfinite(exposure) & (exposure > 0.0)).all():
         raise InvalidEnvironment(f"{name}: expected EXPOSURE to be a number > 0; repair the header")
-    line, _, _ = body.partition(b"\n")
+    line, _, _ = data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")
     size = RESOLUTION.fullmatch(line.strip())
-    if size is None:
-        raise InvalidEnvironment(f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it upright")
-    height, width = int(size[1]), int(size[2])
+    if size is None or size[1][1:] == size[3][1:]:
+        raise InvalidEnvironment(f"{name}: expected the size as -Y H +X W, got {_shown(line[:40])!r}; save it again")
+    height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= max_pixels:
         raise InvalidEnvironment(
             f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first"
         )
-    at = len(header) + len(blank) + len(line) + 1
-    return HdrHeader(height=height, width=width, exposure=exposure, primaries=primaries, at=at)
+    return HdrHeader(
+        height=height,
+        width=width,
+        axes=(size[1], size[3]),
+        exposure=tuple(exposure.tolist()),
+        primaries=primaries,
+        at=blank.end() + len(line) + 1,
+    )
+
+
+def _factors(value: bytes, count: int, expected: str, name: str) -> np.ndarray:
+    """Numbers of a header's line; a 0, which image libraries write for what they do not know, is a 1."""
+    try:
+        numbers = np.array([float(number) for number in value.split()])
+    except ValueError:
+        numbers = np.array([-1.0])
+    if len(numbers) != count or not (np.isfinite(numbers) & (numbers >= 0.0)).all():
+        raise InvalidEnvironment(f"{name}: expected {expected}, got {_shown(value)}; repair the header")
+    return np.where(numbers == 0.0, 1.0, numbers)
 
 
 def hdr_pixels(data: bytes) -> int:
     """Width times height by a file's first bytes, where its pixels begin; 0 where they do not say."""
-    body = data[:HDR_HEADER_BYTES].partition(b"\n\n")[2]
-    size = RESOLUTION.fullmatch(body.partition(b"\n")[0].strip())
-    return 0 if size is None else int(size[1]) * int(size[2])
+    blank = BLANK.search(data[:HDR_HEADER_BYTES])
+    size = blank and RESOLUTION.fullmatch(data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")[0].strip())
+    return int(size[2]) * int(size[4]) if size else 0
 
 
 def comments(attributes: Mapping[str, str], begin: str) -> str:
@@ -110,7 +146,9 @@ def comments(attributes: Mapping[str, str], begin: str) -> str:
 def read_comments(data: bytes, begin: str) -> dict[str, str]:
     """The attributes that comments wrote, from a file's first bytes."""
     found: dict[str, str] = {}
-    for line in data[:HDR_HEADER_BYTES].partition(b"\n\n")[0].decode("ascii", "replace").split("\n"):
+    start = data[:HDR_HEADER_BYTES]
+    blank = BLANK.search(start)
+    for line in start[: blank.start() if blank else None].decode("ascii", "replace").splitlines():
         key, equals, value = line.removeprefix(f"# {begin}").partition("=")
         if equals and line.startswith(f"# {begin}"):
             found[key] = f"{found[key]} {value}" if key in found else value

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cap
@@ -21,11 +22,11 @@ from anyprobe.light.filtering import blur_cap
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float
 
-BLUR_RADIUS = np.radians(5.0)
+BLUR_RADIUS = np.radians(contract("dominant_light")["blur_deg"])
 """Radius of the cap [radians]; a source narrower than that is one lobe, not several."""
 
-LOBE_LEVEL = 0.5
-RING_PX = 3
+LOBE_LEVEL: float = contract("dominant_light")["lobe_level"]
+RING_PX: int = contract("dominant_light")["ring_px"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

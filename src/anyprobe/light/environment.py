@@ -5,21 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.errors import InvalidEnvironment
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-MAP_HEIGHT = 64
+MAP_HEIGHT: int = contract("sizes")["map_height"]
 """Rows of every estimated map; the paper leaves the size open."""
 SEARCH_ROWS = 128
 """Rows at which a larger map is searched for its dominant light, and blurred."""
 
 
-def check_radiance(radiance: Float[np.ndarray, "H 2*H 3"], name: str = "map") -> Float[np.ndarray, "H 2*H 3"]:
+def check_radiance(radiance: np.ndarray, name: str = "map") -> Float[np.ndarray, "H 2*H 3"]:
     """Return the map as float32 [H, 2H, 3], or raise InvalidEnvironment."""
     radiance = np.asarray(radiance)
     shape = radiance.shape
@@ -47,13 +48,13 @@ def shrink(radiance, height: int):
     if old % height:
         raise ValueError(f"height {height} does not divide {old}")
     k = old // height
-    weights = xp.asarray(pixel_solid_angles(old), dtype=radiance.dtype, device=radiance.device)[:, :, None]
+    weights = xp.asarray(pixel_solid_angles(old), dtype=radiance.dtype, device=device(radiance))[:, :, None]
     blocks = xp.reshape(radiance * weights, (height, k, 2 * height, k, radiance.shape[2]))
     total = xp.sum(xp.sum(blocks, axis=3), axis=1)
     return total / (xp.sum(xp.reshape(weights, (height, k, 1, 1)), axis=1) * k)
 
 
-def reduced(radiance: Float[np.ndarray, "H 2*H 3"], rows: int = SEARCH_ROWS) -> Float[np.ndarray, "H 2*H C"]:
+def reduced(radiance: Float[np.ndarray, "H 2*H C"], rows: int = SEARCH_ROWS) -> Float[np.ndarray, "R 2*R C"]:
     """A map [H, 2H, C] of any height with at most so many rows, the integral over the sphere kept.
 
     For what costs H^3, as a blur by an angle does, and needs no detail: maps of thousands of rows are common.
@@ -83,11 +84,11 @@ def rotate(radiance, rotation):
     height = radiance.shape[0]
     directions = pixel_directions(height) @ np.asarray(rotation, dtype=np.float32)  # R^T d
     uv = direction_to_uv(directions).astype(np.float32)
-    return bilinear(radiance, xp.asarray(uv, device=radiance.device))
+    return bilinear(radiance, xp.asarray(uv, device=device(radiance)))
 
 
 def integral(radiance):
     """Sum of L dOmega over the sphere, [3]."""
     xp = array_namespace(radiance)
-    weights = xp.asarray(pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=radiance.device)
+    weights = xp.asarray(pixel_solid_angles(radiance.shape[0]), dtype=radiance.dtype, device=device(radiance))
     return xp.sum(xp.sum(radiance * weights[:, :, None], axis=1), axis=0)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 
 from anyprobe.core.latlong import pixel_solid_angles
 
@@ -44,7 +44,7 @@ def _apply(radiance, spectrum: np.ndarray):
     xp = array_namespace(radiance)
     width = radiance.shape[-2]
     waves = xp.fft.rfft(xp.moveaxis(radiance, -2, -3), axis=-3)  # [..., F, H, C]
-    kernel = xp.asarray(spectrum, device=radiance.device)
+    kernel = xp.asarray(spectrum, device=device(radiance))
     real, imag = kernel @ xp.real(waves), kernel @ xp.imag(waves)
     blurred = xp.fft.irfft(real + 1j * imag, n=width, axis=-3)
     return xp.astype(xp.moveaxis(blurred, -3, -2), radiance.dtype)

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace, to_device
+from array_api_compat import array_namespace, device, to_device
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
@@ -37,7 +37,7 @@ def take_pixels(radiance, count: int) -> tuple[Any, Any, Any]:
     rest[chosen] = bright - excess
     directions = np.reshape(pixel_directions(height), (-1, 3)).astype(np.float32)
     solid_angles = np.repeat(pixel_solid_angles(height), 2 * height, axis=1).reshape(-1, 1)
-    of_pixels = [xp.asarray(values, device=radiance.device) for values in (directions, solid_angles)]
+    of_pixels = [xp.asarray(values, device=device(radiance)) for values in (directions, solid_angles)]
     directions, solid_angles = (xp.take(values, chosen, axis=0) for values in of_pixels)
     return xp.reshape(rest, radiance.shape), directions, excess * solid_angles
 
@@ -78,7 +78,7 @@ def take_patches(radiance, count: int, patch: np.ndarray) -> tuple[Any, Any, Any
     directions = np.where(length[:, None] > 0, pointing / np.maximum(length, 1e-30)[:, None], (0.0, 1.0, 0.0))
     spread = WIDENING * np.clip(1.0 - length / np.maximum(total(weight)[:, 0], 1e-30), 0.0, None)
     found = (rest.reshape(radiance.shape), directions, total(power), np.where(length > 0, spread, 0.0))
-    return tuple(xp.asarray(values.astype(np.float32), device=radiance.device) for values in found)
+    return tuple(xp.asarray(values.astype(np.float32), device=device(radiance)) for values in found)
 
 
 def _sign(x):
@@ -188,11 +188,11 @@ def build_pyramid(radiance, side: int = 256, emitters: int = 0, patches: int | N
     elif emitters:
         radiance, directions, power = take_pixels(radiance, emitters)
         spread = 1.0 / side**2
-    uv = xp.asarray(_resampling(side), device=radiance.device)
+    uv = xp.asarray(_resampling(side), device=device(radiance))
     level = xp.mean(xp.mean(bilinear(radiance, uv), axis=3), axis=1)
     levels, size = [], side
     while True:
-        index = xp.asarray(_border_index(size), device=radiance.device)
+        index = xp.asarray(_border_index(size), device=device(radiance))
         levels.append(xp.take(xp.reshape(level, (size * size, 3)), index, axis=0))
         if size == 4:
             break

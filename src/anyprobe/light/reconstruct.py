@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from array_api_compat import array_namespace
 
+from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, CameraCurve, inverse_response
 
-THRESHOLD = 0.8
+THRESHOLD: float = contract("graph")["blend_from"]
 """tau of Eq. 8."""
 
-LN_MAX = 11.0
+LN_MAX: float = contract("graph")["ln_most"]
 """Largest ln radiance that is kept: a little below the largest half float."""
 
 

@@ -34,13 +34,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-OFFSET = 0.01
+FILTER = contract("filter")
+OFFSET: float = FILTER["offset"]
 """Added before the logarithm: what is much darker hardly lights anything, and black stays black."""
 SLOPE = np.float32(1.0 + OFFSET)
 WHITE = np.log(SLOPE)
@@ -58,16 +60,16 @@ class Smoothing:
     let_go: motion above which all that was before is to be forgotten. forgotten: share of it that is let be.
     """
 
-    still_s: float = 3.0
-    moving_s: float = 0.02
-    fast_s: float = 0.035
-    noise_s: float = 1.0
-    least_noise: float = 0.01
-    cut_level: float = 1.2
-    calm: float = 2.0
-    moved: float = 4.5
-    let_go: float = 0.5
-    forgotten: float = 0.05
+    still_s: float = FILTER["still_s"]
+    moving_s: float = FILTER["moving_s"]
+    fast_s: float = FILTER["fast_s"]
+    noise_s: float = FILTER["noise_s"]
+    least_noise: float = FILTER["least_noise"]
+    cut_level: float = FILTER["cut_level"]
+    calm: float = FILTER["calm"]
+    moved: float = FILTER["moved"]
+    let_go: float = FILTER["let_go"]
+    forgotten: float = FILTER["forgotten"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

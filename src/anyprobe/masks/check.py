@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
 
-MIN_OBJECT_PX = 24
+MIN_OBJECT_PX = contract("mask")["least_object_px"]
 """Smallest longer side of the object's bounding box."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.errors import InvalidMask
-from anyprobe.files.exr import in_display, read_channels
+from anyprobe.files.exr import in_display, read_channels, square_pixels
 from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.masks.check import check_mask
 
@@ -117,5 +117,5 @@ def _read_exr(path: Path) -> np.ndarray:
         if name in channels:
             if channels[name].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
                 raise ValueError("a channel of fewer pixels than its window")
-            return in_display(channels[name], header)
+            return square_pixels(in_display(channels[name], header), header, MAX_PIXELS, nearest=True)
     raise InvalidMask(f"{path.name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypedDict
 
 import numpy as np
 
@@ -19,27 +18,6 @@ from anyprobe.masks.propose import MaskNetwork, Proposal, as_proposal, object_wi
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.segmenters import Segmenter, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
-
-
-class Where(TypedDict, total=False):
-    """What can be given about the object, all of it optional.
-
-    mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array);
-        or a function that gets the upright photo [H, W, 3] uint8 and returns its mask [H, W].
-    depth: depth image of the same view; near, far: the cut, in its unit (see mask_from_depth).
-    click: x, y on the object, or several; exclude: likewise beside it.
-    box: x0, y0, x1, y1 around it. Pixels of the upright photo, from the top left.
-    segmenter: what finds it in the place of our network: a name of load_segmenter, or a Segmenter.
-    """
-
-    mask: MaskSource | None
-    depth: DepthSource | None
-    near: float | None
-    far: float | None
-    click: Clicks | None
-    exclude: Clicks | None
-    box: Sequence[float] | None
-    segmenter: str | Segmenter | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,8 +53,9 @@ def find_mask(
 ) -> FoundMask:
     """The object's mask: by the first given of mask, depth, click or box, alpha that cuts; else by what stands out.
 
-    Args: see Where.
-
+    Args:
+        mask, click, exclude, box, depth, near, far: as hints.Hints has them.
+        segmenter: what finds it in the place of our network: a name of load_segmenter, or a Segmenter.
     Raises:
         InvalidMask: with one line that says what to do; also when nothing is found.
     """

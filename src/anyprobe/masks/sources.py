@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image
 
 from anyprobe.core.color import luminance, to_bytes
+from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.headers import MAX_PIXELS
@@ -21,8 +22,11 @@ MaskPicture = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 MaskFunction = Callable[[np.ndarray], np.ndarray]
 MaskSource = MaskPicture | MaskFunction
 
-CUT_AWAY = 0.5
+CUT_AWAY = contract("mask")["alpha_cuts_at"]
 """Alpha up to which a pixel is no part of the object."""
+
+BLACK, WHITE = contract("mask")["file"]["black"], contract("mask")["file"]["white"]
+"""Brightness of a mask file up to which a pixel is not the object's, and from which on it is."""
 
 STRIP_ROWS = 256
 """Of a large picture that are worked on at once."""
@@ -71,7 +75,7 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else "mask"
     if _is_exr(source):
         return *_read_exr(source, name), name
-    pixels = read_image(source, name)
+    pixels = read_image(source, name, as_data=True)
     return _brightness(pixels.rgb), pixels.alpha, pixels.name
 
 
@@ -80,7 +84,7 @@ def _brightness(rgb: np.ndarray) -> np.ndarray:
     brightness = np.empty(rgb.shape[:2], np.float32)
     for top in range(0, len(rgb), STRIP_ROWS):
         rows = slice(top, top + STRIP_ROWS)
-        brightness[rows] = np.clip((luminance(rgb[rows]) - 0.1) / 0.8, 0.0, 1.0)
+        brightness[rows] = np.clip((luminance(rgb[rows]) - BLACK) / (WHITE - BLACK), 0.0, 1.0)
     return brightness
 
 

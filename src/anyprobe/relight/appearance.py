@@ -25,10 +25,10 @@ ALPHAS = (0.05, 0.15, 0.35, 0.8)
 DIELECTRIC_F0 = 0.045
 LEAST_METAL_F0 = 0.2
 MOST_REFLECTED = 0.9
-"""Of the light on it; paper and silver send back about so much."""
+"""The largest share of the light that is reflected; paper and silver send back about so much."""
 
 MOST_PIXELS = 1 << 22
-"""Of a photo, that its object's brightness and colour are taken from."""
+"""The most pixels of a photo that its object's brightness and colour are taken from."""
 
 SPHERE = 24
 NUM_QUANTILES = 32

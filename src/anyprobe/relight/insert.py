@@ -16,7 +16,7 @@ from anyprobe.estimate.normals_prior import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.refine import resize
 from anyprobe.relight.appearance import material_from_photo
-from anyprobe.relight.ground import STRIP_PIXELS, View, view_of
+from anyprobe.relight.ground_view import STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
@@ -42,7 +42,7 @@ THREADS = 2
 """That darken strips of the ground at a time."""
 
 MOST_PATHS = 1 << 25
-"""Of the path tracer for one object."""
+"""The most paths that are traced for one object."""
 
 LEAST_SHADOW = 1 / 1024
 """A quarter of a display step; where less is missing the photo stays as it is."""
@@ -65,7 +65,7 @@ class Window:
         )
 
 
-def window_surroundings(placement: Placement, view: View) -> Window | None:
+def window_of(placement: Placement, view: View) -> Window | None:
     """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
     pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
     low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
@@ -185,7 +185,7 @@ PHOTO_MATERIAL = "photo"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Arrangement:
-    """Where the virtual object stands, in the units of relight.ground.
+    """Where the virtual object stands, in the units of relight.ground_view.
 
     size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
@@ -218,7 +218,7 @@ class Stage:
         )
         if self.placement.mesh.positions[:, 2].max() >= 0:
             raise InputError("size: the object reaches behind the camera; make it smaller or place it farther away")
-        window = window_surroundings(self.placement, self.view)
+        window = window_of(self.placement, self.view)
         if window is None:
             raise InputError("at: the photo shows nothing of the object there; choose another place")
         self.window: Window = window

@@ -15,12 +15,13 @@ import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y
 from anyprobe.errors import InputError
+from anyprobe.estimate.ground import contact_of
 from anyprobe.estimate.photo import Photo, object_box
-from anyprobe.relight.ground import View, contact_of
+from anyprobe.relight.ground_view import View
 from anyprobe.render.mesh import Mesh
 
 LEAST_SHARE = 0.35
-"""Of what was asked: beside the real object or in front of it, it is made no smaller."""
+"""The smallest share of the size asked for: beside the real object or in front of it, it is made no smaller."""
 
 FRONT_ROWS = (0.25, 0.5, 0.75, 1.0)
 """Where places in front are tried, from the row that the real object stands on to the lowest of the photo."""

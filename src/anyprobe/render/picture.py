@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 
 from anyprobe.core.frames import normalize, orthonormal_basis
 from anyprobe.core.sampling import hammersley
@@ -76,19 +76,19 @@ def radiance_by_maps(
     xp, (specular_by, diffuse_by, look_up_by) = array_namespace(n, wo, u), shaders
 
     def array(values):
-        return xp.asarray(np.ascontiguousarray(values, dtype=np.float32), device=n.device)
+        return xp.asarray(np.ascontiguousarray(values, dtype=np.float32), device=device(n))
 
     middle = normalize(xp.mean(wo, axis=0))
     turn = xp.stack([*orthonormal_basis(middle), middle], axis=-1)
     seen = array(reflectance_normals(size).reshape(-1, 3)) @ turn.T
     toward_eye = seen * 0.0 + middle
-    width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
+    width = xp.full((seen.shape[0], 1), material.alpha, dtype=n.dtype, device=device(n))
     rest = replace(pyramid, emitters=None, emitter_power=None, emitter_spread=None)  # what is left of the map
     _, *terms = specular_by(rest, seen, toward_eye, width, u)
     if u_diffuse is not None:
         terms.append(diffuse_by(wide or pyramid, seen, toward_eye, u_diffuse))
     terms = xp.reshape(xp.concat(terms, axis=-1), (size, size, -1))
-    width = xp.full((n.shape[0], 1), material.alpha, dtype=n.dtype, device=n.device)
+    width = xp.full((n.shape[0], 1), material.alpha, dtype=n.dtype, device=device(n))
     specular, grazing, *diffuse = look_up_by(pyramid, terms, turn, n, wo, width, array(albedo_table()))
     f0 = array(material.f0)
     radiance = f0 * specular + (1.0 - f0) * grazing

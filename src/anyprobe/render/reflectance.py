@@ -92,5 +92,5 @@ def read_map(picture, xy, channels) -> list:
     size = picture.shape[0]
     flat = xp.reshape(picture, (size * size, -1))
     column, row = (xp.clip((xy[..., k] + 1.0) * (size / 2) - 0.5, 0.0, size - 1.001) for k in range(2))
-    surroundings = corners(column, row, size)
-    return [sum(flat[index, channel] * share for index, share in surroundings) for channel in channels]
+    weighted = corners(column, row, size)
+    return [sum(flat[index, channel] * share for index, share in weighted) for channel in channels]

@@ -198,9 +198,9 @@ def part(rng: np.random.Generator) -> Mesh:
         center = host_center + offset * host_half
         hosts.append((half, center))
         positions, faces = _placed(rng, half, center)
-        surroundings = rng.integers(2, 7) if rng.random() < 0.3 else 1
-        for k in range(surroundings):
-            turn = rotation_y(2 * np.pi * k / surroundings)
+        copies = rng.integers(2, 7) if rng.random() < 0.3 else 1
+        for k in range(copies):
+            turn = rotation_y(2 * np.pi * k / copies)
             pieces.append((positions @ turn.T, faces))
     return make_mesh(*put_together(pieces), crease_deg=CREASE_DEG)
 
@@ -226,13 +226,13 @@ def extruded(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         angles.append(more)
     phi = np.sort(np.concatenate(angles) % (2 * np.pi))
     phi = phi[np.diff(phi, append=phi[0] + 2 * np.pi) > 1e-3]
-    surroundings = np.stack([np.sin(phi), np.zeros_like(phi), np.cos(phi)], axis=-1)
+    circle = np.stack([np.sin(phi), np.zeros_like(phi), np.cos(phi)], axis=-1)
     rows = _profile(rng)
-    outer = surroundings * outline(phi)[:, None]
+    outer = circle * outline(phi)[:, None]
     grid = rows[:, 1, None, None] * outer + rows[:, 0, None, None] * [0.0, 1.0, 0.0]
     if hole is None:
         return _closed(grid, np.stack([grid[0].mean(axis=0), grid[-1].mean(axis=0)]) * [0, 1, 0])
-    inner = surroundings * (hole(phi) * rng.uniform(0.3, 0.85))[:, None]
+    inner = circle * (hole(phi) * rng.uniform(0.3, 0.85))[:, None]
     wall = (np.linalg.norm(outer, axis=1) / np.linalg.norm(inner, axis=1)).min()
     inner *= min(1.0, 0.9 * rows[[0, -1], 1].min() * wall)
     ends = inner + rows[[-1, 0], 0][:, None, None] * [0.0, 1.0, 0.0]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from array_api_compat import array_namespace
 
+from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize
 from anyprobe.errors import InputError
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
@@ -60,9 +61,9 @@ def total_reflectance(albedo, f0):
     return fresnel + (1.0 - fresnel) * albedo
 
 
-MATERIAL_INPUTS = 8
+MATERIAL_INPUTS: int = contract("materials")["inputs"]
 """Numbers by which a network is given a material."""
-LEAST_REFLECTANCE = 0.02
+LEAST_REFLECTANCE: float = contract("materials")["least_reflectance"]
 """Darker than this is taken as this: a hollow of black velvet."""
 
 
@@ -77,11 +78,10 @@ def material_input(material: Material) -> np.ndarray:
 
 
 MATERIALS: dict[str, Material] = {
-    "chrome": Material(albedo=np.zeros(3), f0=np.array([0.65, 0.66, 0.66]), alpha=0.03),
-    "gold": Material(albedo=np.zeros(3), f0=np.array([1.00, 0.77, 0.34]), alpha=0.12),
-    "plastic": Material(albedo=np.array([0.52, 0.06, 0.05]), f0=np.full(3, 0.045), alpha=0.12),
-    "matte": Material(albedo=np.full(3, 0.6), f0=np.full(3, 0.04), alpha=0.9),
+    name: Material(albedo=np.array(one["albedo"]), f0=np.array(one["f0"]), alpha=one["alpha"])
+    for name, one in contract("materials")["named"].items()
 }
+"""By name. Chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm)."""
 
 
 def material_named(name: str, *also: str) -> Material:
@@ -93,7 +93,7 @@ def material_named(name: str, *also: str) -> Material:
 
 MATTE = "matte"
 """The material that has the albedo or roughness where only these are given."""
-LEAST_ROUGHNESS = 0.1
+LEAST_ROUGHNESS: float = contract("materials")["least_roughness"]
 """Below it a lobe is narrower than any pixel."""
 
 

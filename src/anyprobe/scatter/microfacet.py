@@ -83,5 +83,5 @@ def directional_albedo(n_dot_wo, alpha, table):
     row = xp.clip((alpha**0.5 - 0.1) * ((ROUGHNESSES - 1) / 0.9), 0.0, ROUGHNESSES - 1.001) + 0.0 * column
     column = column + 0.0 * row
     flat = xp.reshape(table, (-1, 2))
-    surroundings = corners(column, row, COSINES)
-    return tuple(sum(flat[index, kind] * share for index, share in surroundings) for kind in range(2))
+    weighted = corners(column, row, COSINES)
+    return tuple(sum(flat[index, kind] * share for index, share in weighted) for kind in range(2))

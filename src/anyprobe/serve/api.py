@@ -6,7 +6,8 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from typing import Any
+from functools import partial
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from fastapi import FastAPI, Request
@@ -21,16 +22,17 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.multiview import estimate_crops
 from anyprobe.estimate.result import Light
 from anyprobe.export.targets import TARGETS, find_target
-from anyprobe.scatter.materials import given_material
-from anyprobe.serve import answers, openapi
+from anyprobe.serve import answers, openapi, tasks
 from anyprobe.serve.guards import BodyLimit, HeadAsGet, OwnNamesOnly, OwnPagesOnly, SecureHeaders, TokenOnly
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.page import Page, add_page
 from anyprobe.serve.pool import Busy, Cancellation, Cancelled, WorkerPool
-from anyprobe.serve.tasks import Cut, TooManyPixels, Upload
+from anyprobe.serve.tasks import TooManyPixels, Upload
 from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
+
+Given, Answer = ParamSpec("Given"), TypeVar("Answer")
 
 CLIENT_GONE = 499
 """This answer is never read; the number is the one that logs of other servers use."""
@@ -93,15 +95,18 @@ def create_app(
 def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPool) -> None:
     """The addresses that other programs call."""
 
-    def asked_of(upload: Upload) -> Estimator:
-        return estimator if upload.emitters is None else estimator.with_emitters(upload.emitters)
+    async def decode(
+        request: Request,
+        task: Callable[Concatenate[Upload, int, Given], Answer],
+        upload: Upload,
+        *given: Given.args,
+        **named: Given.kwargs,
+    ) -> Answer:
+        work = partial(task, upload, limits.max_pixels, *given, **named)
+        return await pool.decode(work, upload.is_quick, _leaving(request))
 
-    async def decode(request: Request, task: str, upload: Upload, *arguments: Any) -> Any:
-        arguments = (upload, limits.max_pixels, *arguments)
-        return await pool.decode(task, *arguments, quick=upload.is_quick, gone=_leaving(request))
-
-    async def cut(request: Request, upload: Upload, first: bool = True) -> Cut:
-        return await decode(request, "cut", upload, first, first and "mask" in upload.include)
+    async def cut(request: Request, upload: Upload, first: bool = True) -> tasks.Cut:
+        return await decode(request, tasks.cut, upload, first, first and "mask" in upload.include)
 
     @app.get("/healthz", summary="Is the server up, and how busy is it?", tags=["server"], openapi_extra=openapi.HEALTH)
     async def healthz() -> dict[str, Any]:
@@ -123,12 +128,11 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.ESTIMATE)
-            material = given_material(upload.material, upload.albedo, upload.roughness)
             start = time.perf_counter()
             taken = await cut(request, upload)
 
             def work(cancellation: Cancellation) -> Response:
-                light = asked_of(upload).from_crop(taken.photo, taken.crop, start, material=material)
+                light = estimator.with_settings(**upload.settings).from_crop(taken.photo, taken.crop, start)
                 cancellation.check()
                 light = _detailed(light, upload, taken.seen)
                 return answers.light_response(light, media, upload.include, taken.mask)
@@ -145,8 +149,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         async with pool.place():
             uploads, turns = await read_views(request, pool)
             common = uploads[0]
-            material = given_material(common.material, common.albedo, common.roughness)
-            cuts: list[Cut] = []
+            cuts: list[tasks.Cut] = []
             spent: list[float] = []
             for upload in uploads:
                 start = time.perf_counter()
@@ -155,7 +158,8 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
             def work(cancellation: Cancellation) -> Response:
                 taken = [(one.photo, one.crop) for one in cuts]
-                light = estimate_crops(asked_of(common).from_crop, taken, turns, spent, material)
+                from_crop = estimator.with_settings(**common.settings).from_crop
+                light = estimate_crops(from_crop, taken, turns, spent)
                 cancellation.check()
                 light = _detailed(light, common)
                 return answers.light_response(light, media, common.include, cuts[0].mask)
@@ -168,7 +172,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.DETAIL)
-            light = await decode(request, "sharpened", upload)
+            light = await decode(request, tasks.sharpened, upload)
             work = answers.light_response
             return await pool.run(lambda _: work(light, media, upload.include, None), _leaving(request))
 
@@ -178,7 +182,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.MASK)
-            found = await decode(request, "mask", upload, media == answers.JSON)
+            found = await decode(request, tasks.mask, upload, media == answers.JSON)
         return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
     @app.post("/v1/photo", openapi_extra=openapi.PHOTO, tags=["page"], response_class=Response)
@@ -186,7 +190,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
         async with pool.place():
             upload = await read_upload(request, pool, openapi.PHOTO)
-            picture, fov_deg = await decode(request, "upright", upload)
+            picture, fov_deg = await decode(request, tasks.upright, upload)
         headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
         return Response(picture, media_type="image/png", headers=headers)
 
@@ -196,7 +200,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         find_target(target)
         async with pool.place():
             upload = await read_upload(request, pool, openapi.EXPORT)
-            archive = await decode(request, "export_zip", upload, target)
+            archive = await decode(request, tasks.export_zip, upload, target)
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 

@@ -27,10 +27,10 @@ MAX_PHOTOS = 16
 """Photos in one request."""
 
 MAX_MAP_ROWS = 512
-"""Of a map that is exported: a cube of it takes 5 seconds; ours have 64."""
+"""The most rows of a map that is exported: a cube of it takes 5 seconds; ours have 64."""
 
 MAX_PANORAMA_PIXELS = 8_500_000
-"""Of surroundings, which are brought to 128 x 64."""
+"""The most pixels of surroundings, which are brought to 128 x 64."""
 
 QUICK_BYTES = 16 * 2**20
 """JPEG, PNG and WebP up to this are decoded in a moment."""

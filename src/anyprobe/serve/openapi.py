@@ -1,29 +1,31 @@
-"""What the OpenAPI page says of requests that are read by hand: bodies, forms, options, errors."""
+"""What the OpenAPI page says of requests that are read by hand: bodies, forms, options, errors.
+
+Form models of FastAPI would read the whole body before an endpoint can hold its place, time it or bound its parts.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+from anyprobe.hints import HINTS
 from anyprobe.serve.limits import MAX_PHOTOS
 
 FORM = "multipart/form-data"
 
 _FILE = {"type": "string", "format": "binary"}
 
-_OPTIONS: dict[str, str] = {
-    "box": "X0,Y0,X1,Y1 around the object, in pixels of the upright photo",
-    "click": "X,Y on the object; may be given again",
-    "exclude": "X,Y beside the object; may be given again",
-    "fov": "field of view of the photo's longer side, degrees; else EXIF's, else 65",
-}
 
-_PRIORS = {
-    "normals": "sphere, if the object is one; a normal map comes as a file part",
-    "surroundings": "photo, if what it shows beside the object lights it; a panorama comes as a file part",
-    "material": "the object's, where known: chrome, gold, plastic or matte",
-    "albedo": "its linear diffuse albedo, one number or R,G,B; a grey card has 0.18",
-    "roughness": "its roughness as in glTF, 0.1 to 1: alpha's root",
-}
+def _texts(*about: str) -> dict[str, str]:
+    """Hints about these that come as text, and their lines; of a file that has none, the word in its place."""
+    found = [hint for hint in HINTS.values() if hint.over_http and hint.about in about]
+    return {hint.name: hint.help for hint in found if hint.words or not hint.suffixes}
+
+
+def _files(*about: str) -> dict[str, str]:
+    """Hints about these that come as file parts."""
+    found = [hint for hint in HINTS.values() if hint.over_http and hint.about in about]
+    return {hint.name: hint.help for hint in found if hint.suffixes}
+
 
 _EXPORT = {
     "exposure": "stops, -30 to 30; 1 doubles the light",
@@ -66,15 +68,6 @@ _ERRORS = _AT_THE_DOOR | {
 }
 
 
-_MASK = {"mask": "picture of the photo's size, white on the object"}
-_NORMALS = {
-    "normals": "picture of (n + 1) / 2 of the photo's size, +X right, +Y up, +Z to the camera; or the word sphere"
-}
-_SURROUNDINGS = {
-    "surroundings": "panorama in the camera's frame, transparent where nothing is known; or the word photo"
-}
-
-
 def _upload(
     options: dict[str, str], formats: list[str], answer: dict[str, Any], files: dict[str, str]
 ) -> dict[str, Any]:
@@ -98,16 +91,16 @@ _ANY: dict[str, Any] = {"schema": {"type": "object"}}
 _BYTES = {"schema": _FILE}
 
 ESTIMATE = _upload(
-    _OPTIONS | _PRIORS | _ANSWER | _DETAIL,
+    _texts("place", "camera", "light") | _ANSWER | _DETAIL,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
-    files=_MASK | _NORMALS | _SURROUNDINGS,
+    files=_files("place", "light"),
 )
 
 
 def _multiview() -> dict[str, Any]:
     """As ESTIMATE, of several photos in a form."""
-    texts = {"fov": _OPTIONS["fov"], **_PRIORS, **_ANSWER, **_DETAIL}
+    texts = {**_texts("camera", "light"), **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     fields: dict[str, Any] = {
         "photo": {"type": "array", "items": _FILE, "description": f"1 to {MAX_PHOTOS} photos of one object"},
@@ -127,7 +120,9 @@ def _multiview() -> dict[str, Any]:
 FUSE = _multiview()
 TARGETS = {"responses": _AT_THE_DOOR}
 HEALTH = {"responses": {status: text for status, text in _AT_THE_DOOR.items() if status != "401"}}
-MASK = _upload(_OPTIONS, ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_MASK)
+MASK = _upload(
+    _texts("place", "camera"), ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_files("place")
+)
 PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
 DETAIL = _upload(
     {"size": _DETAIL["size"]},

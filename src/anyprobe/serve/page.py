@@ -51,7 +51,7 @@ PACKED = ".gz"
 
 EXAMPLE = "example/vase.png"
 EXAMPLE_FOV_DEG = 24.0
-"""Of the camera that drew it."""
+"""Field of view of the camera that drew it."""
 
 
 class Page:

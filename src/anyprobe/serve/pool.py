@@ -10,12 +10,13 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from starlette.exceptions import HTTPException
 
 from anyprobe.serve.limits import Limits
 from anyprobe.serve.processes import Lane, TooSlow
+from anyprobe.serve.tasks import ready
 
 Answer = TypeVar("Answer")
 
@@ -137,14 +138,15 @@ class WorkerPool:
                 {"Connection": "close"},
             ) from error
 
-    async def decode(self, task: str, *arguments: Any, quick: bool, gone: Callable[[], Awaitable[None]]) -> Any:
-        """What serve.tasks's function returns, computed in a process; raises as Lane.call and run do."""
+    async def decode(self, task: Callable[[], Answer], quick: bool, gone: Callable[[], Awaitable[None]]) -> Answer:
+        """What a function of serve.tasks, a partial with its arguments, returns in a process; raises as it, Lane.call
+        and run do."""
         if quick:
             try:
-                return await self.run(lambda _: self._lanes["quick"].call(task, *arguments), gone, "quick")
+                return await self.run(lambda _: self._lanes["quick"].call(task), gone, "quick")
             except TooSlow:
                 pass
-        return await self.run(lambda _: self._lanes["slow"].call(task, *arguments), gone, "slow")
+        return await self.run(lambda _: self._lanes["slow"].call(task), gone, "slow")
 
     async def run(
         self, work: Callable[[Cancellation], Answer], gone: Callable[[], Awaitable[None]], kind: str = "compute"
@@ -170,7 +172,7 @@ class WorkerPool:
     def warm(self) -> None:
         """Have a process of each kind ready, in threads of their own."""
         for name, lane in self._lanes.items():
-            self._threads[name].submit(lane.call, "ready")
+            self._threads[name].submit(lane.call, ready)
 
     def close(self) -> None:
         """Let the running work end; drop what waits."""

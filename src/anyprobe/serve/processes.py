@@ -18,9 +18,12 @@ import time
 import traceback
 import weakref
 from collections.abc import Callable
-from typing import Any, BinaryIO
+from functools import partial
+from typing import Any, BinaryIO, ParamSpec, TypeVar
 
 from anyprobe.errors import AnyprobeError, InputError
+
+Given, Answer = ParamSpec("Given"), TypeVar("Answer")
 
 log = logging.getLogger("anyprobe.serve")
 
@@ -55,8 +58,8 @@ class Lane:
         self._closed = False
         weakref.finalize(self, _end_all, self._idle)
 
-    def call(self, task: str, *arguments: Any) -> Any:
-        """What serve.tasks's function of that name returns; blocks until then.
+    def call(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
+        """What a function of a module, as those of serve.tasks, returns there; blocks until then.
 
         Raises:
             AnyprobeError: as the function does. TooSlow, TooMuchMemory: it was ended.
@@ -65,7 +68,7 @@ class Lane:
             worker = self._idle.pop() if self._idle else None
         worker = worker or _Worker(self._memory_mb, self._niceness)
         try:
-            answer = worker.call((task, arguments, self._seconds), self._seconds)
+            answer = worker.call((partial(work, *given, **named), self._seconds), self._seconds)
         except BaseException:
             worker.end()
             raise
@@ -168,18 +171,18 @@ def work(memory_mb: int, niceness: int) -> None:
     _bound_memory(memory_mb)
     for count in range(1, MAX_CALLS + 1):
         try:
-            task, arguments, seconds = pickle.load(given)
+            task, seconds = pickle.load(given)
         except EOFError:
             return
         _bound_time(seconds)
-        answer = _answer(getattr(tasks, task), arguments)
-        del arguments
+        answer = _answer(task)
+        del task
         _send(answers, answer | {"keep": count < MAX_CALLS and _held_mb() < USED_UP_MB})
 
 
-def _answer(function: Callable, arguments: tuple) -> dict[str, Any]:
+def _answer(task: Callable[[], Any]) -> dict[str, Any]:
     try:
-        return {"result": function(*arguments)}
+        return {"result": task()}
     except MemoryError:
         text = "expected a file that fits in memory when decoded, got a larger one; send it smaller"
         return {"kind": TooMuchMemory, "error": text}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,14 @@ from PIL import Image
 from anyprobe.core.frames import rotation_of
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail
 from anyprobe.errors import InputError, InvalidEnvironment
+from anyprobe.estimate.estimator import SettingsDict
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
 from anyprobe.files.headers import declared_pixels
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import map_attributes, read_radiance
+from anyprobe.hints import Hints
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 
@@ -28,7 +30,7 @@ PAGE_LONG_PX = 2048
 """Longer side of what /v1/photo sends back: more than a page shows."""
 
 QUICK_STARTS = (b"\xff\xd8\xff", b"\x89PNG", b"RIFF")
-"""Of JPEG, PNG and WebP."""
+"""First bytes of JPEG, PNG and WebP."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,16 +40,9 @@ class Upload:
     Attributes:
         photo: the file's bytes, as sent.
         name: file name without folders, for messages; "photo" where none came.
-        mask: bytes of a mask picture; normals: of a picture of the object's normals, or "sphere";
-        surroundings: of a panorama in the camera's frame, or "photo".
-        box: X0, Y0, X1, Y1 in pixels of the upright photo.
-        clicks: x, y on the object, in pixels of the upright photo.
-        exclude: likewise beside it.
-        fov_deg: field of view of the longer side.
-        material: name of the object's; albedo: its linear albedo, one number or three; roughness: as in glTF.
+        hints: what is given of its object; files as their bytes.
+        settings: emitters, detail and size, as far as they are asked for.
         confidence: bytes of a map that says how much each direction of a map counts.
-        detail: of detail.plausible.DETAILS; size: rows of the map with it, None for the default.
-        emitters: how the light sources are asked for, of estimate.runtime.EMITTERS.
         include: what the JSON answer shall carry besides: "radiance", "stages", "mask".
         exposure: stops that an export is brightened by.
         world_from_camera: what an export is turned by: 2 or 3 angles in degrees, or 9 numbers of a matrix.
@@ -55,20 +50,9 @@ class Upload:
 
     photo: bytes
     name: str = "photo"
-    mask: bytes | None = None
-    normals: bytes | str | None = None
-    surroundings: bytes | str | None = None
-    box: tuple[float, ...] | None = None
-    clicks: tuple[tuple[float, float], ...] = ()
-    exclude: tuple[tuple[float, float], ...] = ()
-    fov_deg: float | None = None
-    material: str | None = None
-    albedo: tuple[float, ...] | None = None
-    roughness: float | None = None
+    hints: Hints = Hints()
+    settings: SettingsDict = field(default_factory=SettingsDict)
     confidence: bytes | None = None
-    detail: str | None = None
-    size: int | None = None
-    emitters: str | None = None
     include: frozenset[str] = frozenset()
     exposure: float | None = None
     world_from_camera: tuple[float, ...] | None = None
@@ -76,12 +60,17 @@ class Upload:
     @property
     def rows(self) -> int | None:
         """Of the map with detail; None where none is asked for."""
-        return (self.size or ROWS) if check_detail(self.detail or DETAILS[0]) else None
+        return self.settings.get("size", ROWS) if check_detail(self.settings.get("detail", DETAILS[0])) else None
+
+    def pictures(self) -> list[tuple[str, bytes]]:
+        """What it carries as files, and what messages call each; a client names its photo as it likes."""
+        files = [(self.name, self.photo), ("confidence", self.confidence), *self.hints.given()]
+        return [(name, data) for name, data in files if isinstance(data, bytes)]
 
     @property
     def is_quick(self) -> bool:
         """Whether all its pictures are of formats that are decoded in a moment."""
-        pictures = [one for one in (self.photo, self.mask, self.normals, self.surroundings) if isinstance(one, bytes)]
+        pictures = [data for _, data in self.pictures()]
         return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
@@ -166,7 +155,7 @@ def sharpened(upload: Upload, max_pixels: int) -> Light:
         raise InvalidEnvironment(
             f"confidence: expected the map's size {radiance.shape[:2]}, got {confidence.shape}; send both of one size"
         )
-    return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.size or ROWS)
+    return Light(radiance=radiance, confidence=confidence).with_detail(size=upload.settings.get("size", ROWS))
 
 
 @contextmanager
@@ -187,24 +176,12 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
 def _open(upload: Upload, max_pixels: int) -> Photo:
     """The photo with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
-    return load_photo(
-        upload.photo,
-        name=upload.name,
-        mask=upload.mask,
-        click=upload.clicks or None,
-        exclude=upload.exclude or None,
-        box=upload.box,
-        fov_deg=upload.fov_deg,
-        normals=upload.normals,
-        surroundings=upload.surroundings,
-    )
+    return load_photo(upload.photo, upload.hints, name=upload.name)
 
 
 def _check_pixels(upload: Upload, max_pixels: int) -> None:
     """TooManyPixels where a picture's header claims more."""
-    pictures = {upload.name: upload.photo, "mask": upload.mask, "normals": upload.normals}
-    pictures["confidence"] = upload.confidence
-    bounds = dict.fromkeys(pictures, max_pixels) | {"surroundings": min(max_pixels, MAX_PANORAMA_PIXELS)}
-    for name, picture in (pictures | {"surroundings": upload.surroundings}).items():
-        if isinstance(picture, bytes) and declared_pixels(picture) > bounds[name]:
-            raise TooManyPixels(f"{name}: expected at most {bounds[name] / 1e6:g} million pixels; shrink it first")
+    for name, picture in upload.pictures():
+        bound = min(max_pixels, MAX_PANORAMA_PIXELS) if picture is upload.hints.surroundings else max_pixels
+        if declared_pixels(picture) > bound:
+            raise TooManyPixels(f"{name}: expected at most {bound / 1e6:g} million pixels; shrink it first")

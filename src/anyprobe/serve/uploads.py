@@ -17,17 +17,21 @@ from starlette.requests import ClientDisconnect, Request
 
 from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
-from anyprobe.estimate.normals_prior import SPHERE
+from anyprobe.estimate.estimator import SettingsDict
 from anyprobe.estimate.runtime import EXPECTED, MODE
-from anyprobe.estimate.surroundings import PHOTO
 from anyprobe.files.poses import parse_poses
+from anyprobe.hints import HINTS, SPHERE, Hints, check_together, said_as
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
 from anyprobe.serve.openapi import FORM, FUSE, OLD_NAMES, form_names, query_names
 from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
-SHAPES = {"sphere": SPHERE, "ball": SPHERE}
+OVER_HTTP = {field: hint for field, hint in HINTS.items() if hint.over_http}
+FILES = {field: hint for field, hint in OVER_HTTP.items() if hint.suffixes}
+"""Hints that requests carry, and those that are file parts."""
+OLD_WORDS = {"ball": SPHERE}
+"""Words of older clients, and what they are called now."""
 EMITTERS = {"mode": MODE, "expected": EXPECTED, "drawn": MODE, "spread": EXPECTED}
 """Words of requests, those of older clients last, and what they stand for."""
 
@@ -52,16 +56,13 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         HTTPException: 408 too slow.
         InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
-    name, mask, normals, surroundings, confidence = "photo", b"", b"", b"", b""
-    async with _read_form(request, pool, max_files=4) as form:
+    name, confidence, files = "photo", b"", {}
+    async with _read_form(request, pool, max_files=2 + len(FILES)) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
-            mask, _ = await _file(form, "mask")
             confidence, _ = await _file(form, "confidence")
-            if not isinstance(form.get("normals"), str):
-                normals, _ = await _file(form, "normals")
-            if not isinstance(form.get("surroundings"), str):
-                surroundings, _ = await _file(form, "surroundings")
+            texts = [one for one, hint in FILES.items() if hint.words and isinstance(form.get(hint.name), str)]
+            files = {one: (await _file(form, hint.name))[0] for one, hint in FILES.items() if one not in texts}
         else:
             photo = await request.body()
     refuse_unknown(form, request.query_params, address)
@@ -71,16 +72,12 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
     return Upload(
         photo=photo,
         name=name,
-        mask=mask or None,
+        hints=option.hints({one: data for one, data in files.items() if data}),
+        settings=option.settings(),
         confidence=confidence or None,
-        normals=normals or option.one_of("normals", SHAPES, "a file part or sphere"),
-        surroundings=surroundings or option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
-        box=option.numbers("box", 4),
-        clicks=option.points("click"),
-        exclude=option.points("exclude"),
+        include=option.include(),
         exposure=option.number("exposure"),
         world_from_camera=option.turn("world_from_camera"),
-        **option.of_light(),
     )
 
 
@@ -101,35 +98,29 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
         poses = given.encode() if isinstance(given, str) else await given.read()
         files = [name for name in form if not all(isinstance(one, str) for one in form.getlist(name))]
     option = Options(form, request.query_params)
-    unused = [name for name in files if name in ("normals", "surroundings")]
+    unused = [name for name in files if name in FILES and name != "mask"]
     unused += [name for name in ("click", "exclude") if option.texts(name)]
     if unused:
         raise InvalidPhoto(f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have")
     refuse_unknown(form, request.query_params, FUSE)
     if not 1 <= len(photos) <= MAX_PHOTOS:
         raise InvalidPhoto(f"photo: expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}")
-    boxes = [parse_numbers("box", text, 4) for text in option.texts("box")]
+    boxes = [HINTS["box"].read(text) for text in option.texts("box")]
     for name, each in (("mask", masks), ("box", boxes)):
         if len(each) not in (0, len(photos)):
             raise InvalidMask(f"{name}: expected none or one a photo, got {len(each)} for {len(photos)} photos")
     turns, fovs = await asyncio.to_thread(_poses_of, photos, poses)
-    common = Upload(
-        photo=b"",
-        normals=option.one_of("normals", SHAPES, "a file part or sphere"),
-        surroundings=option.one_of("surroundings", {PHOTO: PHOTO}, "a file part or photo"),
-        **option.of_light(),
-    )
-    uploads = [
-        replace(
+    common = option.hints({}, "camera", "light")
+    settings, include = option.settings(), option.include()
+    uploads = []
+    for k, (data, name) in enumerate(photos):
+        hints = replace(
             common,
-            photo=data,
-            name=name,
             mask=masks[k] if masks else None,
             box=boxes[k] if boxes else None,
             fov_deg=fovs[k] if common.fov_deg is None else common.fov_deg,
         )
-        for k, (data, name) in enumerate(photos)
-    ]
+        uploads.append(Upload(photo=data, name=name, hints=hints, settings=settings, include=include))
     return uploads, turns
 
 
@@ -219,27 +210,35 @@ class Options:
         shape = "YAW,ELEVATION[,ROLL] in degrees or nine numbers"
         return None if text is None else parse_numbers(name, text, 2, 3, 9, shape=shape)
 
-    def points(self, name: str) -> tuple[tuple[float, float], ...]:
-        return tuple(parse_numbers(name, text, 2) for text in self.texts(name))
-
     def include(self) -> frozenset[str]:
         found = {word.strip() for text in self.texts("include") for word in text.split(",")}
         if more := found - {"radiance", "stages", "mask"}:
             raise InvalidPhoto(f"include: expected any of mask, radiance, stages, got {more}")
         return frozenset(found)
 
-    def of_light(self) -> dict[str, Any]:
-        """What concerns the light and not where the object is, as Upload has it."""
-        return {
-            "fov_deg": self.number("fov"),
-            "material": self.text("material"),
-            "albedo": self.numbers("albedo", 1, 3),
-            "roughness": self.number("roughness"),
+    def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:
+        """What texts and files give of the object, about these alone; none: about all."""
+        given: dict[str, Any] = dict(files)
+        for field, hint in OVER_HTTP.items():
+            if field in files or (about and hint.about not in about):
+                continue
+            if hint.repeated:
+                given[field] = [hint.read(text) for text in self.texts(hint.name)]
+            elif (text := self.text(hint.name)) is not None:
+                given[field] = hint.read_word(OLD_WORDS.get(text, text)) if hint.suffixes else hint.read(text)
+        called = {field: hint.name for field, hint in HINTS.items()}
+        check_together([field for field, value in given.items() if value], called.__getitem__)
+        with said_as(**called):
+            return Hints(**given)
+
+    def settings(self) -> SettingsDict:
+        """How the light is estimated, as far as it is said."""
+        given = {
             "emitters": self._emitters(),
             "detail": self.one_of("detail", {word: word for word in DETAILS}),
             "size": self.one_of("size", {str(rows): rows for rows in SIZES}),
-            "include": self.include(),
         }
+        return SettingsDict(**{name: value for name, value in given.items() if value is not None})
 
     def _emitters(self) -> str | None:
         text = self.text("emitters")
@@ -247,11 +246,11 @@ class Options:
             raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
         return EMITTERS.get(text)
 
-    def one_of(self, name: str, known: Mapping[str, Any], expected: str = "") -> Any:
+    def one_of(self, name: str, known: Mapping[str, Any]) -> Any:
         """What a word stands for; None where none came."""
         text = self.text(name)
         if text not in (None, *known):
-            raise InputError(f"{name}: expected {expected or 'one of ' + ', '.join(known)}, got {text[:60]!r}")
+            raise InputError(f"{name}: expected one of {', '.join(known)}, got {text[:60]!r}")
         return known.get(text)
 
 

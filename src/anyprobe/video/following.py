@@ -31,7 +31,7 @@ COARSE_PX = 128
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
 SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPTH_SUFFIXES}
-"""Of the files of one frame each."""
+"""Suffixes of the files of one frame each."""
 
 
 class MaskFollower:
@@ -90,9 +90,9 @@ class MaskFollower:
                 raise InvalidMask(f"{name}: expected one {kind} a frame, got {len(paths)} files; make the others")
             own[kind] = paths[frame.index]
         if not self.finds:
-            return load_photo(frame.rgb, **self._every, **own)
-        where = self.hints if self.last is None else self._surroundings_last(frame.rgb.shape)
-        photo = load_photo(frame.rgb, **self._every, **own, **where)
+            return self._load(frame, name, own)
+        where = self.hints if self.last is None else self._prompts_from_last(frame.rgb.shape)
+        photo = self._load(frame, name, own, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
             raise InvalidMask(
@@ -102,7 +102,17 @@ class MaskFollower:
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
 
-    def _surroundings_last(self, shape: tuple[int, ...]) -> dict:
+    def _load(self, frame: Frame, name: str, own: Mapping[str, Path], **where: Any) -> Photo:
+        """The frame with files of its own; errors say which frame, or which of its files."""
+        try:
+            return load_photo(frame.rgb, name=name, **self._every, **own, **where)
+        except InputError as error:
+            if not own or any(path.name in str(error) for path in own.values()):
+                raise
+            files = ", ".join(path.name for path in own.values())
+            raise type(error)(f"{name} with {files}: {error}") from error
+
+    def _prompts_from_last(self, shape: tuple[int, ...]) -> dict:
         x0, y0, x1, y1 = self.last[3:]
         whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
         return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}

@@ -38,7 +38,7 @@ SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 """For a picture of which there are many; a photo's has 192 and 256."""
 
 DETAIL_ROWS = 256
-"""Of a frame's map with detail."""
+"""Rows of a frame's map with detail."""
 
 DULL_ALPHA = 0.5
 """GGX width of a material above which detail is not drawn in it."""

@@ -130,7 +130,7 @@ export class Stage {
 
   /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */
   setMask(mask) {
-    this.realObject.show(mask, this.width, this.height, DISTANCE, this.#focalPx());
+    this.realObject.show({ data: mask, width: this.width, height: this.height }, DISTANCE, this.#focalPx());
   }
 
   /** Put the object beside the real one, all of it in the photo. */

@@ -5,8 +5,10 @@
  * A map is a Float32Array of H * 2H * 3 numbers, row by row, channel last.
  */
 
+import { CONTRACT } from "./contract.js";
+
 /** Rows of every estimated map. */
-export const MAP_HEIGHT = 64;
+export const MAP_HEIGHT = CONTRACT.sizes.map_height;
 
 /** Unit direction to [u, v], each in [0, 1]. */
 export function directionToUv(x, y, z) {

@@ -4,8 +4,9 @@
  * f(x) = (1 + sigma) x^n / (x^n + sigma), the mean of the fitted family, as in anyprobe.core.response.
  */
 
-export const EXPONENT = 0.9;
-export const SIGMA = 0.6;
+import { CONTRACT } from "./contract.js";
+
+export const { exponent: EXPONENT, sigma: SIGMA } = CONTRACT.curve;
 
 /** Radiance in the photo's exposure units to a display value in [0, 1]; 1 and more clips. */
 export function response(radiance) {

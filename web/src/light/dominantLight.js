@@ -6,13 +6,13 @@
  * them, less their surroundings.
  */
 
+import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { blurCap } from "./filtering.js";
 
-const BLUR_RADIUS = (5 * Math.PI) / 180;
-const LOBE_LEVEL = 0.5;
-const RING_PX = 3;
+const { blur_deg: BLUR_DEG, lobe_level: LOBE_LEVEL, ring_px: RING_PX } = CONTRACT.dominant_light;
+const BLUR_RADIUS = (BLUR_DEG * Math.PI) / 180;
 
 /** Grow a mask by one pixel up, down, left and right on the sphere; a touched pole row is taken whole. */
 export function dilate(mask, height) {

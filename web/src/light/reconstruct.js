@@ -1,12 +1,13 @@
 /** From the LDR map and the log map to HDR radiance: paper Eq. 7 and 8, as anyprobe.light.reconstruct. */
 
+import { CONTRACT } from "../core/contract.js";
 import { inverseResponse } from "../core/response.js";
 
 /** tau of Eq. 8. */
-export const THRESHOLD = 0.8;
+export const THRESHOLD = CONTRACT.graph.blend_from;
 
 /** Largest ln radiance that is kept: a little below the largest half float. */
-export const LN_MAX = 11;
+export const LN_MAX = CONTRACT.graph.ln_most;
 
 /**
  * R = (1 - gamma) f^-1(U) + gamma exp(H), with the natural logarithm.

@@ -5,23 +5,25 @@
  * y = ln(L + 0.01), above white a straight line, of which the steady one is shown and chases the fast one.
  */
 
+import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 
-const OFFSET = 0.01;
+const { filter } = CONTRACT;
+const OFFSET = filter.offset;
 const SLOPE = 1 + OFFSET;
 const WHITE = Math.log(SLOPE);
 
 export const SMOOTHING = {
-  stillS: 3,
-  movingS: 0.02,
-  fastS: 0.035,
-  noiseS: 1,
-  leastNoise: 0.01,
-  cutLevel: 1.2,
-  calm: 2,
-  moved: 4.5,
-  letGo: 0.5,
-  forgotten: 0.05,
+  stillS: filter.still_s,
+  movingS: filter.moving_s,
+  fastS: filter.fast_s,
+  noiseS: filter.noise_s,
+  leastNoise: filter.least_noise,
+  cutLevel: filter.cut_level,
+  calm: filter.calm,
+  moved: filter.moved,
+  letGo: filter.let_go,
+  forgotten: filter.forgotten,
 };
 
 const gain = (dt, time) => -Math.expm1(-dt / time);

@@ -1,6 +1,8 @@
 /** Every frame of a video to the networks' thread, which takes the newest, and the lights that come back. */
 
+import { receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
+import { checkHints, checkLight, checkNames, longFovOf } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
 import { takeFrame } from "./videoFrames.js";
 
@@ -16,14 +18,16 @@ export class Tracker {
   constructor(video, client, { onLight, onError }) {
     Object.assign(this, { video, client, onLight, onError });
     this.running = false;
+    this.mask = null; // the last one found
     this.updates = [];
     this.frames = [];
   }
 
-  /** @param {{hints: object, longFovDeg: number, options: object, withViews: boolean}} given hints as of mark */
-  async start({ hints, ...given }) {
+  /** @param {{hints: object, lens: object, options: object, withViews: boolean}} given hints as of mark */
+  async start({ hints, lens, ...given }) {
     this.running = true;
-    await this.client.ask("startLive", { ...given, hints: this.#shares(hints) });
+    const longFovDeg = longFovOf(lens, this.video.videoWidth, this.video.videoHeight);
+    await this.client.ask("startLive", { ...given, longFovDeg, hints: this.#shares(hints) });
     if (!this.running) return; // stopped meanwhile
     this.client.onLive = (answer) => this.#hear(answer);
     this.#watch();
@@ -35,16 +39,20 @@ export class Tracker {
 
   /** @param {{click?: number[] | number[][], exclude?: number[] | number[][], box?: number[]}} hints in the video's pixels */
   async mark(hints) {
+    checkNames("tracker.mark", hints);
     if (this.running) await this.client.ask("markLive", { hints: this.#shares(hints) });
   }
 
   /** Pictures may come in another size. */
   #shares(hints) {
+    checkHints(hints, this.video.videoWidth, this.video.videoHeight);
     return hintsOf(hints, 1 / this.video.videoWidth, 1 / this.video.videoHeight);
   }
 
   /** Another kind of light, from the next frame on. @param {import("../networks/lightOfObject.js").LightOptions} options */
   async set(options) {
+    checkNames("tracker.set", options);
+    checkLight(options);
     if (this.running) await this.client.ask("setLive", { options });
   }
 
@@ -74,18 +82,20 @@ export class Tracker {
       const taken = await takeFrame(this.video, this.client.spares);
       if (this.running) this.client.give(taken, time);
     } catch (error) {
-      this.#fail(error);
+      this.fail(error);
     }
   }
 
   #hear(answer) {
     if (!this.running) return;
-    if (answer.error) return this.#fail(new Error(answer.error));
+    if (answer.error) return this.fail(receivedError(answer.error));
     if (!answer.lost) this.updates.push(performance.now() / 1000);
-    this.onLight(answer.light ? { ...answer, light: new Light(answer.light) } : answer);
+    if (!answer.light) return this.onLight(answer);
+    if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height };
+    this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask }) });
   }
 
-  #fail(error) {
+  fail(error) {
     if (!this.running) return;
     this.running = false;
     this.onError(error);

@@ -1,16 +1,17 @@
 /** From an object's crop to the light around it: what a still picture and a video's frame have in common. */
 
+import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { CROP_SIZE } from "../photo/crop.js";
 import { coverageOf, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
 
-/** Luminance of display values between which a pixel says something of the light. */
-const [BLACK, WHITE] = [0.02, 0.98];
-
-/** Share of well exposed pixels from which on the object's picture is worth its full confidence. */
-const ENOUGH = 0.5;
+/**
+ * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
+ * on the object's picture is worth its full confidence.
+ */
+const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
 
 /**
  * @typedef {object} LightOptions

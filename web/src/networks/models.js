@@ -5,6 +5,9 @@
  * network is optional.
  */
 
+import { CONTRACT } from "../core/contract.js";
+import { AnyProbeError } from "../errors.js";
+import { download } from "../files/download.js";
 import { CROP_SIZE, NORMALS_SIZE } from "../photo/crop.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { response } from "../core/response.js";
@@ -17,7 +20,7 @@ export const MASK_SIZE = 160;
 const PROVIDERS = { wasm: "wasm", webgpu: { name: "webgpu", preferredLayout: "NCHW" } };
 
 const LIFT = ["light"];
-const CHAIN = ["irradiance", "illumination", "hdr"];
+const CHAIN = CONTRACT.graph.chain;
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
 const NORMALS_SHAPE = [1, 3, NORMALS_SIZE, NORMALS_SIZE];
 /** Zero: no normals are given. */
@@ -27,48 +30,48 @@ const MAP_SHAPE = [1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT];
 const NO_SURROUNDINGS = new Float32Array(8 * MAP_HEIGHT * MAP_HEIGHT);
 
 /** Zero: the object's material is not given. */
-const NO_MATERIAL = new Float32Array(8);
+const NO_MATERIAL = new Float32Array(CONTRACT.materials.inputs);
 
 /** What the lifting graph's parts are called by contracts 2 and 3, and by contract 1. */
 const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };
 
 export class Models {
+  #mask = null;
+
   /**
    * @param {object} ort the runtime's module
    * @param {Record<string, object>} sessions open sessions by stage
    * @param {string} provider what runs them: "webgpu" or "wasm"
+   * @param {(() => Promise<object>) | null} [openMask] the mask network's session, opened when it is first wanted
    */
-  constructor(ort, sessions, provider) {
-    this.ort = ort;
-    this.sessions = sessions;
-    this.provider = provider;
+  constructor(ort, sessions, provider, openMask = null) {
+    Object.assign(this, { ort, sessions, provider, openMask });
   }
 
   /**
-   * Open a model, and the mask network where there is one.
+   * Open a model; the mask network, where there is one, when it is first wanted.
    *
    * @param {object} ort
-   * @param {Record<string, string | {url: string, integrity: string} | Uint8Array>} weights address of each graph, alone
-   *   or with its hash, or its bytes
-   * @param {{providers?: string[], onProgress?: (done: number, of: number) => void}} [options]
+   * @param {Record<string, {url: string, integrity?: string} | Uint8Array>} weights address of each graph, or its bytes
+   * @param {{providers?: string[], onProgress?: (progress: import("../files/download.js").Progress) => void}} [options]
    */
   static async open(ort, weights, { providers = ["wasm"], onProgress = () => {} } = {}) {
-    const stages = [...(weights.light ? LIFT : CHAIN), ...(weights.mask ? ["mask"] : [])];
-    const sessions = {};
-    for (const [index, stage] of stages.entries()) {
-      onProgress(index, stages.length);
-      sessions[stage] = await ort.InferenceSession.create(await graphOf(weights[stage]), {
+    const openStage = async (stage) =>
+      ort.InferenceSession.create(await graphOf(weights[stage], onProgress), {
         executionProviders: providers.map((name) => PROVIDERS[name]),
         graphOptimizationLevel: "all",
         logSeverityLevel: 3, // errors: it warns that shapes are computed on the processor, as they should be
       });
+    const sessions = {};
+    for (const stage of weights.light ? LIFT : CHAIN) {
+      if (!weights[stage]) throw new AnyProbeError("invalid-option", `weights.${stage}: expected its address, got none`);
+      sessions[stage] = await openStage(stage);
     }
-    onProgress(stages.length, stages.length);
-    return new Models(ort, sessions, providers[0]);
+    return new Models(ort, sessions, providers[0], weights.mask ? () => openStage("mask") : null);
   }
 
   get hasMask() {
-    return "mask" in this.sessions;
+    return this.openMask !== null || "mask" in this.sessions;
   }
 
   /**
@@ -138,7 +141,16 @@ export class Models {
    * @returns {Promise<Float32Array>} [160, 160] in [0, 1]
    */
   async mask(input) {
+    this.sessions.mask ??= await this.#openedMask();
     return (await this.#run("mask", [input, [1, 4, MASK_SIZE, MASK_SIZE]]))[0];
+  }
+
+  #openedMask() {
+    this.#mask ??= this.openMask().catch((error) => {
+      this.#mask = null; // tried again when it is next wanted
+      throw error;
+    });
+    return this.#mask;
   }
 
   /** The same by the names of contract 2, whichever the graph has. */
@@ -164,18 +176,10 @@ export class Models {
   }
 }
 
-/** Bytes of a graph, fetched where its address is given; what cannot be fetched, or is not what its hash says, is named. */
-async function graphOf(weights) {
+/** Bytes of a graph, fetched where its address is given. */
+function graphOf(weights, onProgress) {
   if (weights instanceof Uint8Array) return weights;
-  const { url, integrity } = typeof weights === "string" ? { url: weights } : weights;
-  try {
-    const answer = await fetch(url, { integrity });
-    if (!answer.ok) throw new Error(`answer ${answer.status}`);
-    return new Uint8Array(await answer.arrayBuffer());
-  } catch (error) {
-    const name = new URL(url).pathname.split("/").at(-1);
-    throw new Error(`${name} could not be fetched (${error.message})`);
-  }
+  return download(weights.url, { integrity: weights.integrity, onProgress });
 }
 
 /** What the graph says of the object, and how far off its map is in two of three cases: stops and degrees. */

@@ -1,30 +1,55 @@
 /** onnxruntime-web in the networks' thread: WASM with threads, or WebGPU where that is asked for. */
 
+import { AnyProbeError } from "../errors.js";
+import { download } from "../files/download.js";
+
 /** More threads than this gain nothing on networks of this size. */
 const MAX_THREADS = 4;
 
 /** The build with WebGPU waits for the GPU by JSPI, which every browser it is offered to must have. */
 const MODULES = { wasm: "ort.wasm.min.mjs", webgpu: "ort.jspi.min.mjs" };
+const BINARIES = { wasm: "ort-wasm-simd-threaded.wasm", webgpu: "ort-wasm-simd-threaded.jspi.wasm" };
+
+let bundled = null;
+
+/** The runtime's module, where a bundler put it into this thread. */
+export function provideRuntime(ort) {
+  bundled = ort;
+}
 
 /**
  * @param {Runtime} runtime
  * @param {"wasm" | "webgpu"} engine
  * @param {number} most threads
+ * @param {(progress: import("../files/download.js").Progress) => void} onProgress
  * @returns {Promise<{ort: object, threads: number}>}
- * @typedef {string | {module: string, wasm: string}} Runtime address of the folder of onnxruntime-web's files, or of its
- *   module (with the glue in it) and its .wasm for this engine
+ * @typedef {string | {module: string, wasm: string} | {glue: string, wasm: string}} Runtime address of the folder of
+ *   onnxruntime-web's files; or of its module with the glue in it, and its .wasm, for this engine; or where the module is
+ *   bundled of its glue and its .wasm
  */
-export async function openRuntime(runtime, engine, most) {
-  if (!(engine in MODULES)) throw new Error(`engine: expected wasm or webgpu, got ${engine}`);
+export async function openRuntime(runtime, engine, most, onProgress) {
   if (engine === "webgpu" && !(await navigator.gpu?.requestAdapter())) {
-    throw new Error("engine webgpu: expected a browser with WebGPU, got none; use wasm");
+    throw new AnyProbeError("unsupported", "engine webgpu: expected a browser with WebGPU, got none; use wasm");
   }
   const isFolder = typeof runtime === "string";
-  const ort = await import(/* @vite-ignore */ /* webpackIgnore: true */ isFolder ? runtime + MODULES[engine] : runtime.module);
+  const fetching = download(isFolder ? runtime + BINARIES[engine] : runtime.wasm, { onProgress });
+  fetching.catch(() => {}); // thrown where it is awaited
+  const ort = await moduleOf(runtime, engine);
   // threads share memory, which a browser allows to isolated pages only (COOP and COEP)
   const threads = self.crossOriginIsolated ? Math.min(most, MAX_THREADS) : 1;
-  ort.env.wasm.wasmPaths = isFolder ? runtime : { wasm: runtime.wasm };
+  ort.env.wasm.wasmPaths = isFolder ? runtime : { wasm: runtime.wasm, mjs: runtime.glue };
+  ort.env.wasm.wasmBinary = await fetching;
   ort.env.wasm.numThreads = threads;
   ort.env.logLevel = "error";
   return { ort, threads };
+}
+
+async function moduleOf(runtime, engine) {
+  const url = typeof runtime === "string" ? runtime + MODULES[engine] : runtime.module;
+  if (bundled && (typeof runtime === "string" || !url)) return bundled;
+  try {
+    return await import(/* @vite-ignore */ /* webpackIgnore: true */ /* turbopackIgnore: true */ url);
+  } catch (error) {
+    throw new AnyProbeError("fetch-failed", `the runtime could not be fetched from ${url} (${error.message})`);
+  }
 }

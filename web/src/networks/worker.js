@@ -1,10 +1,12 @@
 /**
  * The networks' own thread: pictures in, lights out, so that drawing keeps its frame rate.
  *
- * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}. A camera's frames have no id:
- * lights come as {live: answer} or {live: {error}}, of the newest frame whenever the last light is done.
+ * Messages are {id, task, ...arguments}; each is answered by {id, result} or {id, error}, unless {giveUp: id} comes first.
+ * A camera's frames have no id: lights come as {live: answer} or {live: {error}}, of the newest frame whenever the last
+ * light is done.
  */
 
+import { AnyProbeError, sentError } from "../errors.js";
 import { describe } from "../light/light.js";
 import { drawSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
@@ -28,13 +30,14 @@ let live = null;
 
 const tasks = {
   async open({ runtime, weights, engine, threads: most }) {
-    const onProgress = (done, of) => self.postMessage({ progress: { done, of } });
+    const onProgress = (progress) => self.postMessage({ progress });
     try {
-      const { ort, threads } = await openRuntime(runtime, engine, most);
+      const { ort, threads } = await openRuntime(runtime, engine, most, onProgress);
       models = await Models.open(ort, weights, { providers: [engine], onProgress });
       return { engine, threads, hasMask: models.hasMask };
     } catch (error) {
-      throw new Error(`The networks could not be opened, try again: ${error.message ?? error}.`);
+      const line = `The networks could not be opened, try again: ${error.message ?? error}.`;
+      throw new AnyProbeError(error.code ?? "failed", line);
     }
   },
 
@@ -86,7 +89,7 @@ async function sendLight(lights, { frame, time }) {
   try {
     answer = await lights.next(frame, time);
   } catch (error) {
-    answer = { error: error.message ?? String(error) };
+    answer = { error: sentError(error) };
   }
   if (lights === live.lights) self.postMessage({ live: answer }, answer.light ? memoryOf(answer.light) : []);
   letGo(frame);
@@ -146,18 +149,27 @@ async function findMaskQuickly(picture, hints) {
 
 function checkObject(mask, width) {
   const box = objectBox(mask, width);
-  if (box === null) throw new Error("No object is marked. Click on it.");
+  if (box === null) throw new AnyProbeError("no-object", "No object is marked. Click on it.");
   const across = Math.max(box[2] - box[0], box[3] - box[1]);
   if (across < MIN_OBJECT_PX) {
-    throw new Error(`The object is ${across} pixels across; ${MIN_OBJECT_PX} are needed. Go closer.`);
+    throw new AnyProbeError("no-object", `The object is ${across} pixels across; ${MIN_OBJECT_PX} are needed. Go closer.`);
   }
 }
 
-self.onmessage = async ({ data: { id, task, ...given } }) => {
+/** Requests that are worked on, and whether each has been given up. */
+const asked = new Map();
+
+self.onmessage = async ({ data: { id, task, giveUp, ...given } }) => {
+  if (giveUp !== undefined) return asked.has(giveUp) && asked.set(giveUp, true);
   if (id === undefined) return tasks[task](given);
+  asked.set(id, false);
+  const answer = {};
   try {
-    self.postMessage({ id, result: await tasks[task](given) });
+    answer.result = await tasks[task](given);
   } catch (error) {
-    self.postMessage({ id, error: error.message ?? String(error) });
+    answer.error = sentError(error);
   }
+  const isGivenUp = asked.get(id);
+  asked.delete(id);
+  if (!isGivenUp) self.postMessage({ id, ...answer });
 };

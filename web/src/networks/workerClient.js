@@ -1,9 +1,17 @@
-/** The caller's side of the networks' thread: one promise a request. */
+/**
+ * The caller's side of the networks' thread: one promise a request.
+ *
+ * Not by Comlink: there, what is asked of a thread that ends or never starts stays open for ever, an error arrives without
+ * its code, and a request cannot be given up.
+ */
+
+import { AnyProbeError, receivedError } from "../errors.js";
 
 export class WorkerClient {
   #worker;
   #waiting = new Map();
   #count = 0;
+  #fault = null;
 
   /** Hears the lights of a video's frames. */
   onLive = () => {};
@@ -11,42 +19,72 @@ export class WorkerClient {
   /** Memory of frames that are done with. */
   spares = [];
 
-  /** @param {(progress: {done: number, of: number}) => void} onProgress while networks are opened */
-  constructor(onProgress) {
-    this.#worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
+  /**
+   * @param {() => Worker} start
+   * @param {(progress: import("../files/download.js").Progress) => void} onProgress while files are fetched
+   */
+  constructor(start, onProgress) {
+    this.#worker = start();
     this.#worker.onmessage = ({ data }) => {
       if (data.progress) return onProgress(data.progress);
       if (data.live) return this.onLive(data.live);
       if (data.spare) return this.spares.push(data.spare);
-      const { resolve, reject } = this.#waiting.get(data.id);
+      const asked = this.#waiting.get(data.id);
       this.#waiting.delete(data.id);
-      if (data.error === undefined) resolve(data.result);
-      else reject(new Error(data.error));
+      if (data.error === undefined) asked?.resolve(data.result); // nobody waits for what was given up
+      else asked?.reject(receivedError(data.error));
     };
-    this.#worker.onerror = (event) => this.#failAll(new Error(event.message || "The networks' thread could not be started."));
+    this.#worker.onerror = (event) => {
+      const why = event.message || "its script could not be fetched; esbuild and Rollup copy none: use anyprobe/core";
+      this.#end(new AnyProbeError("worker-failed", `The networks' thread could not be started: ${why}.`));
+    };
   }
 
-  /** Ask for a task of worker.js. */
-  ask(task, given = {}, transfer = []) {
+  /**
+   * Ask for a task of worker.js.
+   *
+   * @param {string} task
+   * @param {object} [given]
+   * @param {AbortSignal} [signal]
+   */
+  async ask(task, given = {}, signal = undefined) {
+    if (this.#fault) throw this.#fault;
+    signal?.throwIfAborted();
     const id = this.#count++;
-    return new Promise((resolve, reject) => {
-      this.#waiting.set(id, { resolve, reject });
-      this.#worker.postMessage({ id, task, ...given }, transfer);
-    });
+    const giveUp = () => {
+      this.#waiting.get(id)?.reject(signal.reason);
+      this.#waiting.delete(id);
+      this.#worker.postMessage({ giveUp: id });
+    };
+    signal?.addEventListener("abort", giveUp, { once: true });
+    try {
+      return await new Promise((resolve, reject) => {
+        this.#waiting.set(id, { resolve, reject });
+        this.#worker.postMessage({ id, task, ...given });
+      });
+    } finally {
+      signal?.removeEventListener("abort", giveUp);
+    }
   }
 
   /** A frame of a video; onLive hears its light, unless a newer one overtakes it. */
   give({ frame, transfer }, time) {
-    this.#worker.postMessage({ task: "frame", frame, time }, transfer);
+    if (!this.#fault) this.#worker.postMessage({ task: "frame", frame, time }, transfer);
+  }
+
+  /** Throws once it has ended. */
+  check() {
+    if (this.#fault) throw this.#fault;
   }
 
   end() {
-    this.#worker.terminate();
-    this.#failAll(new Error("The light probe was disposed of."));
+    this.#end(new AnyProbeError("disposed", "The light probe was disposed of; load another."));
   }
 
-  #failAll(error) {
-    for (const { reject } of this.#waiting.values()) reject(error);
+  #end(error) {
+    this.#worker.terminate();
+    this.#fault ??= error;
+    for (const { reject } of this.#waiting.values()) reject(this.#fault);
     this.#waiting.clear();
   }
 }

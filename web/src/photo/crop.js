@@ -1,21 +1,22 @@
 /** The square crop around the object that the networks see, as anyprobe.estimate.photo.crop_object. */
 
+import { CONTRACT } from "../core/contract.js";
 import { turnTowards } from "../core/frames.js";
 import { objectBox } from "./picture.js";
 
 /** Side of the window in samples: what the networks take. */
-export const CROP_SIZE = 128;
+export const CROP_SIZE = CONTRACT.sizes.crop;
 
 /** Side of the window in which normals are given. */
-export const NORMALS_SIZE = 64;
+export const NORMALS_SIZE = CONTRACT.sizes.normals;
 
 /** A mean of normals shorter than this is none. */
-const SHORTEST_NORMAL = 0.5;
+const SHORTEST_NORMAL = CONTRACT.graph.shortest_normal;
 
 /** Field of view [degrees] of the longer side where nothing else is known: a phone's main camera. */
-export const DEFAULT_LONG_FOV_DEG = 65;
+export const DEFAULT_LONG_FOV_DEG = CONTRACT.lens.default_long_fov_deg;
 
-const MARGIN = 1.1;
+const MARGIN = CONTRACT.sizes.crop_margin;
 
 /**
  * Cut a square around the object and bring it to CROP_SIZE x CROP_SIZE.

@@ -1,14 +1,12 @@
 /** The object's material, where it is known, as anyprobe.scatter.materials. */
 
-const [MATTE, LEAST_ROUGHNESS, LEAST_REFLECTANCE] = ["matte", 0.1, 0.02];
+import { CONTRACT } from "../core/contract.js";
+
+const MATTE = "matte";
+const { least_roughness: LEAST_ROUGHNESS, least_reflectance: LEAST_REFLECTANCE } = CONTRACT.materials;
 
 /** Linear albedo, f0 and GGX alpha of the materials that have names. */
-export const MATERIALS = {
-  chrome: { albedo: [0, 0, 0], f0: [0.65, 0.66, 0.66], alpha: 0.03 },
-  gold: { albedo: [0, 0, 0], f0: [1, 0.77, 0.34], alpha: 0.12 },
-  plastic: { albedo: [0.52, 0.06, 0.05], f0: [0.045, 0.045, 0.045], alpha: 0.12 },
-  matte: { albedo: [0.6, 0.6, 0.6], f0: [0.04, 0.04, 0.04], alpha: 0.9 },
-};
+export const MATERIALS = CONTRACT.materials.named;
 
 /**
  * @param {import("../../types/index.d.ts").GivenMaterial} given a name of MATERIALS, or what replaces its albedo and roughness

@@ -14,8 +14,10 @@
  * @property {number[] | null} [box] x0, y0, x1, y1 around it
  */
 
+import { CONTRACT } from "../core/contract.js";
+
 /** Smallest longer side of an object's bounding box, in pixels of the picture. */
-export const MIN_OBJECT_PX = 24;
+export const MIN_OBJECT_PX = CONTRACT.mask.least_object_px;
 
 /** Bounding box [x0, y0, x1, y1] (exclusive) of mask > 0.5, or null where nothing is. */
 export function objectBox(mask, width) {
@@ -35,7 +37,7 @@ export function objectBox(mask, width) {
 }
 
 /** Alpha up to which a pixel is no part of the object. */
-const CUT_AWAY = 0.5;
+const CUT_AWAY = CONTRACT.mask.alpha_cuts_at;
 
 /**
  * The picture's own transparency as a mask, or null where it cuts nothing away: where it is the same or above one half

@@ -18,13 +18,11 @@ export class MaskOccluder {
   }
 
   /**
-   * @param {Float32Array} mask width * height
-   * @param {number} width
-   * @param {number} height
+   * @param {import("../../types/index.d.ts").Mask} mask `mask` of a light
    * @param {number} distance of its base from the camera, which looks along -Z
-   * @param {number} focalPx
+   * @param {number} focalPx of the camera, in the mask's pixels
    */
-  show(mask, width, height, distance, focalPx) {
+  show({ data: mask, width, height }, distance, focalPx) {
     this.#setTexture(mask, width, height);
     const box = objectBox(mask, width);
     this.group.visible = box !== null;

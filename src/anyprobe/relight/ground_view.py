@@ -13,22 +13,16 @@ import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
+from anyprobe.estimate.ground import LEAST_SLOPE_DEG, contact_of
 from anyprobe.estimate.normals_prior import Part
-from anyprobe.estimate.photo import Photo, object_box
-
-LEAST_SLOPE_DEG = 12.0
-"""The ground at the real object's base is seen at least this far below the horizon."""
+from anyprobe.estimate.photo import Photo
 
 UNKNOWN_LENS_DEG = 38.0
 """Along the longer side, where neither EXIF nor the caller gives it. Of a cropped or zoomed photo the 65
 degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
 
 STRIP_PIXELS = 1 << 18
-"""Of the photo, whose places on the ground are worked out at once: some 200 bytes each."""
-
-LEAST_CONTACT, CONTACT_BAND = 0.03, 0.04
-"""Rows of the mask narrower than this, of the object's width, are not where it stands; and what counts as its lower
-border, of its height."""
+"""Pixels whose places on the ground are worked out at once: some 200 bytes each."""
 
 LEAST_ABOVE = 0.02
 """Ground is used up to this far below the horizon, of the photo's height."""
@@ -123,8 +117,8 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     """The photo's camera over its ground, and the pitch taken.
 
     Args:
-        pitch_deg: how far the camera looks down. Unless given it is level, or looks down just enough
-            to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
+        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is level, or looks
+            down just enough to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
@@ -133,6 +127,7 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     base = contact_of(photo.mask)[1]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
+    pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
     if pitch_deg is None:
         pitch_deg = float(max(0.0, LEAST_SLOPE_DEG - below_axis))
     if not (-60 <= pitch_deg <= 90 and below_axis + pitch_deg > 1.0):
@@ -143,13 +138,3 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     tilt = np.radians(pitch_deg)
     up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
     return View(width=width, height=height, focal=float(focal), up=up), pitch_deg
-
-
-def contact_of(mask: np.ndarray) -> tuple[float, int]:
-    """Pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and its row."""
-    x0, y0, x1, y1 = object_box(mask)
-    inside = mask[y0:y1, x0:x1] > 0.5
-    wide = np.flatnonzero(inside.sum(axis=1) >= LEAST_CONTACT * (x1 - x0))
-    row = int(wide[-1]) + 1 if len(wide) else 1
-    columns = np.nonzero(inside[max(int(row - CONTACT_BAND * (y1 - y0)), 0) : row])[1]
-    return (x0 + float(columns.mean()) + 0.5 if len(columns) else (x0 + x1) / 2), y0 + row

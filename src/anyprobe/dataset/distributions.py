@@ -95,13 +95,13 @@ ALBEDO = np.array(
 )
 """Quantiles of the diffuse albedo's luminance; metals have none."""
 MOST_ALBEDO = 0.92
-"""Of a channel: fresh snow, barium sulphate aside, nothing reflects more."""
+"""The largest albedo of a channel: fresh snow, barium sulphate aside, nothing reflects more."""
 
 IOR, IOR_SPREAD, IOR_RANGE = 1.5, 0.06, (1.35, 1.75)
 """Mean, standard deviation and bounds of a dielectric's index of refraction: plastics 1.46-1.59, glazes and glass
 1.5-1.6, resins 1.5 (Polyanskiy, refractiveindex.info)."""
 METAL_SHARES = (0.08, 0.10, 0.10, 0.22, 0.20, 0.15, 0.15)
-"""Of METALS, in their order; a polished surface loses up to a fifth of the table's f0."""
+"""Shares of METALS, in their order; a polished surface loses up to a fifth of the table's f0."""
 
 TINTS = (0.25, 0.5, 0.25)
 """Shares of nearly grey, of natural and of pigmented colours among dielectrics. Natural reflectance rises with the

@@ -1,0 +1,200 @@
+"""Whole photos: an object on a table, path-traced, taken by a phone, and the light that a probe in its place sees.
+
+Everything is a function of a part and an index. Renders are kept in linear values, one file each; how the phone exposes
+them is worked out when they are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.dataset import priors
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store
+from anyprobe.dataset.camera import Shot, draw_shot, one_photo
+from anyprobe.dataset.recipe import Recipe, digest, read_recipes, world_recipes
+from anyprobe.errors import InputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.light.environment import MAP_HEIGHT
+from research.left_out import load_left_out
+from research.world.whole_render import Render, Window, render_scene
+from research.world.whole_scenes import Scene, draw_scene
+
+COUNT, SEED = 100, 2041
+LISTS = {"test": "whole_test.txt", "left-out": "whole_left_out.txt"}
+PARTS = (*LISTS, "train")
+"""Held-out maps and shapes; training assets that no shipped weights learn from, to choose by; and the others."""
+KEY, KEY_SPREAD = 0.2, 0.35
+"""As in dataset.priors, for meters that see the frame itself: objects in 85 real photos have a mean linear radiance of
+.09 .13 .23 .29 .39 (10 25 50 75 90 %), frames of .16 .20 .24 .34 .43."""
+LENS_WRITTEN = 0.5
+"""Share of the photos whose EXIF says the lens."""
+PLAINS = (1.0, 1.0, 1.0, 0.92, 0.5, 0.0)
+"""Display values behind cut-outs of one colour."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WholePhoto:
+    """A photo and what is true of it.
+
+    picture: [H, W, 3] uint8, of cut-outs with alpha [H, W, 4]. mask: [H, W] bool. truth: [64, 128, 3] what a probe in
+    the object's centre sees with the object away, in the camera's frame and the photo's exposure units.
+    long_fov_deg, pitch_deg, roll_deg: of the camera; pitch_deg is how far it looks down. fov_known: whether EXIF says
+    the lens. contact: x, y [px] of the point on the table under the object's middle. cut_out: "", "alpha" or "plain".
+    """
+
+    recipe: Recipe
+    picture: np.ndarray
+    mask: np.ndarray
+    truth: np.ndarray
+    long_fov_deg: float
+    fov_known: bool
+    pitch_deg: float
+    roll_deg: float
+    contact: tuple[float, float]
+    cut_out: str
+    map_name: str
+    shape_name: str
+
+
+def recipes_of(part: str, store: AssetStore | None = None, count: int = COUNT) -> list[Recipe]:
+    """The recipes of a part. Those of "test" and "left-out" never change; of "train" the first `count` over a store."""
+    if part in LISTS:
+        return read_recipes(Path(__file__).parent / LISTS[part])
+    if part != "train" or store is None:
+        raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}, train with its store; choose one of them")
+    return world_recipes(store, count, SEED)
+
+
+def store_of(data: Path, part: str) -> AssetStore:
+    """The maps and shapes of a part, from a data folder with hdri and meshes."""
+    if part == "train":
+        return load_asset_store(data, "train")
+    return load_left_out(data) if part == "left-out" else load_asset_store(data, "test", commercial_only=False)
+
+
+def whole_photos(data: Path, part: str, kept: Path, count: int = COUNT) -> Iterator[WholePhoto]:
+    """The photos of a part in order; those that kept / part lacks are rendered and put there.
+
+    Raises:
+        MissingExtra: some have to be rendered, and Mitsuba cannot run.
+    """
+    store = store_of(data, part)
+    for recipe in recipes_of(part, store, count):
+        scene = draw_scene(recipe, store)
+        path = kept / part / f"{recipe.key}.npz"
+        if not path.is_file():
+            _write(path, render_scene(scene, store.map(recipe.map_id).radiance))
+        yield photograph(recipe, scene, _read(path), store)
+
+
+def context_photo(
+    recipe: Recipe, store: AssetStore, size: int = 160, times: float = 3.0, paths: int = 24
+) -> WholePhoto:
+    """The square around an object alone, `times` as wide as its box, for training: cheaper than the whole photo.
+
+    The picture is [size, size], and what lies over the photo's border is rendered too; contact is in its pixels. Of
+    cut-outs there are none. long_fov_deg stays that of the whole photo's longer side; see window_of.
+    """
+    scene = draw_scene(recipe, store)
+    window = window_of(scene, size, times)
+    found = render_scene(scene, store.map(recipe.map_id).radiance, paths, 16, window)
+    return photograph(recipe, scene, found, store, window)
+
+
+def window_of(scene: Scene, size: int, times: float) -> Window:
+    """The square of context_photo."""
+    box = scene.phone.pixels(scene.thing.mesh.positions)
+    low, high = box.min(axis=0), box.max(axis=0)
+    center = tuple(float(one) for one in (low + high) / 2)
+    return Window(center=center, side=times * float((high - low).max()), size=size)
+
+
+def photograph(
+    recipe: Recipe, scene: Scene, render: Render, store: AssetStore, window: Window | None = None
+) -> WholePhoto:
+    """As the phone takes it: metering, white balance, lens, curve, noise, JPEG."""
+    rng = recipe.rng().spawn(8)[7]
+    mask = render.mask > 0.5
+    weights = pixel_solid_angles(MAP_HEIGHT)[..., None]
+    shot = draw_shot(rng, 1)
+    balance = priors.draw_white_balance(rng, (render.truth * weights).sum(axis=(0, 1))[None])[0]
+    gain = _gain(rng, render, mask)
+    plain, known = PLAINS[rng.integers(len(PLAINS))], bool(rng.random() < LENS_WRITTEN)
+    picture = _taken(shot, render.picture * gain, balance, rng)
+    if scene.cut_out == "plain":
+        cover = render.mask[..., None]
+        picture = np.round(picture * cover + 255 * plain * (1 - cover)).astype(np.uint8)
+    elif scene.cut_out == "alpha":
+        alpha = np.round(255 * render.mask).astype(np.uint8)[..., None]
+        picture = np.concatenate([np.where(alpha > 0, picture, 0), alpha], axis=-1)
+    contact = scene.phone.pixels(np.zeros(3))
+    if window is not None:
+        contact = (contact - window.center) * window.size / window.side + window.size / 2
+    return WholePhoto(
+        recipe=recipe,
+        picture=picture,
+        mask=mask,
+        truth=(render.truth * gain * balance).astype(np.float32),
+        long_fov_deg=scene.phone.long_fov_deg,
+        fov_known=known,
+        pitch_deg=scene.phone.pitch_deg,
+        roll_deg=scene.phone.roll_deg,
+        contact=(float(contact[0]), float(contact[1])),
+        cut_out=scene.cut_out,
+        map_name=store.map(recipe.map_id).name,
+        shape_name=store.shape(recipe.shape_id).name,
+    )
+
+
+def _gain(rng: np.random.Generator, render: Render, mask: np.ndarray) -> float:
+    """From the map's units to the photo's: the meter's mean of object and frame is brought to a key."""
+    (weight,), _ = priors.draw_metering(rng, 1)
+    key = KEY * float(np.exp(rng.normal(0.0, KEY_SPREAD)))
+    bright = luminance(render.picture)
+    frame = float((bright**priors.FRAME_POWER).mean() ** (1 / priors.FRAME_POWER))
+    mean = float(bright[mask].mean()) if mask.any() else frame
+    gain = float(priors.metered_gain(mean, frame, weight, key))
+    return gain * float(np.clip(mean * gain, *priors.OBJECT_RANGE)) / max(mean * gain, 1e-9)
+
+
+def _taken(shot: Shot, radiance: np.ndarray, balance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """one_photo of a picture that is not square: its border is continued, and cut off again."""
+    height, width, _ = radiance.shape
+    side = max(height, width)
+    square = np.pad(radiance * balance, ((0, side - height), (0, side - width), (0, 0)), mode="edge")
+    whole = np.ones((side, side), bool)
+    balanced = replace(shot, white_balance=np.ones(3, np.float32))
+    return one_photo(balanced, square, whole, None, rng)[:height, :width]
+
+
+def _write(path: Path, render: Render) -> None:
+    with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+        np.savez_compressed(
+            stream,
+            picture=render.picture.clip(0, 6e4).astype(np.float16),
+            mask=np.round(render.mask * 255).astype(np.uint8),
+            truth=render.truth,
+        )
+
+
+def _read(path: Path) -> Render:
+    with np.load(path, allow_pickle=False) as stored:
+        return Render(
+            picture=stored["picture"].astype(np.float32),
+            mask=stored["mask"].astype(np.float32) / 255,
+            truth=stored["truth"],
+        )
+
+
+def write_lists(data: Path, folder: Path) -> None:
+    """The lists of recipes as they were drawn, once."""
+    for part, name in LISTS.items():
+        recipes = world_recipes(store_of(data, part), COUNT, SEED)
+        lines = [f"# {digest(recipes)}", *(recipe.to_hex() for recipe in recipes)]
+        (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")

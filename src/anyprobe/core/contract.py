@@ -1,0 +1,15 @@
+"""The numbers that Python and JavaScript share: contract.json, which web/build/contract.js copies for the browser."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+
+@lru_cache
+def contract(section: str) -> dict[str, Any]:
+    """A section of contract.json, by its name; not to be changed."""
+    text = (resources.files("anyprobe") / "contract.json").read_text(encoding="utf-8")
+    return json.loads(text)[section]

@@ -1,0 +1,99 @@
+"""The ground under the object: how far the camera looks down on it, and where the object touches it.
+
+What nobody gives is guessed from how such photos are taken. The guess's error says how far to trust it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anyprobe.errors import InputError
+from anyprobe.masks.check import object_box
+
+if TYPE_CHECKING:
+    from anyprobe.estimate.photo import Photo
+
+GIVEN, GUESSED = "given", "guessed"
+USUAL_PITCH_DEG, USUAL_ERROR_DEG = 22.0, 13.0
+"""Of photos of objects on tables and floors: 5 to 50 degrees downwards are common."""
+USUAL_ROLL_DEG = 0.0
+GIVEN_ERROR_DEG = 1.0
+"""Of a pitch that was measured or set by eye."""
+LEAST_SLOPE_DEG = 12.0
+"""The ground at the object's base is seen at least this far below the horizon."""
+LEAST_CONTACT, CONTACT_BAND = 0.03, 0.04
+"""Rows of the mask narrower than this, of the object's width, are not where it stands; and what counts as its lower
+border, of its height."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ground:
+    """A horizontal plane under the object, in the camera's frame.
+
+    Attributes:
+        pitch_deg: how far the camera looks down: 0 level, 90 straight down.
+        pitch_error_deg: standard deviation of that.
+        roll_deg: how far the camera is turned to the left about its axis, so that the picture turns to the right.
+        contact: x, y [px] where the object touches the ground.
+        source: "given" or "guessed".
+    """
+
+    pitch_deg: float
+    pitch_error_deg: float
+    roll_deg: float
+    contact: tuple[float, float]
+    source: str
+
+    @property
+    def up(self) -> np.ndarray:
+        """Unit vector [3] away from the ground, in the camera's frame."""
+        return up_of(self.pitch_deg, self.roll_deg)
+
+
+def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
+    """+Y of the world [3] in the frame of a camera that looks down so far and is turned so far about its axis."""
+    pitch, roll = np.radians(pitch_deg), np.radians(roll_deg)
+    return np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
+
+
+def estimate_ground(photo: Photo, *, pitch_deg: float | None = None, roll_deg: float | None = None) -> Ground:
+    """The ground of a photo with its object marked.
+
+    Args:
+        pitch_deg, roll_deg: where they are known.
+    Raises:
+        InputError: a pitch or roll that no camera over a ground has.
+    """
+    x, row = contact_of(photo.mask)
+    if roll_deg is not None and not -60 <= roll_deg <= 60:
+        raise InputError(f"roll_deg: expected -60 to 60 degrees, got {roll_deg:g}; turn the photo upright first")
+    roll = USUAL_ROLL_DEG if roll_deg is None else float(roll_deg)
+    if pitch_deg is not None:
+        if not -60 <= pitch_deg <= 90:
+            raise InputError(f"pitch_deg: expected -60 to 90 degrees downwards, got {pitch_deg:g}; give another")
+        return Ground(
+            pitch_deg=float(pitch_deg), pitch_error_deg=GIVEN_ERROR_DEG, roll_deg=roll, contact=(x, row), source=GIVEN
+        )
+    height, width = photo.mask.shape
+    focal = max(width, height) / 2 / np.tan(np.radians(photo.long_fov_deg) / 2)
+    below_axis = float(np.degrees(np.arctan2(row - height / 2, focal)))
+    return Ground(
+        pitch_deg=max(USUAL_PITCH_DEG, LEAST_SLOPE_DEG - below_axis),
+        pitch_error_deg=USUAL_ERROR_DEG,
+        roll_deg=roll,
+        contact=(x, row),
+        source=GUESSED,
+    )
+
+
+def contact_of(mask: np.ndarray) -> tuple[float, int]:
+    """Pixel x, y where an object [H, W] touches the ground: the middle of its mask's lower border, and its row."""
+    x0, y0, x1, y1 = object_box(mask)
+    inside = mask[y0:y1, x0:x1] > 0.5
+    wide = np.flatnonzero(inside.sum(axis=1) >= LEAST_CONTACT * (x1 - x0))
+    row = int(wide[-1]) + 1 if len(wide) else 1
+    columns = np.nonzero(inside[max(int(row - CONTACT_BAND * (y1 - y0)), 0) : row])[1]
+    return (x0 + float(columns.mean()) + 0.5 if len(columns) else (x0 + x1) / 2), y0 + row

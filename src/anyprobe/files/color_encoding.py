@@ -1,0 +1,223 @@
+"""What a picture's numbers mean: primaries and transfer function, by code points or by numbers, to linear Rec. 709.
+
+Code points are those of ITU-T H.273 (CICP), which PNG (cICP), HEIC, AVIF and JPEG XL (nclx) and video share. Diffuse
+white is 1: PQ has it at 203 cd/m2, HLG at a signal of 0.75 (ITU-R BT.2408). HLG is decoded to the light of the scene,
+without the opto-optical transfer function of a display.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from anyprobe.core.color import REC709_CHROMATICITIES, rec709_from_rgb
+
+WHITE_NITS = 203.0
+"""Luminance of diffuse white in PQ, cd/m2 (ITU-R BT.2408)."""
+
+PQ, HLG, SRGB, UNSPECIFIED = 16, 18, 13, 2
+"""Code points of H.273."""
+
+D65, C = (0.3127, 0.3290), (0.310, 0.316)
+
+PRIMARIES = {
+    1: REC709_CHROMATICITIES,
+    2: REC709_CHROMATICITIES,
+    4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, *C),
+    5: (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, *D65),
+    6: (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *D65),
+    7: (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, *D65),
+    8: (0.681, 0.319, 0.243, 0.692, 0.145, 0.049, *C),
+    9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *D65),
+    10: (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3),
+    11: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.314, 0.351),
+    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *D65),
+    22: (0.630, 0.340, 0.295, 0.605, 0.155, 0.077, *D65),
+}
+"""CIE x, y of red, green, blue and white by H.273's code point; what is unspecified is taken for Rec. 709."""
+
+ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
+
+STRIP_PIXELS = 1 << 20
+"""Of a large picture that are converted at once."""
+
+SAME = 1.2 / 255
+"""Display values that differ by no more are the same encoding: sRGB's profiles round its curve and its primaries."""
+
+OUTSIDE = 0.03
+"""A colour with a channel this far below 0, in shares of its largest, lies noticeably outside of Rec. 709."""
+
+OUTSIDE_SHARE = 0.05
+"""A picture with such colours in this share of its pixels gets a warning."""
+
+PROBED = 1 << 16
+"""Pixels that are looked at for it, evenly spread."""
+
+
+def srgb_to_linear(values: np.ndarray) -> np.ndarray:
+    """IEC 61966-2-1, odd around 0."""
+    size = np.abs(values)
+    return np.sign(values) * np.where(size <= 0.04045, size / 12.92, ((size + 0.055) / 1.055) ** 2.4)
+
+
+def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
+    """Its inverse, of values >= 0."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def _smpte240(values: np.ndarray) -> np.ndarray:
+    return np.where(values < 0.0913, values / 4.0, ((np.maximum(values, 0.0913) + 0.1115) / 1.1115) ** (1 / 0.45))
+
+
+def _pq(values: np.ndarray) -> np.ndarray:
+    """SMPTE ST 2084, in units of WHITE_NITS."""
+    v = np.clip(values, 0.0, 1.0).astype(np.float64) ** (32 / 2523)
+    return 10_000.0 / WHITE_NITS * (np.maximum(v - 3424 / 4096, 0.0) / (2413 / 128 - 2392 / 128 * v)) ** (16384 / 2610)
+
+
+def _hlg(values: np.ndarray) -> np.ndarray:
+    """ARIB STD-B67: the light of the scene, in units of that at a signal of 0.75."""
+    a, b, c = 0.17883277, 0.28466892, 0.55991073
+    v = np.clip(values, 0.0, 1.0)
+    scene = np.where(v <= 0.5, v**2 / 3, (np.exp((np.maximum(v, 0.5) - c) / a) + b) / 12)
+    return scene / ((np.exp((0.75 - c) / a) + b) / 12)
+
+
+def gamma(exponent: float) -> Callable[[np.ndarray], np.ndarray]:
+    """The power function."""
+    return lambda values: np.clip(values, 0.0, None) ** exponent
+
+
+TRANSFERS: dict[int, Callable[[np.ndarray], np.ndarray]] = {
+    1: srgb_to_linear,
+    2: srgb_to_linear,
+    4: gamma(2.2),
+    5: gamma(2.8),
+    6: srgb_to_linear,
+    7: _smpte240,
+    8: lambda values: values,
+    9: lambda values: np.where(values > 0, 10.0 ** (2.0 * (values - 1.0)), 0.0),
+    10: lambda values: np.where(values > 0, 10.0 ** (2.5 * (values - 1.0)), 0.0),
+    11: srgb_to_linear,
+    12: srgb_to_linear,
+    13: srgb_to_linear,
+    14: srgb_to_linear,
+    15: srgb_to_linear,
+    16: _pq,
+    17: lambda values: 52.37 / 48.0 * np.clip(values, 0.0, None) ** 2.6,
+    18: _hlg,
+}
+"""Code values in [0, 1] to linear light, by H.273's code point.
+
+Those of BT.709 and its kin are what cameras write; screens, browsers and this package show them as sRGB.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class ColorEncoding:
+    """What the numbers of a picture mean.
+
+    matrix: [3, 3] from its linear light to linear Rec. 709. decode: its code values in [0, 1] to linear light, diffuse
+    white at 1. brighter: whether it holds light above diffuse white.
+    """
+
+    matrix: np.ndarray
+    decode: Callable[[np.ndarray], np.ndarray]
+    brighter: bool = False
+
+    def linear(self, values: np.ndarray) -> np.ndarray:
+        """Code values [..., 3] to linear Rec. 709 float32, below 0 where a colour lies outside of it."""
+        return (self.decode(values) @ self.matrix.T).astype(np.float32)
+
+
+@lru_cache(maxsize=64)
+def by_code_points(primaries: int, transfer: int, full_range: bool = True, bits: int = 8) -> ColorEncoding | None:
+    """The encoding of H.273's code points; None where one is reserved.
+
+    full_range: whether 0 and 1 are black and white; else 16 and 235 of 255 are, at so many bits.
+    """
+    if primaries not in PRIMARIES or transfer not in TRANSFERS:
+        return None
+    decode = TRANSFERS[transfer]
+    if not full_range:
+        narrow, step = TRANSFERS[transfer], 2.0 ** (bits - 8)
+        top = 2.0**bits - 1
+
+        def decode(values: np.ndarray) -> np.ndarray:
+            return narrow(np.clip((values * top - 16 * step) / (219 * step), 0.0, None))
+
+    return ColorEncoding(matrix=rec709_from_rgb(PRIMARIES[primaries]), decode=decode, brighter=transfer in (PQ, HLG))
+
+
+def by_numbers(chromaticities: tuple[float, ...] | None, exponent: float | None) -> ColorEncoding | None:
+    """The encoding of primaries and white, CIE x, y, and of a decoding exponent; what is None is sRGB's.
+
+    None where the primaries are impossible.
+    """
+    try:
+        matrix = rec709_from_rgb(REC709_CHROMATICITIES if chromaticities is None else chromaticities)
+    except ValueError:
+        return None
+    return ColorEncoding(matrix=matrix, decode=srgb_to_linear if exponent is None else gamma(exponent))
+
+
+def is_srgb(encoding: ColorEncoding) -> bool:
+    """Whether its numbers are sRGB's display values already, but for what profiles round."""
+    ramp = np.linspace(0.0, 1.0, 33)[:, None]
+    values = np.concatenate(
+        [ramp * color for color in np.array([[1, 1, 1], [1, 0.5, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 1]])]
+    )
+    linear = encoding.linear(values)
+    return not encoding.brighter and bool((np.abs(linear_to_srgb(np.clip(linear, 0, 1)) - values) < SAME).all())
+
+
+def is_linear(encoding: ColorEncoding) -> bool:
+    """Whether its numbers are proportional to light."""
+    ramp = np.linspace(0.0, 1.0, 33, dtype=np.float32)[:, None].repeat(3, axis=1)
+    return bool(np.allclose(encoding.decode(ramp), ramp, atol=2e-3))
+
+
+def to_display(values: np.ndarray, encoding: ColorEncoding) -> tuple[np.ndarray, np.ndarray | None]:
+    """Code values [H, W] or [H, W, 3] of any type to display values in [0, 1], and where it is brighter to radiance.
+
+    Whole numbers count from 0 to their type's largest.
+
+    Returns:
+        sRGB [H, W, 3] float32; and linear Rec. 709 radiance, or None.
+    """
+    linear_of, matrix = _decoder(values.dtype, encoding), encoding.matrix.T.astype(np.float32)
+    display = np.empty((*values.shape[:2], 3), np.float32)
+    radiance = np.empty_like(display) if encoding.brighter else None
+    step = max(1, STRIP_PIXELS // max(values.shape[1], 1))
+    for top in range(0, len(values), step):
+        rows = slice(top, top + step)
+        linear = np.maximum(linear_of(values[rows]) @ matrix, np.float32(0))
+        display[rows] = linear_to_srgb(np.minimum(linear, np.float32(1)))
+        if radiance is not None:
+            radiance[rows] = linear
+    return display, radiance
+
+
+def outside_share(values: np.ndarray, encoding: ColorEncoding) -> float:
+    """Share of the pixels of [H, W] or [H, W, 3] whose colour is noticeably outside of Rec. 709, of PROBED of them."""
+    step = max(1, int(np.sqrt(values.shape[0] * values.shape[1] / PROBED)))
+    linear = _decoder(values.dtype, encoding)(values[::step, ::step]) @ encoding.matrix.T
+    largest = linear.max(axis=-1)
+    return float(((linear.min(axis=-1) < -OUTSIDE * largest) & (largest > 0.01)).mean())
+
+
+def _decoder(kind: np.dtype, encoding: ColorEncoding) -> Callable[[np.ndarray], np.ndarray]:
+    """Code values [H, W] or [H, W, 3] to linear light [H, W, 3] float32; of whole numbers by a table."""
+    if kind.kind == "f":
+        return lambda values: encoding.decode(_three(values).astype(np.float32)).astype(np.float32)
+    top = np.iinfo(kind).max
+    ramp = np.linspace(0.0, 1.0, top + 1, dtype=np.float32)[:, None].repeat(3, axis=1)
+    table = encoding.decode(ramp).astype(np.float32)
+    return lambda values: np.stack([table[:, k][_three(values)[..., k]] for k in range(3)], axis=-1)
+
+
+def _three(values: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(values[..., None], (*values.shape, 3)) if values.ndim == 2 else values

@@ -1,0 +1,167 @@
+"""Gain maps: what a photo for ordinary screens holds beside its picture to show highlights on brighter ones.
+
+Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPEG behind the first; ISO's holds
+
+    log2 (HDR + o_h) / (SDR + o_s) = min + (max - min) g^(1 / gamma)
+
+of linear light, with g in [0, 1] of the map's pixels.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image
+from PIL.JpegImagePlugin import JpegImageFile
+
+from anyprobe.files.color_encoding import STRIP_PIXELS, srgb_to_linear
+
+JPEG_START = b"\xff\xd8\xff"
+XMP = b"http://ns.adobe.com/xap/1.0/\0"
+ISO = b"urn:iso:std:iso:ts:21496:-1\0"
+
+MAX_PICTURES = 8
+MAX_MAP_PIXELS = 50_000_000
+MOST_STOPS = 16.0
+
+COMMON_DENOMINATOR, MULTICHANNEL = 0x08, 0x80
+"""Flags of ISO 21496-1."""
+
+_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GainMap:
+    """image: the map. low, high, gamma, base_offset, offset: [3] each; the first two in stops."""
+
+    image: Image.Image
+    low: np.ndarray
+    high: np.ndarray
+    gamma: np.ndarray
+    base_offset: np.ndarray
+    offset: np.ndarray
+
+    def radiance(self, display: np.ndarray, turn: Image.Transpose | None = None) -> np.ndarray:
+        """Linear Rec. 709 radiance [H, W, 3] float32 of the picture's sRGB [H, W, 3] in [0, 1].
+
+        turn: that brings the map upright, as the picture is.
+        """
+        image = self.image if turn is None else self.image.transpose(turn)
+        height, width = display.shape[:2]
+        result = np.empty(display.shape, np.float32)
+        step = max(1, STRIP_PIXELS // width)
+        for top in range(0, height, step):
+            rows = min(step, height - top)
+            box = (0.0, top * image.height / height, float(image.width), (top + rows) * image.height / height)
+            part = np.asarray(image.resize((width, rows), Image.Resampling.BILINEAR, box=box), np.float32) / 255.0
+            part = part.reshape(rows, width, -1)
+            stops = self.low + (self.high - self.low) * part ** (1.0 / self.gamma)
+            base = srgb_to_linear(display[top : top + rows])
+            result[top : top + rows] = (base + self.base_offset) * np.exp2(stops) - self.offset
+        return np.maximum(result, 0.0)
+
+
+def find_gain_map(data: bytes) -> GainMap | None:
+    """The gain map of a JPEG; None where it has none that brightens, or a damaged one."""
+    for number, picture in enumerate(_pictures(data)):
+        if number == 0:
+            continue
+        for said in _segments(picture):
+            try:
+                numbers = _of_iso(said[len(ISO) :]) if said.startswith(ISO) else _of_xmp(said)
+                found = None if numbers is None else _checked(picture, *numbers)
+            except (struct.error, ValueError, ZeroDivisionError):
+                continue
+            if found is not None:
+                return found
+    return None
+
+
+def _checked(picture: bytes, *numbers: np.ndarray) -> GainMap | None:
+    """A map of numbers that can be meant; ValueError for others."""
+    low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in numbers)
+    usual = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
+    if not usual or not (np.abs([base_offset, offset]) <= 1.0).all() or (high < low).any():
+        raise ValueError
+    try:
+        image = JpegImageFile(io.BytesIO(picture), "")
+        if image.width * image.height > MAX_MAP_PIXELS:
+            raise ValueError
+        image = image.convert("L" if image.mode == "L" else "RGB")
+    except Exception as error:  # decoders raise whatever the bad bytes lead them to
+        raise ValueError from error
+    return GainMap(image=image, low=low, high=high, gamma=gamma, base_offset=base_offset, offset=offset)
+
+
+def _of_iso(data: bytes) -> tuple[np.ndarray, ...] | None:
+    """Minimum, maximum, gamma and both offsets of ISO 21496-1's metadata; None of a picture that is brighter itself."""
+    if len(data) <= 5:  # the version alone, in the first picture
+        return None
+    flags, at = data[4], 5
+    channels = 3 if flags & MULTICHANNEL else 1
+    if flags & COMMON_DENOMINATOR:
+        (below,) = struct.unpack_from(">I", data, at)
+        base, other, *values = np.array(struct.unpack_from(">II" + "iiIii" * channels, data, at + 4)) / below
+    else:
+        pairs = struct.unpack_from(">IIII" + "iIiIIIiIiI" * channels, data, at)
+        base, other, *values = np.array(pairs[0::2]) / np.array(pairs[1::2])
+    if base >= other or not np.isfinite(values).all():
+        return None
+    return tuple(np.array(values).reshape(channels, 5).T)
+
+
+def _of_xmp(data: bytes) -> tuple[np.ndarray, ...] | None:
+    """The same of Ultra HDR's XMP."""
+    text = data.decode("utf-8", "replace")
+    if not data.startswith(XMP) or "hdrgm:GainMapMax" not in text or 'BaseRenditionIsHDR="True"' in text:
+        return None
+
+    def read(name: str, default: float) -> np.ndarray:
+        found = re.search(rf'hdrgm:{name}\s*=\s*"([^"]*)"|<hdrgm:{name}>(.*?)</hdrgm:{name}>', text, re.DOTALL)
+        if found is None:
+            return np.array([default])
+        inside = found[1] or " ".join(re.findall(r"<rdf:li[^>]*>([^<]*)</rdf:li>", found[2] or "")) or found[2] or ""
+        values = [float(number) for number in _NUMBER.findall(inside)]
+        if len(values) not in (1, 3):
+            raise ValueError(name)
+        return np.array(values)
+
+    names = (("GainMapMin", 0.0), ("GainMapMax", 1.0), ("Gamma", 1.0), ("OffsetSDR", 1 / 64), ("OffsetHDR", 1 / 64))
+    return tuple(read(*pair) for pair in names)
+
+
+def _pictures(data: bytes) -> Iterator[bytes]:
+    """The JPEG pictures of a file, one behind the other."""
+    at = 0
+    for _ in range(MAX_PICTURES):
+        at = data.find(JPEG_START, at)
+        if at < 0:
+            return
+        end = _end(data, at)
+        yield data[at:end]
+        at = end
+
+
+def _end(data: bytes, start: int) -> int:
+    """Where the JPEG that begins at a byte ends."""
+    at = start + 2
+    while (marker := _MARKER.search(data, at)) and marker[1] != b"\xd9":
+        at = marker.end()
+        at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
+    return len(data) if marker is None else marker.end()
+
+
+def _segments(picture: bytes) -> Iterator[bytes]:
+    """Contents of the APP1 and APP2 segments of one picture."""
+    at = 2
+    while at + 4 <= len(picture) and picture[at] == 0xFF and picture[at + 1] not in (0xDA, 0xD9):
+        size = int.from_bytes(picture[at + 2 : at + 4], "big")
+        if picture[at + 1] in (0xE1, 0xE2):
+            yield picture[at + 4 : at + 2 + size]
+        at += 2 + max(size, 2)

@@ -1,0 +1,336 @@
+"""Hints: what is given about the object of a photo, about the photo's camera and about the light.
+
+Whoever adds one adds a field to Hints, with its type again in HintsDict. From the fields come the keywords of Python,
+the options of the command line, the form and query fields of HTTP and their description; docs/inputs.md explains them.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Literal, TypedDict, TypeVar
+
+import numpy as np
+
+from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
+from anyprobe.files.images import ImageSource
+from anyprobe.files.raw import RAW_SUFFIXES
+from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.prompts import Clicks
+from anyprobe.masks.sources import MaskSource
+from anyprobe.scatter.materials import Albedo, Material, as_material
+
+NormalsEstimator = Callable[[np.ndarray], np.ndarray]
+"""From a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's frame."""
+NormalsSource = str | os.PathLike[str] | bytes | np.ndarray
+SurroundingsSource = ImageSource
+
+SPHERE = "sphere"
+"""In place of a normal map: the object is a sphere, whose outline gives its normals."""
+PHOTO = "photo"
+"""In place of a panorama: take the photo's own background."""
+
+PICTURES = (
+    *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
+    *(".jp2", ".exr", *RAW_SUFFIXES),
+)
+ARRAYS = (".png", ".tif", ".tiff", ".exr", ".npy")
+
+MAX_NUMBER = 1e6
+"""No number that a text gives is as large."""
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Hint:
+    """How one hint is named and read where it comes as text or as a file.
+
+    Attributes:
+        about: "place", where the object is; "camera"; or "light", on which the estimate alone depends.
+        help: a line for people.
+        name: of its option, form field and query parameter; "": the field's.
+        metavar: the form of its text.
+        numbers: how many numbers its text may hold, with commas between; none: it is a word or a file.
+        range: least and largest of a single number.
+        repeated: whether it may be given several times.
+        example: a text that is right.
+        words: that stand in place of its file.
+        suffixes: of its file, where folders hold one a photo; none: it is no file.
+        over_http: whether requests may carry it.
+        in_web: the option of the JavaScript package that takes it; "" where none does.
+    """
+
+    about: Literal["place", "camera", "light"]
+    help: str
+    name: str = ""
+    metavar: str | None = None
+    numbers: tuple[int, ...] = ()
+    range: tuple[float | None, float | None] = (None, None)
+    repeated: bool = False
+    example: str = ""
+    words: tuple[str, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    over_http: bool = True
+    in_web: str = ""
+
+    def read(self, text: str) -> Any:
+        """What a text stands for: a number, numbers, or the text itself.
+
+        Raises:
+            InputError: other numbers; the line begins with the name.
+        """
+        if not self.numbers:
+            return text
+        try:
+            found = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            found = ()
+        if len(found) not in self.numbers or not all(abs(one) < MAX_NUMBER for one in found):  # NaN fails too
+            example = f"; for instance {self.example}" if self.example else ""
+            raise InputError(f"{self.name}: expected {self._form()}, got {text[:60]!r}{example}")
+        return found[0] if self.numbers == (1,) else found
+
+    def _form(self) -> str:
+        forms = ["a number"] if 1 in self.numbers else []
+        forms += [self.metavar or ""] if self.numbers != (1,) else []
+        return " or ".join(forms) + (" in pixels" if self.metavar and self.about == "place" else "")
+
+    def read_word(self, text: str) -> str:
+        """One of the words that stand in place of a file that comes otherwise; InputError for another."""
+        if text not in self.words:
+            raise InputError(f"{self.name}: expected a file part{_or(self.words)}, got {text[:60]!r}")
+        return text
+
+    def read_path(self, text: str) -> str | Path:
+        """One of the words, or a file's path."""
+        return text if text in self.words else Path(text)
+
+
+def _or(words: Sequence[str]) -> str:
+    return "".join(f" or {word}" for word in words)
+
+
+def _hint(about: Literal["place", "camera", "light"], help: str, **more: Any) -> Any:
+    return field(default=None, metadata={"hint": Hint(about=about, help=help, **more)})
+
+
+class HintsDict(TypedDict, total=False):
+    """Hints as keywords."""
+
+    mask: MaskSource | None
+    click: Clicks | None
+    exclude: Clicks | None
+    box: Sequence[float] | None
+    depth: DepthSource | None
+    near: float | None
+    far: float | None
+    fov_deg: float | None
+    pitch_deg: float | None
+    normals: NormalsSource | NormalsEstimator | None
+    material: Material | str | None
+    albedo: Albedo | None
+    roughness: float | None
+    surroundings: SurroundingsSource | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Hints:
+    """What is given about the object, the photo's camera and the light; None where nothing is.
+
+    Attributes:
+        mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function from
+            the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the photo's alpha
+            channel is taken, else the mask network's proposal.
+        click, exclude: x, y in pixels of the upright photo on the object and beside it, one or several.
+        box: x0, y0, x1, y1 around the object, likewise.
+        depth: depth image of the same view; near, far: where to cut it, in its unit.
+        fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
+        pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
+        normals: the object's normal map of the photo's size in the camera's frame, see normals_prior.read_normals;
+            "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
+        material: the object's: a Material, or "chrome", "gold", "plastic" or "matte". Level and colour of the light are
+            fitted to it.
+        albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
+        roughness: as in glTF, 0.1 to 1, likewise.
+        surroundings: "photo", to use the photo's background; or a panorama in the camera's frame, transparent where
+            unknown.
+    Raises:
+        InputError: with one line, what does not go together, or a number out of its range.
+    """
+
+    mask: MaskSource | None = _hint("place", "Mask image, white on the object.", suffixes=PICTURES, in_web="mask")
+    click: Clicks | None = _hint(
+        "place",
+        "A point on the object, in pixels of the upright photo; repeatable.",
+        metavar="X,Y",
+        numbers=(2,),
+        repeated=True,
+        example="120,90",
+        in_web="click",
+    )
+    exclude: Clicks | None = _hint(
+        "place",
+        "A point beside the object, in pixels of the upright photo; repeatable.",
+        metavar="X,Y",
+        numbers=(2,),
+        repeated=True,
+        example="20,90",
+        in_web="exclude",
+    )
+    box: Sequence[float] | None = _hint(
+        "place",
+        "Box around the object, in pixels of the upright photo.",
+        metavar="X0,Y0,X1,Y1",
+        numbers=(4,),
+        example="40,30,220,260",
+        in_web="box",
+    )
+    depth: DepthSource | None = _hint("place", "Depth image of the same view.", suffixes=ARRAYS, over_http=False)
+    near: float | None = _hint(
+        "place", "Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,), over_http=False
+    )
+    far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,), over_http=False)
+    fov_deg: float | None = _hint(
+        "camera",
+        "Field of view of the photo's longer side, degrees; default: EXIF, else 65.",
+        name="fov",
+        numbers=(1,),
+        in_web="longFovDeg",
+    )
+    pitch_deg: float | None = _hint(
+        "camera", "How far the camera looks down, degrees: 0 level, 90 straight down.", name="pitch", numbers=(1,)
+    )
+    normals: NormalsSource | NormalsEstimator | None = _hint(
+        "light",
+        "The object's normal map: (n + 1) / 2 in a picture of the photo's size; +X right, +Y up, +Z toward the camera; "
+        "or sphere, if the object is one.",
+        words=(SPHERE,),
+        suffixes=ARRAYS,
+        in_web="normals",
+    )
+    material: Material | str | None = _hint(
+        "light",
+        "The object's material: chrome, gold, plastic or matte (albedo 0.6).",
+        metavar="NAME",
+        in_web="material",
+    )
+    albedo: Albedo | None = _hint(
+        "light",
+        "Its linear diffuse albedo, or one number: 0.18 for a grey card.",
+        metavar="R,G,B",
+        numbers=(1, 3),
+        example="0.18",
+        in_web="material",
+    )
+    roughness: float | None = _hint(
+        "light",
+        "Its roughness as in glTF, 0.1 to 1: the square root of GGX alpha.",
+        numbers=(1,),
+        range=(0.1, 1.0),
+        in_web="material",
+    )
+    surroundings: SurroundingsSource | None = _hint(
+        "light",
+        "What is known of the surroundings: photo, to use the photo's background; or a panorama in the camera's frame, "
+        "transparent where unknown.",
+        words=(PHOTO,),
+        suffixes=(*PICTURES, ".hdr"),
+        in_web="surroundings",
+    )
+
+    def __post_init__(self) -> None:
+        check_together([name for name, _ in self.given()])
+        if self.fov_deg is not None and not 1.0 < self.fov_deg < 170.0:
+            raise InvalidPhoto(
+                f"fov_deg: expected a field of view of 1 to 170 degrees along the longer side, got {self.fov_deg:g}"
+            )
+        if self.pitch_deg is not None and not -90.0 <= self.pitch_deg <= 90.0:
+            raise InputError(
+                f"pitch_deg: expected -90 to 90 degrees that the camera looks down, got {self.pitch_deg:g}"
+            )
+        self.surface()
+
+    def given(self) -> Iterator[tuple[str, Any]]:
+        """Names and values of those that are."""
+        for name in HINTS:
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, (list, tuple)) and not value):
+                yield name, value
+
+    def place(self) -> dict[str, Any]:
+        """What says where the object is, as keywords of masks.find_mask."""
+        return {name: getattr(self, name) for name, hint in HINTS.items() if hint.about == "place"}
+
+    def surface(self) -> Material | None:
+        """The object's material from material, albedo and roughness; None where none of them is given."""
+        return as_material(self.material, self.albedo, self.roughness)
+
+    def files(self) -> dict[str, Path]:
+        """Those that are paths, by name."""
+        return {name: value for name, value in self.given() if isinstance(value, Path)}
+
+
+HINTS: dict[str, Hint] = {
+    one.name: replace(one.metadata["hint"], name=one.metadata["hint"].name or one.name) for one in fields(Hints)
+}
+"""By the field's name, in the order of Hints."""
+
+
+def as_hints(hints: Hints | None, more: Mapping[str, Any]) -> Hints:
+    """Hints with more of them; what a keyword gives counts."""
+    return replace(Hints() if hints is None else hints, **more)
+
+
+def check_together(given: Sequence[str], called: Callable[[str], str] = str) -> None:
+    """InputError, in one line, where the hints of these names do not go together.
+
+    called: what the line calls a hint, as its option.
+    """
+    ways = [name for name in ("mask", "depth", "box", "click") if name in given]
+    if len(ways) > 1 and ways != ["box", "click"]:
+        raise InputError(f"{' and '.join(map(called, ways))}: expected one of them, got both")
+    if "exclude" in given and ways and ways[0] in ("mask", "depth"):
+        raise InputError(
+            f"{called('exclude')}: expected {called('click')}, {called('box')} or neither with it, "
+            f"got {called(ways[0])}; leave one of them out"
+        )
+    cut = [name for name in ("near", "far") if name in given]
+    if cut and "depth" not in given:
+        raise InvalidMask(
+            f"{called(cut[0])}: expected {called('depth')} with it, a depth image to cut, got none; add it"
+        )
+
+
+@contextmanager
+def said_as(**options: str) -> Iterator[None]:
+    """What the library says of an argument is said of the option that gives it: at="--at"."""
+    try:
+        yield
+    except InputError as error:
+        name, _, rest = str(error).partition(": ")
+        if name not in options:
+            raise
+        raise type(error)(f"{options[name]}: {rest}") from error
+
+
+def spread(*kinds: type) -> Callable[[Function], Function]:
+    """Shows the fields of dataclasses as a function's own keywords, to help() and completion, in place of **more."""
+
+    def shown(function: Function) -> Function:
+        signature = inspect.signature(function)
+        own = [one for one in signature.parameters.values() if one.kind != one.VAR_KEYWORD]
+        more = [
+            inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=one.type)
+            for kind in kinds
+            for one in fields(kind)
+            if one.name not in signature.parameters
+        ]
+        function.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+        return function
+
+    return shown

@@ -1,0 +1,96 @@
+"""The npm package as `npm pack` makes it, built by each bundler in an empty project and opened in Chromium."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.browser import run_steps, serve
+from support.bundlers import BUNDLERS, VITE, Bundler, emitted, page
+
+ROOT = Path(__file__).parents[2]
+WEB = ROOT / "web"
+FOV_DEG = 24.0
+ISOLATED = {"Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Embedder-Policy": "require-corp"}
+IN_CI = ("vite", "webpack")
+"""The others take a minute each."""
+
+
+@pytest.fixture(scope="module")
+def packed(chromium, tmp_path_factory) -> Path:
+    """What a stranger's `npm pack` makes, nothing generated before."""
+    if not (WEB / "node_modules" / "onnxruntime-web").is_dir():
+        pytest.skip("needs the packages of web/ (cd web && npm ci)")
+    folder = tmp_path_factory.mktemp("packed")
+    for name in ("weights", "dist"):
+        shutil.rmtree(WEB / name, ignore_errors=True)
+    (WEB / "LICENSE").unlink(missing_ok=True)
+    subprocess.run(["npm", "pack", "--silent", "--pack-destination", folder], cwd=WEB, check=True, capture_output=True)
+    return next(folder.glob("*.tgz"))
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory) -> Path:
+    """photo.png, opaque, and mask.png with the soft edge of its alpha channel."""
+    folder = tmp_path_factory.mktemp("photo")
+    with Image.open(ROOT / "examples" / "vase.png") as image:
+        image.convert("RGB").save(folder / "photo.png")
+        image.getchannel("A").save(folder / "mask.png")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def expected(photo, estimator) -> np.ndarray:
+    """[27] Python's own light."""
+    return estimator(photo / "photo.png", mask=photo / "mask.png", fov_deg=FOV_DEG).sh9().ravel()
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in IN_CI else pytest.mark.slow) for name in BUNDLERS]
+)
+def test_build_gives_pythons_light(packed, photo, expected, tmp_path, name):
+    site = BUNDLERS[name].build(packed, tmp_path)
+    for path in photo.iterdir():
+        shutil.copy(path, site)
+    with serve({"/": site}, headers=ISOLATED) as url:
+        seen = run_steps("package_built.mjs", url, {"page": "index.html"})
+    assert seen["failed"] == []
+    assert not any("mask" in path and path.endswith(".onnx") for path in seen["fetched"])  # a mask was given
+    assert np.linalg.norm(np.subtract(seen["light"], expected)) < 1e-3 * np.linalg.norm(expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("program", "files"),
+    [
+        ('import { encodeHdr } from "anyprobe/core"; globalThis.x = encodeHdr;', []),
+        ('import { ProbeLight } from "anyprobe/three"; globalThis.x = ProbeLight;', []),
+        ('import { AnyProbe } from "anyprobe"; globalThis.x = AnyProbe;', ["light", "mask", "ort-wasm-simd-threaded"]),
+        (
+            'import { AnyProbe } from "anyprobe/webgpu"; globalThis.x = AnyProbe;',
+            ["light", "mask", "ort-wasm-simd-threaded.jspi"],
+        ),
+    ],
+)
+def test_only_what_is_used_is_emitted(packed, tmp_path, program, files):
+    sources = {"index.html": page("/main.js"), "main.js": program}
+    vite = Bundler(packages=(*VITE, "three@0.187.0"), sources=sources, command=("npx", "vite", "build"), site="dist")
+    found = emitted(vite.build(packed, tmp_path))
+    assert len(found) == len(files), found
+    for file in files:
+        assert any(name.startswith(file) for name in found), (file, found)
+    if "ort-wasm-simd-threaded" in files:
+        assert not any("jspi" in name for name in found)
+
+
+def test_package_without_its_graphs_is_not_packed(tmp_path):
+    """Outside a clone there is nothing to copy: npm pack fails."""
+    web = tmp_path / "web"
+    shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("node_modules", "weights", "dist", "LICENSE"))
+    ended = subprocess.run(["npm", "pack"], cwd=web, capture_output=True, check=False)
+    assert ended.returncode != 0
+    assert not list(web.glob("*.tgz"))

@@ -1,0 +1,535 @@
+"""Pictures as cameras and programs write them come out with the colours, the range and the size that they hold."""
+
+from __future__ import annotations
+
+import builtins
+import io
+import struct
+import zlib
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+from support.picture_files import (
+    REC2020_FROM_REC709,
+    dng,
+    eight,
+    gamma_curve,
+    hlg,
+    icc,
+    png,
+    pq,
+    scene,
+    sixteen,
+    srgb,
+    ultra_hdr,
+    yc_exr,
+)
+
+import anyprobe
+from anyprobe.core.response import response
+from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
+from anyprobe.files.exr import read_exr
+from anyprobe.files.headers import declared_pixels, jxl_size
+from anyprobe.files.images import read_image
+from anyprobe.files.radiance import read_linear, read_radiance, write_hdr_picture
+
+CASES = Path(__file__).parent / "cases"
+LINEAR = scene()
+DISPLAY = srgb(LINEAR)
+
+
+def case(name: str):
+    return read_image(CASES / name)
+
+
+def close(found: np.ndarray, wanted: np.ndarray, within: float = 0.01) -> None:
+    assert found.shape == wanted.shape
+    assert np.abs(found - wanted).mean() < within
+    assert np.abs(found - wanted).max() < 4 * within
+
+
+# Colour
+
+
+@pytest.mark.parametrize("name", ["icc_linear_srgb.png", "gama1.png", "cicp_pq.png"])
+def test_one_picture_in_other_encodings_is_one_picture(name):
+    close(case(name).rgb, case("plain.png").rgb, 0.003)
+
+
+def test_a_grey_profile_counts_beside_alpha():
+    on = case("plain_mask.png").rgb[..., 0] > 0.5
+    assert case("lga.png").rgb[on].mean() == pytest.approx(0.554, abs=0.004)
+
+
+def test_a_heic_of_p3_by_code_points_is_the_picture():
+    pytest.importorskip("pillow_heif")
+    close(case("p3nclx.heic").rgb, case("red.png").rgb, 0.01)
+
+
+def test_pq_gives_the_light_of_the_plain_picture():
+    lights = [anyprobe.estimate(CASES / name, mask=CASES / "plain_mask.png") for name in ("plain.png", "cicp_pq.png")]
+    plain, found = (light.dominant_light() for light in lights)
+    np.testing.assert_allclose(found.irradiance, plain.irradiance, rtol=0.03)
+    assert np.degrees(np.arccos(min(1.0, float(found.direction @ plain.direction)))) < 1.0
+
+
+def encoded_p3() -> np.ndarray:
+    return srgb(np.clip(LINEAR @ np.linalg.inv(by_code_points(12, 8).matrix).T, 0, 1))
+
+
+WIDE = LINEAR @ REC2020_FROM_REC709.T
+PNGS = {
+    "cICP P3": png(eight(encoded_p3()), (b"cICP", bytes((12, 13, 0, 1)))),
+    "cICP linear": png(sixteen(LINEAR), (b"cICP", bytes((1, 8, 0, 1)))),
+    "cICP PQ": png(sixteen(pq(WIDE)), (b"cICP", bytes((9, 16, 0, 1)))),
+    "cICP HLG": png(sixteen(hlg(WIDE)), (b"cICP", bytes((9, 18, 0, 1)))),
+    "cICP of 16 to 235": png(eight((16 + 219 * DISPLAY) / 255), (b"cICP", bytes((1, 13, 0, 0)))),
+    "cICP before iCCP": png(
+        eight(DISPLAY), (b"cICP", bytes((1, 13, 0, 1))), (b"iCCP", b"x\0\0" + zlib.compress(icc(gamma_curve(1))))
+    ),
+    "gAMA 1, 16 bits": png(sixteen(LINEAR), (b"gAMA", struct.pack(">I", 100000))),
+    "gAMA of most programs": png(eight(DISPLAY), (b"gAMA", struct.pack(">I", 45455))),
+    "gAMA of 1.8": png(eight(LINEAR ** (1 / 1.8)), (b"gAMA", struct.pack(">I", 55556))),
+    "sRGB before gAMA": png(eight(DISPLAY), (b"sRGB", b"\0"), (b"gAMA", struct.pack(">I", 100000))),
+    "cHRM P3": png(
+        eight(encoded_p3()), (b"cHRM", struct.pack(">8I", 31270, 32900, 68000, 32000, 26500, 69000, 15000, 6000))
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PNGS)
+def test_a_png_is_read_by_what_it_says_of_its_colours(name):
+    close(read_image(PNGS[name]).rgb, DISPLAY, 0.004)
+
+
+def with_profile(pixels: np.ndarray, profile: bytes, format: str = "PNG") -> bytes:
+    if pixels.dtype == np.uint16:
+        return png(pixels, (b"iCCP", b"x\0\0" + zlib.compress(profile)))
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, format, icc_profile=profile)
+    return stream.getvalue()
+
+
+PARAMETRIC = b"para\0\0\0\0" + struct.pack(
+    ">HH5i", 3, 0, *(round(v * 65536) for v in (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))
+)
+
+
+@pytest.mark.parametrize("name", ["8 bits", "16 bits", "grey", "grey of 16 bits", "grey and alpha of 16 bits", "CICP"])
+def test_a_profile_counts_by_its_curves_not_by_its_name(name):
+    """All are called sRGB and are linear, or PQ by a cicp tag."""
+    grey = LINEAR[..., 1]
+    linear, linear_grey = icc(gamma_curve(1)), icc(gamma_curve(1), grey=True)
+    made = {
+        "8 bits": (with_profile(eight(LINEAR), linear), DISPLAY),
+        "16 bits": (with_profile(sixteen(LINEAR), linear), DISPLAY),
+        "grey": (with_profile(eight(grey), linear_grey), srgb(grey)[..., None].repeat(3, -1)),
+        "grey of 16 bits": (with_profile(sixteen(grey), linear_grey), srgb(grey)[..., None].repeat(3, -1)),
+        "grey and alpha of 16 bits": (
+            with_profile(sixteen(np.dstack([grey, grey])), linear_grey),
+            srgb(grey)[..., None].repeat(3, -1),
+        ),
+        "CICP": (with_profile(sixteen(pq(WIDE)), icc(gamma_curve(2), more=bytes((9, 16, 0, 1)))), DISPLAY),
+    }
+    data, wanted = made[name]
+    pixels = read_image(data)
+    close(pixels.rgb, wanted, 0.012 if name in ("8 bits", "grey") else 0.003)  # 8 linear bits are coarse in the dark
+    assert (pixels.alpha is not None) == ("alpha" in name)
+    assert pixels.warnings == ()
+
+
+def test_srgb_by_another_curve_s_tag_changes_nothing():
+    pixels = eight(DISPLAY)
+    np.testing.assert_array_equal(read_image(with_profile(pixels, icc(PARAMETRIC))).rgb, pixels / np.float32(255))
+
+
+def test_a_profile_of_another_kind_of_picture_is_named():
+    found = read_image(with_profile(eight(LINEAR[..., 1]), icc(gamma_curve(1))))
+    assert "colour profile" in found.warnings[0]
+    np.testing.assert_allclose(found.rgb[..., 0], eight(LINEAR[..., 1]) / 255, atol=1e-6)
+
+
+def test_adobe_rgb_by_exif_alone():
+    matrix = by_numbers(ADOBE_RGB, 563 / 256).matrix
+    coded = np.clip(LINEAR @ np.linalg.inv(matrix).T, 0, 1) ** (256 / 563)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA005] = {1: "R03", 2: b"0100"}
+    stream = io.BytesIO()
+    Image.fromarray(eight(coded)).save(stream, "JPEG", quality=100, subsampling=0, exif=exif)
+    close(read_image(stream.getvalue()).rgb, DISPLAY, 0.013)
+
+
+def test_an_avif_of_p3_by_code_points():
+    stream = io.BytesIO()
+    Image.fromarray(eight(encoded_p3())).save(stream, "AVIF", quality=100, subsampling="4:4:4")
+    at = stream.getvalue().index(b"nclx") + 4
+    data = stream.getvalue()[:at] + b"\0\x0c" + stream.getvalue()[at + 2 :]
+    close(read_image(data).rgb, DISPLAY, 0.01)
+
+
+def test_a_heic_in_pq_keeps_its_ten_bits_and_its_range():
+    heif = pytest.importorskip("pillow_heif")
+    bright = LINEAR * 8
+    code = sixteen(pq(bright @ REC2020_FROM_REC709.T))
+    stream = io.BytesIO()
+    picture = heif.from_bytes(mode="RGB;16", size=code.shape[1::-1], data=code.astype("<u2").tobytes())
+    said = {"color_primaries": 9, "transfer_characteristics": 16, "matrix_coefficients": 9, "full_range_flag": 1}
+    picture.save(stream, quality=-1, chroma=444, **said)
+    found = read_image(stream.getvalue())
+    assert np.median(np.abs(found.radiance / bright - 1)) < 0.02
+    close(found.rgb, srgb(np.minimum(bright, 1)), 0.015)
+
+
+def test_colours_outside_are_cut_and_said():
+    pure = np.tile(np.array([0.1, 0.9, 0.1]), (64, 96, 1))
+    found = read_image(png(eight(pure), (b"cICP", bytes((9, 13, 0, 1)))))
+    assert "outside of Rec. 709" in found.warnings[0]
+    assert found.rgb.min() >= 0
+    assert read_image(PNGS["cICP P3"]).warnings == ()
+
+
+def test_an_unknown_encoding_is_named():
+    assert "not known (200, 13)" in read_image(png(eight(DISPLAY), (b"cICP", bytes((200, 13, 0, 1))))).warnings[0]
+
+
+def test_each_set_of_primaries_keeps_white():
+    for point in PRIMARIES:
+        np.testing.assert_allclose(by_code_points(point, 8).matrix.sum(axis=1), 1, atol=1e-6)
+
+
+def test_sixteen_bits_are_sixteen(rng):
+    values = rng.integers(0, 65536, (40, 50, 4)).astype(np.uint16)
+    for channels in (3, 4):
+        found = read_image(png(np.ascontiguousarray(values[..., :channels])))
+        np.testing.assert_allclose(found.rgb, values[..., :3] / 65535, atol=1e-6)
+    np.testing.assert_allclose(found.alpha, values[..., 3] / 65535, atol=1e-6)
+
+
+def test_normals_and_masks_are_numbers_not_colours():
+    """A renderer marks them as linear: they are what is stored all the same."""
+    stored = eight(LINEAR)
+    data = png(stored, (b"gAMA", struct.pack(">I", 100000)))
+    np.testing.assert_allclose(read_image(data, as_data=True).rgb, stored / 255, atol=1e-6)
+    mask = np.zeros((64, 96), np.uint8)
+    mask[16:48, 32:64] = 128
+    marked = load_photo(eight(DISPLAY), mask=png(mask, (b"gAMA", struct.pack(">I", 100000)))).mask
+    assert marked[20, 40] == pytest.approx(0.5, abs=0.01)
+
+
+# Range
+
+
+def ball(source: object, mask: object = CASES / "ball_c_mask.png") -> anyprobe.Light:
+    return anyprobe.estimate(source, mask=mask, normals="sphere", material="chrome", fov_deg=50)
+
+
+EMITTER = np.array([0.68, 0.57, 0.46]) / np.linalg.norm([0.68, 0.57, 0.46])
+
+
+def test_a_mirror_ball_of_bracketed_photos_is_a_light_probe():
+    light = ball(CASES / "ball_c.exr").dominant_light()
+    assert np.degrees(np.arccos(light.direction @ EMITTER)) < 1.0
+    np.testing.assert_allclose(light.irradiance, [3.09, 2.75, 2.06], rtol=0.10)
+
+
+@pytest.mark.parametrize("kind", ["PQ", "gain map", "hdr", "float TIFF"])
+def test_the_same_ball_in_other_files_has_the_same_light(kind, tmp_path):
+    radiance = read_image(CASES / "ball_c.exr").radiance
+    if kind == "PQ":
+        source: object = png(sixteen(pq(radiance @ REC2020_FROM_REC709.T)), (b"cICP", bytes((9, 16, 0, 1))))
+    elif kind == "hdr":
+        source = tmp_path / "ball.hdr"
+        write_hdr_picture(source, radiance)
+    elif kind == "float TIFF":
+        source = float_tiff(radiance)
+    else:
+        base = np.minimum(radiance, 1)
+        gain = np.log2((radiance + 1 / 64) / (base + 1 / 64))
+        source = ultra_hdr(srgb(base), gain / 6, 6.0)
+    light, wanted = ball(source).dominant_light(), ball(CASES / "ball_c.exr").dominant_light()
+    assert np.degrees(np.arccos(min(1.0, float(light.direction @ wanted.direction)))) < 1.0
+    np.testing.assert_allclose(light.irradiance, wanted.irradiance, rtol=0.10 if kind == "gain map" else 0.03)
+
+
+@pytest.mark.parametrize("iso", [False, True])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_gain_map_gives_the_light_above_white(iso, turned):
+    base, stops = np.full((64, 96, 3), 0.5), 3.0
+    gain = np.zeros((16, 24))
+    gain[:8, :12] = 1.0  # upper left
+    data = ultra_hdr(base, gain, stops, iso=iso)
+    if turned:  # as phones do
+        exif = Image.Exif()
+        exif[0x0112] = 6
+        part = exif.tobytes()
+        data = data[:2] + b"\xff\xe1" + struct.pack(">H", len(part) + 2) + part + data[2:]
+    found = read_image(data)
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    corner = found.radiance[:20, -20:] if turned else found.radiance[:20, :20]
+    np.testing.assert_allclose(corner, (linear + 1 / 64) * 2**stops - 1 / 64, rtol=0.03)
+    np.testing.assert_allclose(found.radiance[-10:], linear, rtol=0.03)
+    np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
+
+
+def test_an_ordinary_jpeg_has_no_radiance_above_white():
+    stream = io.BytesIO()
+    Image.fromarray(eight(DISPLAY)).save(stream, "JPEG")
+    assert read_image(stream.getvalue()).radiance is None
+    assert read_image(eight(DISPLAY)).radiance is None
+
+
+def test_light_above_white_in_the_background_is_kept():
+    """A window of radiance 20 beside the object: in the surroundings, and so in the map."""
+    radiance = np.full((96, 128, 3), 0.3, np.float32) + 0.1 * np.linspace(0, 1, 128, dtype=np.float32)[:, None]
+    radiance[10:40, 90:120] = 20.0
+    mask = np.zeros((96, 128), np.float32)
+    mask[40:80, 20:60] = 1.0
+    photo = load_photo(exr(radiance), mask=mask, surroundings="photo")
+    crop = crop_object(photo)
+    assert crop.surroundings_map.shape == (64, 128, 5)
+    assert crop.surroundings_map[..., :3].max() == pytest.approx(20.0, rel=0.05)
+    assert photo.seen(128).shape == (128, 256, 5)
+    assert photo.seen(128)[..., :3].max() == pytest.approx(20.0, rel=0.05)
+    assert anyprobe.Estimator().from_photo(photo).radiance.max() > 15.0
+
+
+def exr(pixels: np.ndarray, **header) -> bytes:
+    stream = io.BytesIO()
+    channels = {name: np.ascontiguousarray(pixels[..., k], np.float32) for k, name in enumerate("RGB")}
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}, channels).write(
+        stream
+    )
+    return stream.getvalue()
+
+
+# RAW, JPEG XL
+
+
+def test_a_raw_photo_is_developed_not_its_preview():
+    pytest.importorskip("rawpy")
+    linear = scene(120, 160)
+    found = read_image(dng(linear))
+    assert found.rgb.shape == (120, 160, 3)
+    close(found.rgb[4:-4, 4:-4], response(linear)[4:-4, 4:-4], 0.01)
+    assert found.warnings == ()
+
+
+def test_a_raw_photo_has_its_camera_s_white_balance():
+    pytest.importorskip("rawpy")
+    linear = scene(120, 160, top=0.4)
+    close(read_image(dng(linear, gains=(2.0, 1.0, 1.5))).rgb[4:-4, 4:-4], response(linear)[4:-4, 4:-4], 0.02)
+
+
+@pytest.mark.parametrize(
+    ("data", "package", "extra"), [(dng(scene(64, 64)), "rawpy", "raw"), (b"\xff\x0a" + bytes(60), "pillow_jxl", "jxl")]
+)
+def test_without_its_reader_one_line_names_it(monkeypatch, data, package, extra):
+    real = builtins.__import__
+
+    def without(name, *rest):
+        if name == package:
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MissingExtra) as caught:
+        read_image(data)
+    assert f"[{extra}]" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_jpeg_xl_is_read_and_bounded_by_its_header(monkeypatch):
+    pytest.importorskip("pillow_jxl")
+    stream = io.BytesIO()
+    Image.fromarray(eight(DISPLAY)).save(stream, "JXL", lossless=True)
+    close(read_image(stream.getvalue()).rgb, DISPLAY, 0.004)
+    for size in ((96, 64), (65, 300), (1000, 33), (256, 256)):
+        for container in (False, True):
+            stream = io.BytesIO()
+            Image.new("RGB", size).save(stream, "JXL", lossless=True, use_container=container)
+            assert jxl_size(stream.getvalue()) == size
+    huge = b"\xff\x0a" + (0 | 3 << 1 | 39_999 << 3 | 1 << 33).to_bytes(8, "little") + bytes(40)
+    assert jxl_size(huge) == (40_000, 40_000)
+    with pytest.raises(InvalidPhoto, match="40000 x 40000"):
+        read_image(huge)
+
+
+# OpenEXR, .hdr, TIFF of floats
+
+
+@pytest.mark.parametrize("sampling", [1, 2])
+def test_luminance_and_chroma_are_the_colours(sampling, tmp_path):
+    rgb = scene()
+    found = read_exr(yc_exr(rgb, sampling), "yc", InvalidPhoto, 10**7)
+    np.testing.assert_allclose(found[:-2, :-2], rgb[:-2, :-2], rtol=0.02, atol=0.004)
+    np.testing.assert_allclose(
+        read_image(yc_exr(rgb, sampling)).rgb.mean((0, 1)), response(rgb).mean((0, 1)), rtol=0.02
+    )
+    (tmp_path / "map.exr").write_bytes(yc_exr(scene(32, 64), sampling))
+    np.testing.assert_allclose(read_radiance(tmp_path / "map.exr").mean((0, 1)), scene(32, 64).mean((0, 1)), rtol=0.02)
+
+
+@pytest.mark.parametrize("aspect", [0.5, 1.5, 2.0])
+def test_pixels_of_an_exr_are_made_square(aspect):
+    rgb = scene(64, 96)
+    found = read_image(exr(rgb, pixelAspectRatio=aspect)).rgb
+    assert found.shape == (64, round(96 * aspect), 3)
+    np.testing.assert_allclose(found.mean((0, 1)), response(rgb).mean((0, 1)), rtol=0.01)
+    assert (np.diff(found[..., 0], axis=1) >= -1e-6).all()
+
+
+@pytest.mark.parametrize("aspect", [0.0, 1e9, float("nan"), -1.0])
+def test_an_aspect_that_cannot_be_meant_is_none(aspect):
+    stored = exr(scene(), pixelAspectRatio=1.0)
+    at = stored.index(b"pixelAspectRatio\0float\0") + len(b"pixelAspectRatio\0float\0") + 4
+    data = stored[:at] + struct.pack("<f", aspect) + stored[at + 4 :]
+    with suppress(InvalidPhoto):  # the library refuses some
+        assert read_image(data).rgb.shape == (64, 96, 3)
+
+
+@pytest.mark.parametrize("name", ["v_colorcorr.hdr", "v_freeimage.hdr", "v_crlf.hdr"])
+def test_headers_of_other_programs_leave_the_map_as_it_is(name):
+    wanted = read_radiance(CASES / "light_probe.hdr")
+    np.testing.assert_allclose(read_radiance(CASES / name), wanted, rtol=0.01, atol=0.005)
+
+
+def test_a_photo_may_be_an_hdr():
+    found, radiance = case("light_probe.hdr"), read_radiance(CASES / "light_probe.hdr")
+    np.testing.assert_allclose(found.rgb, response(radiance), atol=1e-6)
+    np.testing.assert_allclose(found.radiance, radiance)
+
+
+def flat_hdr(size: str, pixels: np.ndarray, form: str = "rgbe") -> bytes:
+    return f"#?RADIANCE\nFORMAT=32-bit_rle_{form}\n\n{size}\n".encode() + pixels.tobytes()
+
+
+def test_an_hdr_of_any_orientation_is_upright(rng):
+    upright = rng.integers(1, 255, (4, 6, 4)).astype(np.uint8)
+    upright[..., 3] = 128
+    stored = {
+        "-Y 4 +X 6": upright,
+        "+Y 4 +X 6": upright[::-1],
+        "-Y 4 -X 6": upright[:, ::-1],
+        "+X 6 -Y 4": upright.swapaxes(0, 1),
+        "-X 6 +Y 4": upright[::-1, ::-1].swapaxes(0, 1),
+    }
+    wanted = read_linear(flat_hdr("-Y 4 +X 6", upright), 10**6)
+    for size, pixels in stored.items():
+        np.testing.assert_array_equal(read_linear(flat_hdr(size, pixels), 10**6), wanted, err_msg=size)
+        assert declared_pixels(flat_hdr(size, pixels)) == 24
+
+
+def test_an_hdr_of_xyz_is_turned_to_rec709():
+    even = np.full((4, 6, 4), 128, np.uint8)
+    found = read_linear(flat_hdr("-Y 4 +X 6", even, "xyze"), 10**6)[..., :3]
+    np.testing.assert_allclose(found, 0.5, rtol=1e-3)  # equal energy is white
+    lit = even.copy()
+    lit[..., 0] = 160
+    assert (np.diff(read_linear(flat_hdr("-Y 4 +X 6", lit, "xyze"), 10**6)[0, 0, :2]) < 0).all()  # more X is red
+
+
+def float_tiff(pixels: np.ndarray, kind: str = "<f4", profile: bytes = b"") -> bytes:
+    """One strip, without compression."""
+    height, width, channels = pixels.shape
+    order = kind[0]
+    data = pixels.astype(kind).tobytes()
+    bits = int(kind[2:]) * 8
+
+    def short(value: int) -> bytes:
+        return struct.pack(f"{order}HH", value, 0)
+
+    place = 8 + len(data) + len(data) % 2
+    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, None), (259, 3, 1, None), (262, 3, 1, None)]
+    values = {
+        258: short(bits),
+        259: short(1),
+        262: short(2 if channels == 3 else 1),
+        277: short(channels),
+        339: short(3),
+    }
+    entries += [(273, 4, 1, 8), (277, 3, 1, None), (278, 4, 1, height), (279, 4, 1, len(data)), (339, 3, 1, None)]
+    beyond = place + 2 + 12 * (len(entries) + bool(profile)) + 4
+    if profile:
+        entries.append((34675, 7, len(profile), beyond))
+    rows = b""
+    for tag, of, count, value in sorted(entries):
+        rows += struct.pack(f"{order}HHI", tag, of, count)
+        rows += values[tag] if value is None else struct.pack(f"{order}I", value)
+    head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", place)
+    return head + data + bytes(len(data) % 2) + struct.pack(f"{order}H", len(entries)) + rows + bytes(4) + profile
+
+
+@pytest.mark.parametrize("kind", ["<f2", "<f4", ">f4", "<f8"])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_tiff_of_floats_holds_radiance(kind, channels):
+    radiance = scene(top=3.0)[..., :channels]
+    found = read_image(float_tiff(radiance, kind))
+    wide = radiance if channels == 3 else radiance.repeat(3, -1)
+    np.testing.assert_allclose(found.radiance, wide, rtol=2e-3)
+    np.testing.assert_allclose(found.rgb, response(wide), atol=2e-3)
+
+
+def test_a_tiff_of_floats_may_hold_display_values_by_its_profile():
+    assert "taken for linear radiance" in read_image(float_tiff(DISPLAY)).warnings[0]
+    coded = read_image(float_tiff(DISPLAY, profile=icc(PARAMETRIC)))
+    close(coded.rgb, DISPLAY, 0.002)
+    assert coded.warnings == ()
+    linear = read_image(float_tiff(LINEAR * 2, profile=icc(gamma_curve(1))))
+    np.testing.assert_allclose(linear.radiance, LINEAR * 2, rtol=2e-3, atol=2e-3)
+
+
+@pytest.mark.parametrize("compression", [5, 8, 32773])
+@pytest.mark.parametrize("predictor", [1, 2, 3])
+def test_compressed_tiffs_of_floats(compression, predictor):
+    cv2 = pytest.importorskip("cv2")
+    radiance = scene(top=3.0).astype(np.float32)
+    flags = [cv2.IMWRITE_TIFF_COMPRESSION, compression, cv2.IMWRITE_TIFF_PREDICTOR, predictor]
+    data = cv2.imencode(".tiff", radiance[..., ::-1], flags)[1].tobytes()
+    np.testing.assert_array_equal(read_image(data).radiance, radiance)
+
+
+# Messages
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (float_tiff(LINEAR)[:4000], "damaged, cut"),
+        (b"RIFF\x10\0\0\0WEBPVP8 ", "WebP; copy it again"),
+        (b"\xff\xd8\xff\xe0\0", "JPEG; copy it again"),
+        (b"\0\0\0\x18ftypavif" + bytes(40), "AVIF; copy it again"),
+        (b"\0\0\0\x18ftypisom" + bytes(40), "a video"),
+        (b"8BPS\0\1" + bytes(40), "Photoshop"),
+        (b"PF\n4 4\n-1.0\n" + bytes(200), "OpenEXR"),
+    ],
+)
+def test_what_cannot_be_read_is_called_by_its_name(data, word):
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(data)
+    assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "PNG or JPEG" not in str(caught.value)  # which would cut radiance
+
+
+def test_a_cut_raw_photo_is_one_line(tmp_path):
+    pytest.importorskip("rawpy")
+    (tmp_path / "cut.dng").write_bytes(dng(scene(64, 64))[:9000])
+    with pytest.raises(InvalidPhoto) as caught:
+        read_image(tmp_path / "cut.dng")
+    assert "cut.dng: expected a RAW photo" in str(caught.value)
+
+
+def test_two_photos_of_one_name_are_two_results(tmp_path, command):
+    for suffix in ("png", "webp"):
+        Image.fromarray(eight(DISPLAY)).save(tmp_path / f"vase.{suffix}")
+    done = command(
+        "estimate", tmp_path / "vase.png", tmp_path / "vase.webp", "--box", "20,10,70,50", "-o", tmp_path / "o"
+    )
+    assert done.status == 0, done.err
+    assert {path.name for path in (tmp_path / "o").glob("*.exr")} == {"vase_png.exr", "vase_webp.exr"}

@@ -1,0 +1,135 @@
+"""Whole photos: their lists, how their scenes stand, and how they are exposed."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from anyprobe.core.color import luminance
+from anyprobe.core.response import inverse_response
+from anyprobe.dataset.asset_store import AssetStore
+from anyprobe.dataset.catalog import MapAsset, ShapeAsset
+from anyprobe.dataset.recipe import WORLD, world_recipes
+from anyprobe.errors import InputError
+from anyprobe.estimate.ground import up_of
+from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.render.shapes import lathe
+from research.world import whole_photos as whole
+from research.world.tables import ALBEDO, KINDS, draw_cover
+from research.world.whole_render import Render
+from research.world.whole_scenes import draw_scene
+from research.world.whole_scores import brightest_places, stage, world_from_photo
+
+RADIANCE = np.exp(np.random.default_rng(3).normal(0, 1, (64, 128, 3))).astype(np.float32)
+STORE = AssetStore(
+    [MapAsset(id="0" * 8, name="map", licence="own", indoor=True, radiance=RADIANCE)],
+    [ShapeAsset(id="1" * 8, name="vase", licence="own", mesh=lathe(np.random.default_rng(3), rows=12))],
+)
+RECIPES = world_recipes(STORE, 24, 7)
+SCENES = [draw_scene(recipe, STORE) for recipe in RECIPES]
+
+
+def test_the_lists_are_balanced_and_share_no_asset_with_each_other():
+    test, left_out = (whole.recipes_of(part) for part in whole.LISTS)
+    for recipes in (test, left_out):
+        assert len(recipes) == whole.COUNT
+        assert {recipe.conditions for recipe in recipes} == {WORLD}
+        assert set(Counter(recipe.material for recipe in recipes).values()) == {12, 13}
+    assets = [{i for one in recipes for i in (one.map_id, one.shape_id)} for recipes in (test, left_out)]
+    assert not assets[0] & assets[1]
+    with pytest.raises(InputError, match="expected one of test, left-out, train"):
+        whole.recipes_of("all")
+
+
+def test_the_object_stands_on_the_table_whole_in_the_photo():
+    for scene in SCENES:
+        positions = scene.thing.mesh.positions
+        assert abs(positions[:, 1].min()) < 1e-5
+        pixels = scene.phone.pixels(positions)
+        assert (pixels >= 0).all()
+        assert (pixels <= [scene.phone.width, scene.phone.height]).all()
+
+
+def test_the_pitch_of_a_phone_is_how_far_it_looks_down():
+    for scene in SCENES:
+        phone = scene.phone
+        np.testing.assert_allclose(
+            phone.world_from_camera.T @ [0, 1, 0], up_of(phone.pitch_deg, phone.roll_deg), atol=1e-9
+        )
+        np.testing.assert_allclose(
+            world_from_photo(phone.pitch_deg, phone.roll_deg), phone.world_from_camera, atol=1e-9
+        )
+        assert -phone.world_from_camera[1, 2] == pytest.approx(-np.sin(np.radians(phone.pitch_deg)))
+
+
+def test_a_scene_is_a_function_of_its_recipe():
+    again = draw_scene(RECIPES[5], STORE)
+    np.testing.assert_array_equal(again.thing.mesh.positions, SCENES[5].thing.mesh.positions)
+    assert again.phone.pitch_deg == SCENES[5].phone.pitch_deg != SCENES[6].phone.pitch_deg
+
+
+def test_covers_have_the_measured_albedos():
+    for k, kind in enumerate(4 * KINDS):
+        mean = luminance(draw_cover(np.random.default_rng(k), kind).albedo).mean()
+        low, high = ALBEDO[kind]
+        assert 0.9 * low <= mean <= 1.02 * high
+
+
+def _photo(scene, recipe):
+    height, width = scene.phone.height, scene.phone.width
+    mask = np.zeros((height, width), np.float32)
+    mask[height // 3 : height // 2, width // 3 : width // 2] = 1
+    picture = np.full((height, width, 3), 3.0, np.float32)
+    truth = np.full((MAP_HEIGHT, 2 * MAP_HEIGHT, 3), 3.0, np.float32)
+    return whole.photograph(recipe, scene, Render(picture=picture, mask=mask, truth=truth), STORE)
+
+
+def test_photo_and_truth_are_in_the_same_units():
+    ratios = []
+    for scene, recipe in zip(SCENES, RECIPES, strict=True):
+        photo = _photo(scene, recipe)
+        assert photo.picture.dtype == np.uint8
+        assert photo.picture.shape[:2] == photo.mask.shape
+        seen = inverse_response(photo.picture[photo.mask][:, :3] / 255.0).mean(axis=0)
+        ratios.append(np.log2(seen.mean() / photo.truth.mean()))
+    assert abs(np.median(ratios)) < 0.15  # camera curves differ
+    assert np.std([_photo(s, r).truth.mean() for s, r in zip(SCENES[:6], RECIPES[:6], strict=True)]) > 0
+
+
+def test_cut_outs_show_nothing_of_the_scene():
+    kinds = Counter(scene.cut_out for scene in SCENES)
+    assert kinds[""] > 12
+    assert kinds["alpha"] + kinds["plain"] > 0
+    for scene, recipe in zip(SCENES, RECIPES, strict=True):
+        photo = _photo(scene, recipe)
+        assert (photo.picture.shape[2] == 4) == (scene.cut_out == "alpha")
+        around = photo.picture[~photo.mask]
+        if scene.cut_out:
+            assert around.std(axis=0).max() < 1e-6
+
+
+def test_hardness_is_the_share_of_the_two_brightest_places():
+    even = np.ones((64, 128, 3), np.float32)
+    assert brightest_places(even).sum() == pytest.approx(2 * (1 - np.cos(np.radians(8.0))) / 2, rel=0.15)
+    hard = even * 1e-6
+    hard[20, 30], hard[25, 90] = 3e3, 1e3
+    first, second = brightest_places(hard)
+    assert first + second > 0.95
+    assert first > 2.5 * second > 0
+
+
+def test_the_stage_s_shadow_falls_away_from_the_light():
+    matrix, vase, shown = stage()
+    light = np.zeros((64, 128), np.float32)
+    values = []
+    for column in (32, 96):  # from the left (-X) and from the right, 45 degrees high
+        light[:] = 0
+        light[16, column] = 1
+        picture = np.full(shown.shape, np.nan)
+        picture[shown] = matrix @ light.ravel()
+        picture[vase] = np.nan
+        dark = picture == 0
+        values.append(np.nonzero(dark)[1].mean())
+    assert values[0] > values[1]

@@ -1,0 +1,202 @@
+"""Pictures as cameras and programs write them, made byte by byte where no library does."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+
+import numpy as np
+from PIL import Image
+
+REC2020_FROM_REC709 = np.array(
+    [[0.627404, 0.329283, 0.043313], [0.069097, 0.919540, 0.011362], [0.016391, 0.088013, 0.895595]]
+)
+"""ITU-R BT.2087."""
+
+
+def scene(height: int = 64, width: int = 96, top: float = 0.6) -> np.ndarray:
+    """Linear Rec. 709 [H, W, 3], no two corners alike, inside of the primaries."""
+    y, x = np.mgrid[0:height, 0:width]
+    return np.stack([0.02 + top * x / width, 0.05 + top * y / height, 0.4 - 0.38 * x / width], axis=-1)
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """IEC 61966-2-1."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
+def pq(linear: np.ndarray) -> np.ndarray:
+    """SMPTE ST 2084 of light whose 1 is 203 cd/m2."""
+    p = np.clip(linear * 0.0203, 0, 1) ** 0.1593017578125
+    return ((0.8359375 + 18.8515625 * p) / (1 + 18.6875 * p)) ** 78.84375
+
+
+def hlg(linear: np.ndarray) -> np.ndarray:
+    """ARIB STD-B67 of light whose 1 is at a signal of 0.75."""
+    scene = linear * 0.26496256
+    high = 0.17883277 * np.log(np.maximum(12 * scene - 0.28466892, 1e-9)) + 0.55991073
+    return np.where(scene <= 1 / 12, np.sqrt(3 * scene), high)
+
+
+def eight(values: np.ndarray) -> np.ndarray:
+    return np.round(np.clip(values, 0, 1) * 255).astype(np.uint8)
+
+
+def sixteen(values: np.ndarray) -> np.ndarray:
+    return np.round(np.clip(values, 0, 1) * 65535).astype(np.uint16)
+
+
+def png(pixels: np.ndarray, *chunks: tuple[bytes, bytes]) -> bytes:
+    """[H, W] or [H, W, 2, 3 or 4], uint8 or uint16, with chunks before the pixels."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    kind = 0 if pixels.ndim == 2 else {2: 4, 3: 2, 4: 6}[pixels.shape[2]]
+    bits = 8 * pixels.dtype.itemsize
+    head = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], bits, kind, 0, 0, 0)
+    rows = b"".join(b"\0" + row.astype(f">u{bits // 8}").tobytes() for row in pixels)
+    pieces = [chunk(b"IHDR", head), *(chunk(*one) for one in chunks), chunk(b"IDAT", zlib.compress(rows))]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(pieces) + chunk(b"IEND", b"")
+
+
+def icc(curve: bytes, *, grey: bool = False, columns: np.ndarray | None = None, more: bytes = b"") -> bytes:
+    """A profile of primaries (sRGB's, or columns [3, 3] of XYZ at D50) and one curve's tag; named sRGB, whatever it is.
+
+    more: a cicp tag.
+    """
+
+    def xyz(values) -> bytes:
+        return b"XYZ \0\0\0\0" + struct.pack(">3i", *(round(float(one) * 65536) for one in values))
+
+    srgb_d50 = np.array([[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]])
+    columns = srgb_d50 if columns is None else columns
+    name = b"desc\0\0\0\0" + struct.pack(">I", 5) + b"sRGB\0" + bytes(78)
+    tags = [(b"desc", name), (b"wtpt", xyz((0.9642, 1.0, 0.8249))), (b"cprt", b"text\0\0\0\0-\0")]
+    if grey:
+        tags.append((b"kTRC", curve))
+    else:
+        tags += [(f"{c}XYZ".encode(), xyz(columns[:, k])) for k, c in enumerate("rgb")]
+        tags += [(f"{c}TRC".encode(), curve) for c in "rgb"]
+    if more:
+        tags.append((b"cicp", b"cicp\0\0\0\0" + more))
+    place, table, body = 128 + 4 + 12 * len(tags), struct.pack(">I", len(tags)), b""
+    for tag, value in tags:
+        table += struct.pack(">4sII", tag, place + len(body), len(value))
+        body += value + bytes(-len(value) % 4)
+    space = b"GRAY" if grey else b"RGB "
+    head = struct.pack(">I4sI4s4s4s", 132 + len(table) - 4 + len(body), bytes(4), 0x02400000, b"mntr", space, b"XYZ ")
+    head += bytes(12) + b"acsp" + bytes(28) + struct.pack(">3i", 63190, 65536, 54061)
+    return head.ljust(128, b"\0") + table + body
+
+
+def gamma_curve(exponent: float) -> bytes:
+    return b"curv\0\0\0\0" + struct.pack(">IH", 1, round(exponent * 256)) + bytes(2)
+
+
+def yc_exr(rgb: np.ndarray, sampling: int = 2) -> bytes:
+    """OpenEXR of luminance and chroma, half floats, of linear Rec. 709 [H, W, 3] of even sides."""
+
+    def attribute(name: bytes, kind: bytes, value: bytes) -> bytes:
+        return name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+
+    height, width = rgb.shape[:2]
+    y = rgb @ np.array([0.2126, 0.7152, 0.0722])
+    ry, by = ((rgb[..., k] - y)[::sampling, ::sampling] / y[::sampling, ::sampling] for k in (0, 2))
+    kinds = ((b"BY", sampling), (b"RY", sampling), (b"Y", 1))
+    channels = b"".join(name + b"\0" + struct.pack("<iB3xii", 1, 0, step, step) for name, step in kinds) + b"\0"
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    head = b"\x76\x2f\x31\x01\x02\0\0\0" + attribute(b"channels", b"chlist", channels)
+    head += attribute(b"compression", b"compression", b"\0") + attribute(b"dataWindow", b"box2i", window)
+    head += attribute(b"displayWindow", b"box2i", window) + attribute(b"lineOrder", b"lineOrder", b"\0")
+    head += attribute(b"pixelAspectRatio", b"float", struct.pack("<f", 1))
+    head += attribute(b"screenWindowCenter", b"v2f", bytes(8))
+    head += attribute(b"screenWindowWidth", b"float", struct.pack("<f", 1)) + b"\0"
+    table, rows, at = b"", b"", len(head) + 8 * height
+    for k in range(height):
+        row = b"".join(one[k // sampling].astype("<f2").tobytes() for one in (by, ry)) if k % sampling == 0 else b""
+        row += y[k].astype("<f2").tobytes()
+        table += struct.pack("<Q", at + len(rows))
+        rows += struct.pack("<ii", k, len(row)) + row
+    return head + table + rows
+
+
+def dng(linear: np.ndarray, gains: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> bytes:
+    """A DNG of linear Rec. 709 [H, W, 3] up to 1 through an RGGB mosaic of a camera whose primaries are those.
+
+    Its first directory is a small preview, red all over; gains: by which the camera's red, green and blue are lower.
+    """
+    height, width = linear.shape[:2]
+    mosaic = np.empty((height, width), np.uint16)
+    for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
+        mosaic[row::2, column::2] = sixteen(linear[row::2, column::2, channel] / gains[channel])
+    preview = np.tile(np.array([200, 0, 0], np.uint8), (24, 32, 1))
+    xyz_d65 = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+    )
+    to_camera = np.linalg.inv(xyz_d65) / np.array(gains)[:, None]
+    matrix = b"".join(struct.pack("<ii", round(float(v) * 10000), 10000) for v in to_camera.ravel())
+    neutral = b"".join(struct.pack("<II", round(10000 / g), 10000) for g in gains)
+    data, entries = bytearray(b"II*\0\0\0\0\0"), {}
+
+    def put(value: bytes) -> int:
+        data.extend(bytes(len(data) % 2))
+        data.extend(value)
+        return len(data) - len(value)
+
+    def directory(tags: dict[int, tuple[int, int, bytes]]) -> int:
+        rows = b""
+        for tag, (kind, count, value) in sorted(tags.items()):
+            rows += struct.pack("<HHI", tag, kind, count)
+            rows += value.ljust(4, b"\0") if len(value) <= 4 else struct.pack("<I", put(value))
+        return put(struct.pack("<H", len(tags)) + rows + bytes(4))
+
+    def short(*values: int) -> tuple[int, int, bytes]:
+        return 3, len(values), struct.pack(f"<{len(values)}H", *values)
+
+    def long(*values: int) -> tuple[int, int, bytes]:
+        return 4, len(values), struct.pack(f"<{len(values)}I", *values)
+
+    raw = {
+        **{254: long(0), 256: long(width), 257: long(height), 258: short(16), 259: short(1), 262: short(32803)},
+        **{273: long(put(mosaic.astype("<u2").tobytes())), 277: short(1), 278: long(height)},
+        **{279: long(mosaic.nbytes), 33421: short(2, 2), 33422: (1, 4, bytes((0, 1, 1, 2))), 50717: short(65535)},
+    }
+    entries = {
+        **{254: long(1), 256: long(32), 257: long(24), 258: short(8, 8, 8), 259: short(1), 262: short(2)},
+        **{271: (2, 5, b"Made\0"), 272: (2, 4, b"One\0"), 273: long(put(preview.tobytes())), 274: short(1)},
+        **{277: short(3), 278: long(24), 279: long(preview.nbytes), 330: long(directory(raw))},
+        **{50706: (1, 4, bytes((1, 4, 0, 0))), 50708: (2, 9, b"Made One\0"), 50721: (10, 9, matrix)},
+        **{50728: (5, 3, neutral), 50778: short(21)},
+    }
+    data[4:8] = struct.pack("<I", directory(entries))
+    return bytes(data)
+
+
+def ultra_hdr(base: np.ndarray, gain: np.ndarray, stops: float, *, iso: bool = False, quality: int = 98) -> bytes:
+    """A JPEG of display values [H, W, 3] with a gain map [h, w] or [h, w, 3] of 0 to so many stops.
+
+    iso: described as by ISO 21496-1; else by XMP.
+    """
+
+    def jpeg(picture: np.ndarray) -> bytes:
+        stream = io.BytesIO()
+        Image.fromarray(eight(picture)).save(stream, "JPEG", quality=quality, subsampling=0)
+        return stream.getvalue()
+
+    def with_segment(data: bytes, marker: int, content: bytes) -> bytes:
+        return data[:2] + bytes((0xFF, marker)) + struct.pack(">H", len(content) + 2) + content + data[2:]
+
+    name, urn = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0"
+    said = 'xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" hdrgm:Version="1.0"'
+    if iso:
+        numbers = struct.pack(">IIII", 0, 1, round(stops * 1000), 1000)
+        numbers += struct.pack(">iIiIIIiIiI", 0, 1, round(stops * 1000), 1000, 1, 1, 1, 64, 1, 64)
+        first, second = (0xE2, urn + bytes(4)), (0xE2, urn + bytes(4) + b"\x40" + numbers)
+    else:
+        first = 0xE1, name + f"<x:xmpmeta><rdf:Description {said}/></x:xmpmeta>".encode()
+        more = f'{said} hdrgm:GainMapMin="0" hdrgm:GainMapMax="{stops}" hdrgm:Gamma="1" hdrgm:OffsetSDR="0.015625"'
+        more += f' hdrgm:OffsetHDR="0.015625" hdrgm:HDRCapacityMax="{stops}" hdrgm:BaseRenditionIsHDR="False"'
+        second = 0xE1, name + f"<x:xmpmeta><rdf:Description {more}/></x:xmpmeta>".encode()
+    return with_segment(jpeg(base), *first) + with_segment(jpeg(gain), *second)

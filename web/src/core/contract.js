@@ -1,0 +1,140 @@
+/** The numbers that Python and JavaScript share: src/anyprobe/contract.json, written here by build/contract.js. */
+
+export const CONTRACT = {
+  "mask": {
+    "inside": 0.5,
+    "least_object_px": 24,
+    "alpha_cuts_at": 0.5,
+    "file": {
+      "black": 0.1,
+      "white": 0.9
+    },
+    "hole_share": 0.03
+  },
+  "curve": {
+    "exponent": 0.9,
+    "sigma": 0.6
+  },
+  "sizes": {
+    "map_height": 64,
+    "crop": 128,
+    "normals": 64,
+    "crop_margin": 1.1
+  },
+  "lens": {
+    "default_long_fov_deg": 65,
+    "least_fov_deg": 1,
+    "most_fov_deg": 170
+  },
+  "exposure": {
+    "black": 0.02,
+    "white": 0.98,
+    "enough": 0.5
+  },
+  "graph": {
+    "inputs": [
+      "photo",
+      "tan_half",
+      "given_normals",
+      "surroundings",
+      "material"
+    ],
+    "outputs": [
+      "irradiance",
+      "ln_radiance",
+      "confidence",
+      "normals",
+      "ln_expected",
+      "posterior"
+    ],
+    "chain": [
+      "irradiance",
+      "illumination",
+      "hdr"
+    ],
+    "emitters": [
+      "mode",
+      "expected"
+    ],
+    "ln_most": 11,
+    "blend_from": 0.8,
+    "shortest_normal": 0.5
+  },
+  "materials": {
+    "least_roughness": 0.1,
+    "least_reflectance": 0.02,
+    "inputs": 8,
+    "named": {
+      "chrome": {
+        "albedo": [
+          0,
+          0,
+          0
+        ],
+        "f0": [
+          0.549,
+          0.556,
+          0.554
+        ],
+        "alpha": 0.03
+      },
+      "gold": {
+        "albedo": [
+          0,
+          0,
+          0
+        ],
+        "f0": [
+          1,
+          0.77,
+          0.34
+        ],
+        "alpha": 0.12
+      },
+      "plastic": {
+        "albedo": [
+          0.52,
+          0.06,
+          0.05
+        ],
+        "f0": [
+          0.045,
+          0.045,
+          0.045
+        ],
+        "alpha": 0.12
+      },
+      "matte": {
+        "albedo": [
+          0.6,
+          0.6,
+          0.6
+        ],
+        "f0": [
+          0.04,
+          0.04,
+          0.04
+        ],
+        "alpha": 0.9
+      }
+    }
+  },
+  "filter": {
+    "offset": 0.01,
+    "still_s": 3,
+    "moving_s": 0.02,
+    "fast_s": 0.035,
+    "noise_s": 1,
+    "least_noise": 0.01,
+    "cut_level": 1.2,
+    "calm": 2,
+    "moved": 4.5,
+    "let_go": 0.5,
+    "forgotten": 0.05
+  },
+  "dominant_light": {
+    "blur_deg": 5,
+    "lobe_level": 0.5,
+    "ring_px": 3
+  }
+};

@@ -1,0 +1,28 @@
+/** What goes wrong, in one line and one word that programs can ask for. */
+
+/**
+ * `code` is one of
+ *
+ *   invalid-option  an option of a name, kind or range that there is not
+ *   invalid-image   nothing that holds a picture, or a picture without pixels
+ *   no-object       no object is marked, or it is too small
+ *   unsupported     the browser lacks what is needed
+ *   fetch-failed    a file could not be fetched, is not the one expected, or stalls
+ *   worker-failed   the networks' thread could not be started, or ended
+ *   disposed        asked of a probe after dispose()
+ *   failed          anything else: a fault of this package
+ */
+export class AnyProbeError extends Error {
+  /** @param {string} code @param {string} message */
+  constructor(code, message, options) {
+    super(message, options);
+    this.name = "AnyProbeError";
+    this.code = code;
+  }
+}
+
+/** What is sent of an error from one thread to another. */
+export const sentError = (error) => ({ code: error.code ?? "failed", message: error.message ?? String(error) });
+
+/** The error that was sent. */
+export const receivedError = ({ code, message }) => new AnyProbeError(code, message);

@@ -1,0 +1,56 @@
+/** A file, with word of what has come; one that stops coming says so, and is given up. */
+
+import { AnyProbeError } from "../errors.js";
+
+/** Without a byte for so long a download is said to stall, and after that it is given up. */
+const [STALLED_MS, GIVEN_UP_MS] = [10_000, 60_000];
+
+/**
+ * @param {string} url
+ * @param {{integrity?: string, onProgress?: (progress: Progress) => void, stalledMs?: number, givenUpMs?: number}} [options]
+ * @returns {Promise<Uint8Array>}
+ * @typedef {{file: string, loaded: number, total: number | null, stalled: boolean}} Progress bytes; total is null where the
+ *   server does not say it
+ */
+export async function download(url, { integrity, onProgress = () => {}, stalledMs = STALLED_MS, givenUpMs = GIVEN_UP_MS } = {}) {
+  const file = url.split(/[?#]/)[0].split("/").at(-1);
+  const ending = new AbortController();
+  let [loaded, total] = [0, null];
+  const timers = [];
+  const heard = () => {
+    timers.splice(0).forEach(clearTimeout);
+    timers.push(setTimeout(() => onProgress({ file, loaded, total, stalled: true }), stalledMs));
+    timers.push(setTimeout(() => ending.abort(new Error(`no data for ${givenUpMs / 1000} s after ${loaded} bytes`)), givenUpMs));
+  };
+  heard();
+  try {
+    const answer = await fetch(url, { integrity, signal: ending.signal });
+    if (!answer.ok) throw new Error(`answer ${answer.status}`);
+    const isPlain = !answer.headers.get("content-encoding"); // else its length is not that of what comes
+    total = (isPlain && Number(answer.headers.get("content-length"))) || null;
+    const parts = [];
+    for (const reader = answer.body.getReader(); ; ) {
+      const { done, value } = await reader.read();
+      if (done) break;
+      parts.push(value);
+      loaded += value.length;
+      onProgress({ file, loaded, total, stalled: false });
+      heard();
+    }
+    return joined(parts, loaded);
+  } catch (error) {
+    throw new AnyProbeError("fetch-failed", `${file} could not be fetched (${error.message})`);
+  } finally {
+    timers.forEach(clearTimeout);
+  }
+}
+
+function joined(parts, length) {
+  const bytes = new Uint8Array(length);
+  let at = 0;
+  for (const part of parts) {
+    bytes.set(part, at);
+    at += part.length;
+  }
+  return bytes;
+}

@@ -1,0 +1,82 @@
+/** What a probe is opened with, checked before its thread is started; addresses are of the page, not of the thread. */
+
+import { AnyProbeError } from "../errors.js";
+import { wrong } from "../options.js";
+
+const ENGINES = ["wasm", "webgpu"];
+
+/** Where each is missing, anyprobe cannot run; and since which browsers it is not. */
+const NEEDED = {
+  Worker: "any browser of today",
+  WebAssembly: "any browser of today",
+  OffscreenCanvas: "Chrome 69, Firefox 105, Safari 16.4",
+  createImageBitmap: "Chrome 50, Firefox 42, Safari 15",
+};
+
+/** Refuse a browser that lacks what is needed. */
+export function requireBrowser() {
+  for (const [name, since] of Object.entries(NEEDED)) {
+    if (typeof globalThis[name] !== "undefined") continue;
+    throw new AnyProbeError("unsupported", `this browser has no ${name}, which anyprobe needs; use a newer one (${since})`);
+  }
+}
+
+/**
+ * @param {import("../../types/index.d.ts").LoadOptions} options
+ * @param {object} files an entry's own, where options say nothing
+ */
+export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ...options }, files) {
+  if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine);
+  const least = threads ?? (navigator.hardwareConcurrency || 1);
+  if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);
+  if (typeof onProgress !== "function") throw wrong("onProgress", "a function", onProgress);
+  const bundles = files.engines ?? ENGINES;
+  if (!bundles.includes(engine)) {
+    const other = engine === "webgpu" ? "anyprobe/webgpu" : "anyprobe";
+    throw new AnyProbeError("invalid-option", `engine ${engine}: import AnyProbe from ${other}, which brings its runtime`);
+  }
+  return {
+    engine,
+    threads: least,
+    onProgress,
+    worker: starterOf(options.worker ?? files.worker),
+    weights: weightsOf(options.weights ?? files.weights),
+    runtime: runtimeOf(options.runtime ?? files.runtime),
+  };
+}
+
+function starterOf(worker) {
+  if (typeof worker === "function") return worker;
+  if (typeof worker === "string" || worker instanceof URL) return () => new Worker(absolute(worker), { type: "module" });
+  throw wrong("worker", "a function that starts it, or its address", worker);
+}
+
+function weightsOf(weights) {
+  const expected = "{ light, mask } with the address of each graph (weights/light.onnx and weights/mask.onnx of this package)";
+  if (weights === null || typeof weights !== "object" || Object.keys(weights).length === 0) throw wrong("weights", expected, weights);
+  const entries = Object.entries(weights).filter(([, graph]) => graph !== undefined);
+  return Object.fromEntries(entries.map(([name, graph]) => [name, graphOf(name, graph)]));
+}
+
+function graphOf(name, graph) {
+  if (graph instanceof Uint8Array) return graph;
+  if (typeof graph === "string" || graph instanceof URL) return { url: absolute(graph) };
+  if (typeof graph?.url === "string") return { ...graph, url: absolute(graph.url) };
+  throw wrong(`weights.${name}`, "an address, { url, integrity } or bytes", graph);
+}
+
+function runtimeOf(runtime) {
+  if (typeof runtime === "string" || runtime instanceof URL) {
+    const folder = absolute(runtime);
+    return folder.endsWith("/") ? folder : `${folder}/`;
+  }
+  const keys = ["module", "glue", "wasm"].filter((key) => runtime?.[key] !== undefined);
+  if (!keys.includes("wasm") || keys.length < 2) {
+    throw wrong("runtime", "the address of onnxruntime-web's folder dist/, or { module, wasm }", runtime);
+  }
+  return Object.fromEntries(keys.map((key) => [key, absolute(runtime[key])]));
+}
+
+function absolute(address) {
+  return new URL(address, globalThis.document?.baseURI ?? globalThis.location?.href).href;
+}

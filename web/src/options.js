@@ -1,0 +1,108 @@
+/** What is asked for, checked: unknown names, kinds and ranges are refused in one line. */
+
+import { CONTRACT } from "./core/contract.js";
+import { AnyProbeError } from "./errors.js";
+import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
+
+const HINTS = ["click", "exclude", "box"];
+const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
+const LIGHT = ["surroundings", "emitters", "material"];
+
+/** Names of the options of each method. */
+export const OPTIONS = {
+  load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
+  mask: [...HINTS, "signal"],
+  estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],
+  track: [...HINTS, ...LENS, ...LIGHT, "onError", "onLost", "withViews", "signal"],
+  "tracker.mark": HINTS,
+  "tracker.set": LIGHT,
+};
+
+const EMITTERS = CONTRACT.graph.emitters;
+
+/** Angles that a picture without distortion can have, degrees. */
+const { least_fov_deg: LEAST_FOV_DEG, most_fov_deg: MOST_FOV_DEG } = CONTRACT.lens;
+
+/** By how much the two focal lengths of a projection may differ, and its centre lie beside the picture's (of half its side). */
+const [MOST_UNEVEN, MOST_OFF_CENTRE] = [0.02, 0.05];
+
+/** Refuse whatever there is not. @param {keyof OPTIONS} method */
+export function checkNames(method, given) {
+  if (given === undefined) return;
+  if (given === null || typeof given !== "object") throw wrong(method, "an object of options", given);
+  const unknown = Object.keys(given).filter((name) => !OPTIONS[method].includes(name));
+  if (unknown.length === 0) return;
+  throw new AnyProbeError("invalid-option", `${method}: unknown option ${unknown.join(", ")}; expected of ${OPTIONS[method].join(", ")}`);
+}
+
+/** @param {string} name @param {string} expected @param {unknown} got */
+export function wrong(name, expected, got) {
+  const text = typeof got === "function" ? "a function" : ArrayBuffer.isView(got) ? `${got.length} numbers` : (JSON.stringify(got) ?? String(got));
+  return new AnyProbeError("invalid-option", `${name}: expected ${expected}, got ${text}`);
+}
+
+/** The kind of light that is wanted. */
+export function checkLight({ surroundings, emitters }) {
+  if (surroundings !== undefined && typeof surroundings !== "boolean") throw wrong("surroundings", "true or false", surroundings);
+  if (emitters !== undefined && !EMITTERS.includes(emitters)) throw wrong("emitters", EMITTERS.join(" or "), emitters);
+}
+
+/** Clicks and boxes that lie in a picture of this size, which they are in pixels of. */
+export function checkHints({ click, exclude, box }, width, height) {
+  const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+  const isPoint = (point) => Array.isArray(point) && point.length === 2 && point.every(isNumber);
+  const isInside = ([x, y]) => x > -1 && y > -1 && x < width + 1 && y < height + 1; // what is dragged along an edge rounds over it
+  const size = `${width} x ${height} pixels`;
+  for (const [name, points] of Object.entries({ click, exclude })) {
+    if (points === undefined || points === null) continue;
+    const all = isPoint(points) ? [points] : points;
+    if (!Array.isArray(all) || !all.every(isPoint)) throw wrong(name, "[x, y] in pixels, or a list of them", points);
+    if (!all.every(isInside)) throw wrong(name, `points in the picture, ${size}`, points);
+  }
+  if (box === undefined || box === null) return;
+  if (!Array.isArray(box) || box.length !== 4 || !box.every(isNumber)) throw wrong("box", "[x0, y0, x1, y1] in pixels", box);
+  const [x0, y0, x1, y1] = box;
+  if (!(x1 > x0 && y1 > y0 && isInside([x0, y0]) && isInside([x1, y1]))) {
+    throw wrong("box", `x0 < x1 and y0 < y1 in the picture, ${size}`, box);
+  }
+}
+
+/**
+ * Field of view of the longer side, which the networks' geometry is in.
+ *
+ * @param {{fovDeg?: number, longFovDeg?: number, projectionMatrix?: ArrayLike<number> | {elements: ArrayLike<number>}}} lens
+ *   vertical as three.js has it, of the longer side, or a camera's own matrix, column by column
+ * @param {number} width of the picture
+ * @param {number} height
+ */
+export function longFovOf({ fovDeg, longFovDeg, projectionMatrix }, width, height) {
+  const given = { fovDeg, longFovDeg, projectionMatrix };
+  const names = LENS.filter((name) => given[name] !== undefined);
+  if (names.length > 1) throw wrong("lens", `one of ${LENS.join(", ")}`, names);
+  const longer = Math.max(width, height);
+  const ofSide = (side, of) => (2 * Math.atan((Math.tan((of * Math.PI) / 360) * longer) / side) * 180) / Math.PI;
+  if (fovDeg !== undefined) return inRange("fovDeg", fovDeg, ofSide(height, fovDeg));
+  if (longFovDeg !== undefined) return inRange("longFovDeg", longFovDeg, longFovDeg);
+  return projectionMatrix === undefined ? DEFAULT_LONG_FOV_DEG : longFovOfMatrix(projectionMatrix, width, height);
+}
+
+function inRange(name, value, longFovDeg) {
+  const isFine = (angle) => typeof angle === "number" && angle > LEAST_FOV_DEG && angle < MOST_FOV_DEG;
+  if (isFine(value) && isFine(longFovDeg)) return longFovDeg;
+  throw wrong(name, `degrees between ${LEAST_FOV_DEG} and ${MOST_FOV_DEG}, of the picture's longer side too`, value);
+}
+
+function longFovOfMatrix(matrix, width, height) {
+  const m = matrix?.elements ?? matrix;
+  if (m?.length !== 16 || ![...m].every(Number.isFinite) || !(m[0] > 0 && m[5] > 0) || m[11] !== -1) {
+    throw wrong("projectionMatrix", "16 numbers of a perspective camera, column by column", m?.length === 16 ? [...m] : matrix);
+  }
+  const [across, down] = [(m[0] * width) / 2, (m[5] * height) / 2]; // focal lengths in pixels
+  if (Math.abs(across / down - 1) > MOST_UNEVEN) {
+    throw wrong("projectionMatrix", `that of the camera whose picture is ${width} x ${height}`, `another aspect, ${(m[5] / m[0]).toFixed(3)}`);
+  }
+  if (Math.max(Math.abs(m[8]), Math.abs(m[9])) > MOST_OFF_CENTRE) {
+    throw wrong("projectionMatrix", "one that looks through the picture's centre", [m[8], m[9]]);
+  }
+  return (2 * Math.atan(Math.max(width, height) / 2 / down) * 180) / Math.PI;
+}

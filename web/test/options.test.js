@@ -1,0 +1,120 @@
+/** What is asked for is checked before any work is done. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { download } from "../src/files/download.js";
+import { WorkerClient } from "../src/networks/workerClient.js";
+import { OPTIONS, checkHints, checkLight, checkNames, longFovOf } from "../src/options.js";
+
+const refused = { name: "AnyProbeError", code: "invalid-option" };
+const degrees = (radians) => (radians * 180) / Math.PI;
+
+/** A perspective camera's matrix, column by column, as three.js's PerspectiveCamera has it. */
+function projection(fovDeg, aspect, offCentre = 0) {
+  const down = 1 / Math.tan((fovDeg * Math.PI) / 360);
+  return [down / aspect, 0, 0, 0, 0, down, 0, 0, offCentre, 0, -1.002, -1, 0, 0, -0.2, 0];
+}
+
+test("names that there are not are refused, in every method", () => {
+  for (const method of Object.keys(OPTIONS)) {
+    checkNames(method, undefined);
+    checkNames(method, Object.fromEntries(OPTIONS[method].map((name) => [name, undefined])));
+    assert.throws(() => checkNames(method, { clik: [1, 2] }), { ...refused, message: /unknown option clik; expected of/ });
+    assert.throws(() => checkNames(method, null), refused);
+  }
+});
+
+test("the vertical angle is three.js's, whichever side is the longer", () => {
+  assert.ok(Math.abs(longFovOf({ fovDeg: 40 }, 300, 400) - 40) < 1e-9);
+  const wide = degrees(2 * Math.atan(2 * Math.tan((20 * Math.PI) / 180)));
+  assert.ok(Math.abs(longFovOf({ fovDeg: 40 }, 800, 400) - wide) < 1e-9);
+  assert.equal(longFovOf({ longFovDeg: 40 }, 800, 400), 40);
+  assert.equal(longFovOf({}, 800, 400), 65);
+  for (const [width, height] of [[800, 400], [300, 400]]) {
+    const elements = projection(40, width / height);
+    const expected = longFovOf({ fovDeg: 40 }, width, height);
+    assert.ok(Math.abs(longFovOf({ projectionMatrix: { elements } }, width, height) - expected) < 1e-9);
+    assert.ok(Math.abs(longFovOf({ projectionMatrix: new Float32Array(elements) }, width, height) - expected) < 1e-4);
+  }
+});
+
+test("lenses that no picture has are refused", () => {
+  for (const fovDeg of [0, 190, NaN, "40", -10, 179]) assert.throws(() => longFovOf({ fovDeg }, 400, 300), refused);
+  assert.throws(() => longFovOf({ fovDeg: 40, longFovDeg: 40 }, 4, 3), { ...refused, message: /one of fovDeg, longFovDeg/ });
+  const matrices = [[], [1, 2], null, projection(40, 2), projection(40, 4 / 3, 0.3), new Array(16).fill(NaN), new Array(16).fill(1)];
+  for (const projectionMatrix of matrices) assert.throws(() => longFovOf({ projectionMatrix }, 400, 300), refused);
+});
+
+test("clicks and boxes are pairs and fours of numbers in the picture", () => {
+  for (const fine of [{}, { click: [0, 0] }, { click: [[1, 2], [300, 400]], exclude: [] }, { box: [0, 0, 300, 400] }, { box: null }]) checkHints(fine, 300, 400);
+  const wrong = [{ click: [1] }, { click: "1,2" }, { click: [{ x: 1, y: 2 }] }, { click: { x: 1, y: 2 } }, { exclude: [[1, NaN]] }, { click: [310, 0] }];
+  const boxes = [[1, 2, 3], [9, 9, 3, 12], [0, 0, 400, 400], "0,0,9,9"].map((box) => ({ box }));
+  for (const given of [...wrong, ...boxes]) assert.throws(() => checkHints(given, 300, 400), refused, JSON.stringify(given));
+});
+
+test("kinds of light are those there are", () => {
+  checkLight({ surroundings: true, emitters: "expected" });
+  assert.throws(() => checkLight({ emitters: "soft" }), refused);
+  assert.throws(() => checkLight({ surroundings: "yes" }), refused);
+});
+
+/** A thread that answers when told to. */
+function thread() {
+  const heard = [];
+  const worker = { heard, terminate: () => (worker.isEnded = true), postMessage: (message) => heard.push(message) };
+  return worker;
+}
+
+test("what is asked of a thread settles, however it ends", async () => {
+  const worker = thread();
+  const client = new WorkerClient(() => worker, () => {});
+  const asked = [client.ask("estimate"), client.ask("mask")];
+  worker.onmessage({ data: { id: 0, error: { code: "no-object", message: "none" } } });
+  await assert.rejects(asked[0], { code: "no-object", message: "none" });
+  client.end();
+  await assert.rejects(asked[1], { code: "disposed" });
+  await assert.rejects(client.ask("estimate"), { code: "disposed" });
+  assert.throws(() => client.check(), { code: "disposed" });
+  assert.ok(worker.isEnded && worker.heard.length === 2);
+
+  const broken = thread();
+  const other = new WorkerClient(() => broken, () => {});
+  const waiting = other.ask("open");
+  broken.onerror({});
+  await assert.rejects(waiting, { code: "worker-failed", message: /anyprobe\/core/ });
+  await assert.rejects(other.ask("estimate"), { code: "worker-failed" });
+});
+
+test("a request that is given up rejects with its signal's reason, and its answer is nobody's", async () => {
+  const worker = thread();
+  const client = new WorkerClient(() => worker, () => {});
+  await assert.rejects(client.ask("mask", {}, AbortSignal.abort("early")), (error) => error === "early");
+  assert.equal(worker.heard.length, 0);
+  const ending = new AbortController();
+  const asked = client.ask("mask", {}, ending.signal);
+  ending.abort(new Error("late"));
+  await assert.rejects(asked, /late/);
+  assert.deepEqual(worker.heard.at(-1), { giveUp: 0 });
+  worker.onmessage({ data: { id: 0, result: 1 } });
+});
+
+test("a download says how much has come, and when nothing comes", async () => {
+  const { fetch } = globalThis;
+  const said = [];
+  try {
+    let send;
+    const body = new ReadableStream({ start: (controller) => (send = controller) });
+    globalThis.fetch = async (_, { signal }) => {
+      signal.addEventListener("abort", () => send.error(signal.reason));
+      return new Response(body, { headers: { "content-length": "10" } });
+    };
+    const coming = download("https://localhost/a/light.onnx?1", { onProgress: (one) => said.push(one), stalledMs: 20, givenUpMs: 60 });
+    send.enqueue(new Uint8Array(4));
+    await assert.rejects(coming, { code: "fetch-failed", message: /light\.onnx could not be fetched \(no data for 0\.06 s after 4 bytes\)/ });
+  } finally {
+    globalThis.fetch = fetch;
+  }
+  const about = { file: "light.onnx", loaded: 4, total: 10 };
+  assert.deepEqual(said, [{ ...about, stalled: false }, { ...about, stalled: true }]);
+});
