@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, reflect, rotation_x, rotation_y
-from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import inverse_response
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
@@ -46,6 +47,9 @@ DARK = 0.05
 FLOOR, HUE_WEIGHT = 0.003, 2.0
 BATCH = 64
 """Maps that are searched at once."""
+TINT = 0.5
+"""Share of the difference in colour between estimate and map that is applied, in the logarithm: the estimate's own
+colour is off by as much."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,11 +98,12 @@ def shown_by(image: np.ndarray, normals: np.ndarray, tan_half: float, camera_fro
     )
 
 
-def light_of(radiance: np.ndarray) -> np.ndarray:
-    """What a map [H, 2H, 3] is compared by: [32, 64, 3] float32, its mean 1."""
+def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
+    """What a map [H, 2H, 3] is compared by: [32, 64, 3] float32 of mean 1, and the mean of the map."""
     small = reduced(radiance, LIGHT_ROWS)
     weights = pixel_solid_angles(len(small))[..., None] / (4 * np.pi)
-    return small / max(float((small * weights).sum() / 3), 1e-12)
+    level = max(float((small * weights).sum() / 3), 1e-12)
+    return small / np.float32(level), level
 
 
 def best_places(shown: Shown, lights: np.ndarray, pitch_deg: float | None = None) -> Places:
@@ -115,6 +120,20 @@ def best_places(shown: Shown, lights: np.ndarray, pitch_deg: float | None = None
         map_from_camera=np.concatenate([one.map_from_camera for one in found]),
         misfit=np.concatenate([one.misfit for one in found]),
     )
+
+
+def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
+    """Gain [3] at which a map lights the object's pixels as brightly as an estimate [H, 2H, 3] does.
+
+    light: [H, 2H, 3] of the map, see light_of, in its own frame.
+    """
+    own, theirs = (
+        bilinear(irradiance_map(reduced(radiance, LIGHT_ROWS)), direction_to_uv(n)).mean(axis=0)
+        for radiance, n in ((estimate, shown.n), (light, shown.n @ map_from_camera.T))
+    )
+    level = luminance(own) / max(float(luminance(theirs)), 1e-12)
+    tint = np.maximum(own, 1e-12) / np.maximum(theirs * level, 1e-12)
+    return level * tint**TINT
 
 
 def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
