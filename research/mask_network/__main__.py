@@ -32,7 +32,7 @@ def train(
     ] = None,
     keep_every: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps, for research.masks.curve."),
+        typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps."),
     ] = None,
 ) -> None:
     """Train the network that proposes the object; resumes exactly."""

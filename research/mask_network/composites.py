@@ -9,8 +9,8 @@ import torch
 import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
+from anyprobe.dataset.batch_shading import take_photos
 from anyprobe.dataset.camera import blur, draw_shot, exposure
-from anyprobe.dataset.pairs import take_photos
 from research.mask_network.backgrounds import Window, draw_background, draw_flat, make_window
 from research.mask_network.foregrounds import LitView, TexturePool
 

@@ -10,7 +10,7 @@ import torch
 
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.masks.propose import CONTRACT, SIZE
+from anyprobe.masks.networks import CONTRACT, SIZE
 from anyprobe.train.export_onnx import store_half
 from research.mask_network.train import load_mask_net
 

@@ -15,9 +15,9 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.dataset.batch_shading import pixel_wo, shade
 from anyprobe.dataset.distributions import draw_alpha, draw_material
 from anyprobe.dataset.lighting import Illuminator
-from anyprobe.dataset.pairs import pixel_wo, shade
 from anyprobe.dataset.sky import tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet, draw_elevation
 from anyprobe.dataset.textured import draw_texture, smooth_noise

@@ -19,8 +19,8 @@ from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import direction_to_uv, pixel_directions
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.dataset import distributions
+from anyprobe.dataset.batch_shading import pixel_wo
 from anyprobe.dataset.distributions import METALS
-from anyprobe.dataset.pairs import pixel_wo
 from anyprobe.dataset.seen_surroundings import ASPECTS, GAIN_STOPS, TURN_COLUMNS
 from anyprobe.dataset.surfaces import ELEVATION_SINES
 from anyprobe.light.environment import MAP_HEIGHT

@@ -4,8 +4,8 @@ python -m research.world.self_shadowing --data DATA [--scenes 40]
 python -m research.world.self_shadowing --data DATA --kept runs/world    # instead, what shadows cost the shipped model
 
 Objects of the left-out part of the world test set, painted ones left out, by Mitsuba (64 paths a pixel, whose noise
-counts as error) and by anyprobe.dataset.pairs.shade: the same mesh, camera, map and material. Radiance through the mean
-camera curve, exposed to a mean of .2 by paths. Times are of the processor, not of the clock.
+counts as error) and by anyprobe.dataset.batch_shading.shade: the same mesh, camera, map and material. Radiance through
+the mean camera curve, exposed to a mean of .2 by paths. Times are of the processor, not of the clock.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
+from anyprobe.dataset.batch_shading import pixel_wo, shade
 from anyprobe.dataset.distributions import KINDS
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.occlusion import hidden_cells
 from anyprobe.dataset.pair import _draw, _look, is_painted, render_pair
-from anyprobe.dataset.pairs import pixel_wo, shade
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
 from anyprobe.evaluate.methods import run_with_priors
 from anyprobe.evaluate.metrics import direction_error_deg

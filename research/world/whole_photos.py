@@ -14,7 +14,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.camera import Shot, draw_shot, one_photo
 from anyprobe.dataset.recipe import Recipe, digest, read_recipes, world_recipes
@@ -30,8 +30,8 @@ LISTS = {"test": "whole_test.txt", "left-out": "whole_left_out.txt"}
 PARTS = (*LISTS, "train")
 """Held-out maps and shapes; training assets that no shipped weights learn from, to choose by; and the others."""
 KEY, KEY_SPREAD = 0.2, 0.35
-"""As in dataset.priors, for meters that see the frame itself: objects in 85 real photos have a mean linear radiance of
-.09 .13 .23 .29 .39 (10 25 50 75 90 %), frames of .16 .20 .24 .34 .43."""
+"""As in dataset.distributions, for meters that see the frame itself: objects in 85 real photos have a mean linear
+radiance of .09 .13 .23 .29 .39 (10 25 50 75 90 %), frames of .16 .20 .24 .34 .43."""
 LENS_WRITTEN = 0.5
 """Share of the photos whose EXIF says the lens."""
 PLAINS = (1.0, 1.0, 1.0, 0.92, 0.5, 0.0)
@@ -123,7 +123,7 @@ def photograph(
     mask = render.mask > 0.5
     weights = pixel_solid_angles(MAP_HEIGHT)[..., None]
     shot = draw_shot(rng, 1)
-    balance = priors.draw_white_balance(rng, (render.truth * weights).sum(axis=(0, 1))[None])[0]
+    balance = distributions.draw_white_balance(rng, (render.truth * weights).sum(axis=(0, 1))[None])[0]
     gain = _gain(rng, render, mask)
     plain, known = PLAINS[rng.integers(len(PLAINS))], bool(rng.random() < LENS_WRITTEN)
     picture = _taken(shot, render.picture * gain, balance, rng)
@@ -154,13 +154,13 @@ def photograph(
 
 def _gain(rng: np.random.Generator, render: Render, mask: np.ndarray) -> float:
     """From the map's units to the photo's: the meter's mean of object and frame is brought to a key."""
-    (weight,), _ = priors.draw_metering(rng, 1)
+    (weight,), _ = distributions.draw_metering(rng, 1)
     key = KEY * float(np.exp(rng.normal(0.0, KEY_SPREAD)))
     bright = luminance(render.picture)
-    frame = float((bright**priors.FRAME_POWER).mean() ** (1 / priors.FRAME_POWER))
+    frame = float((bright**distributions.FRAME_POWER).mean() ** (1 / distributions.FRAME_POWER))
     mean = float(bright[mask].mean()) if mask.any() else frame
-    gain = float(priors.metered_gain(mean, frame, weight, key))
-    return gain * float(np.clip(mean * gain, *priors.OBJECT_RANGE)) / max(mean * gain, 1e-9)
+    gain = float(distributions.metered_gain(mean, frame, weight, key))
+    return gain * float(np.clip(mean * gain, *distributions.OBJECT_RANGE)) / max(mean * gain, 1e-9)
 
 
 def _taken(shot: Shot, radiance: np.ndarray, balance: np.ndarray, rng: np.random.Generator) -> np.ndarray:

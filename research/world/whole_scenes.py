@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.dataset import priors
+from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.pair import _painted, is_painted
 from anyprobe.dataset.recipe import Recipe
@@ -105,13 +105,11 @@ def draw_scene(recipe: Recipe, store: AssetStore) -> Scene:
     """The same for the same recipe and assets."""
     rng = recipe.rng()
     kind, brighter = recipe.material % 4, recipe.material // 4
-    alpha = float(priors.draw_alphas(rng, np.array([kind]))[0])
-    material = priors.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
+    alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
+    material = distributions.draw_one(rng, kind, alpha, (brighter + rng.random()) / 2)
     shape = store.shape(recipe.shape_id).mesh
     if is_painted(recipe):
         material = _painted(material, shape, rng.spawn(1)[0])
-        # corners of faces without an area have no normal, and so no texture
-        material = replace(material, albedo=np.nan_to_num(material.albedo, nan=float(np.nanmean(material.albedo))))
     thing = Thing(mesh=_standing(shape, rng), material=material)
     map_yaw = float(rng.uniform(0, 2 * np.pi))
     center = (thing.mesh.positions.min(axis=0) + thing.mesh.positions.max(axis=0)) / 2
@@ -212,6 +210,6 @@ def _draw_second(rng: np.random.Generator, store: AssetStore, toward: np.ndarray
     reach = np.linalg.norm(first.positions[:, [0, 2]], axis=1).max() + size + rng.uniform(0.1, 1.5)
     angle = rng.uniform(np.pi / 2, np.pi) * rng.choice([-1, 1])
     place = rotation_y(angle) @ toward * reach
-    kind = int(priors.draw_kinds(rng, 1)[0])
-    material = priors.draw_one(rng, kind, float(priors.draw_alphas(rng, np.array([kind]))[0]))
+    kind = int(distributions.draw_kinds(rng, 1)[0])
+    material = distributions.draw_one(rng, kind, float(distributions.draw_alphas(rng, np.array([kind]))[0]))
     return Thing(mesh=replace(mesh, positions=(mesh.positions * size + place).astype(np.float32)), material=material)

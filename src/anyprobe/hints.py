@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
@@ -151,7 +152,7 @@ class Hints:
         depth: depth image of the same view; near, far: where to cut it, in its unit.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
         pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
-        normals: the object's normal map of the photo's size in the camera's frame, see normals_prior.read_normals;
+        normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
             "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
         material: the object's: a Material, or "chrome", "gold", "plastic" or "matte". Level and colour of the light are
             fitted to it.
@@ -316,6 +317,11 @@ def said_as(**options: str) -> Iterator[None]:
         if name not in options:
             raise
         raise type(error)(f"{options[name]}: {rest}") from error
+
+
+def renamed(text: str, called: Callable[[Hint], str]) -> str:
+    """A line of the library, which names hints as Python's arguments (`mask=`), with another door's names for them."""
+    return re.sub(rf"\b({'|'.join(HINTS)})=(?=[\s,;.)]|$)", lambda found: called(HINTS[found[1]]), text)
 
 
 def spread(*kinds: type) -> Callable[[Function], Function]:

@@ -6,6 +6,7 @@ import io
 import json
 import tempfile
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 from PIL import Image
+from support import picture_files
 
-from anyprobe.estimate.normals_prior import read_normals
+from anyprobe.estimate.normals_hint import read_normals
 from anyprobe.estimate.result import Light
 from anyprobe.export.exported_light import check_front, said_beside
-from anyprobe.files import headers, images, meshes, poses, radiance
+from anyprobe.files import declared_size, images, meshes, poses, radiance
 from anyprobe.masks.depth import read_depth
 from anyprobe.video.clip import open_clip, read_frames
 from fuzz.seeds import instanced_glb, multipart_exr
@@ -87,9 +89,58 @@ def photos() -> list[bytes]:
     return found
 
 
+def encoded() -> list[bytes]:
+    """Photos that say what their numbers mean, or hold light above white."""
+    import zlib
+
+    rgb = picture_files.scene(40, 48)
+    grey, deep, wide = rgb[..., 1], picture_files.sixteen(rgb), picture_files.eight(rgb)
+
+    def profiled(pixels: np.ndarray, profile: bytes) -> bytes:
+        return picture_files.png(pixels, (b"iCCP", b"x\0\0" + zlib.compress(profile)))
+
+    curve, table = picture_files.gamma_curve(1.8), b"curv\0\0\0\0\0\0\0\x03\0\0\x40\0\xff\xff\0\0"
+    found = [
+        picture_files.png(wide, (b"cICP", bytes((12, 13, 0, 1)))),
+        picture_files.png(deep, (b"cICP", bytes((9, 16, 0, 1)))),
+        picture_files.png(wide, (b"gAMA", (100000).to_bytes(4, "big")), (b"cHRM", bytes(range(32)))),
+        picture_files.png(picture_files.sixteen(np.dstack([grey, grey])), (b"gAMA", (55556).to_bytes(4, "big"))),
+        profiled(deep, picture_files.icc(curve)),
+        profiled(deep, picture_files.icc(table)),
+        profiled(wide, picture_files.icc(curve)),
+        profiled(picture_files.eight(grey), picture_files.icc(curve, grey=True)),
+        saved(Image.fromarray(wide), "TIFF", icc_profile=picture_files.icc(curve)),
+        picture_files.ultra_hdr(rgb, grey, 3.0, quality=60),
+        picture_files.ultra_hdr(rgb, grey, 3.0, iso=True, quality=60),
+    ]
+    for channels in (1, 3):
+        found.append(picture_files.float_tiff(rgb[..., :channels]))
+    found.append(picture_files.float_tiff(rgb, profile=picture_files.icc(curve)))
+    return found
+
+
+def with_readers() -> list[bytes]:
+    """Of formats whose readers are extras, those that are installed."""
+    found = []
+    with suppress(ImportError):
+        import rawpy  # noqa: F401
+
+        found += [picture_files.dng(picture_files.scene(40, 48))]
+    with suppress(ImportError):
+        import pillow_jxl  # noqa: F401
+
+        found += [saved(Image.fromarray(picture_files.eight(picture_files.scene(40, 48))), "JXL")]
+    with suppress(ImportError):
+        import pillow_heif
+
+        pillow_heif.register_heif_opener()
+        found += [saved(Image.fromarray(picture_files.eight(picture_files.scene(64, 64))), "HEIF")]
+    return found or [b"II*\0\x08\0\0\0"]
+
+
 def exrs() -> list[bytes]:
     channels = {name: np.random.default_rng(0).random((32, 64), np.float32) for name in "RGBA"}
-    found = [multipart_exr(32, 40)]
+    found = [multipart_exr(32, 40), picture_files.yc_exr(picture_files.scene(32, 64))]
     for compression in ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "DWAA"):
         stream = io.BytesIO()
         header = {
@@ -112,7 +163,9 @@ def hdrs() -> list[bytes]:
         radiance.write_hdr(path, picture, attributes={"frame": "u = 0.5"})
         found.append(path.read_bytes())
     primaries = b"PRIMARIES=.713 .293 .165 .83 .128 .044 .3217 .3377\nEXPOSURE=2\nFORMAT"
-    return [*found, found[0].replace(b"FORMAT", primaries)]
+    others = b"COLORCORR=2 1 .5\nGAMMA=1\nEXPOSURE=0\nFORMAT"
+    turned = found[0].replace(b"-Y 8 +X 16", b"+X 8 -Y 16")
+    return [*found, found[0].replace(b"FORMAT", primaries), found[0].replace(b"FORMAT", others), turned]
 
 
 def mesh(suffix: str) -> list[bytes]:
@@ -212,13 +265,16 @@ def play(path: Path) -> None:
 
 
 def look(data: bytes) -> None:
-    headers.declared_pixels(data)
-    headers.photo_header(data)
+    declared_size.declared_pixels(data)
+    declared_size.photo_header(data)
 
 
 PARSERS: dict[str, Parser] = {
     "photo": Parser(seeds=photos, call=images.read_image, weight=6),
-    "header": Parser(seeds=lambda: photos() + exrs() + hdrs(), call=look, weight=6),
+    "encoded photo": Parser(seeds=encoded, call=images.read_image, weight=6),
+    "extra photo": Parser(seeds=with_readers, call=images.read_image, weight=3),
+    "linear photo": Parser(seeds=lambda: exrs() + hdrs(), call=images.read_image, weight=3),
+    "header": Parser(seeds=lambda: photos() + encoded() + with_readers() + exrs() + hdrs(), call=look, weight=6),
     "exr": Parser(seeds=exrs, call=by_path(".exr", radiance.read_radiance), weight=4),
     "hdr": Parser(seeds=hdrs, call=by_path(".hdr", radiance.read_radiance), weight=5),
     "linear": Parser(seeds=lambda: exrs() + hdrs(), call=lambda data: radiance.read_linear(data, 1_000_000), weight=3),

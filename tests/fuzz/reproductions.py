@@ -378,7 +378,7 @@ def _(folder: Path) -> str:
     stream = io.BytesIO()
     np.save(stream, np.ones((8, 8, 3), np.float32))
     data = stream.getvalue().replace(b"'shape'", b"'sh\xffpe'")
-    call = "from anyprobe.estimate.normals_prior import read_normals; read_normals(PATH, (8, 8))"
+    call = "from anyprobe.estimate.normals_hint import read_normals; read_normals(PATH, (8, 8))"
     return reading(folder, "a.npy", data, call)
 
 

@@ -64,7 +64,7 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     assert np.abs(shown[:, ::-1] - wanted).mean() > 0.05
     sidecar = json.loads(files["json"].read_text())
     assert sidecar["photo"] == "vase"
-    assert sidecar["priors"] == {"surroundings": 0}
+    assert sidecar["hints"] == {"surroundings": 0}
     of_package = expected.sidecar()
     assert sidecar["confidence"] == pytest.approx(of_package["confidence"], abs=0.01)
     assert sidecar["well_exposed_fraction"] == pytest.approx(expected.well_exposed_fraction, abs=0.01)
@@ -72,8 +72,8 @@ def test_own_photo_is_estimated_clicked_relit_and_downloaded(page_url, aside_pho
     with Image.open(vase_photo) as picture:
         click = (MIDDLE[0] * picture.width, MIDDLE[1] * picture.height)
     opaque = estimator(vase_photo, click=[click], surroundings="photo")
-    coverage = json.loads(Path(seen["background"]["json"]).read_text())["priors"]["surroundings"]
-    assert coverage == pytest.approx(opaque.sidecar()["priors"]["surroundings"], abs=3e-3)
+    coverage = json.loads(Path(seen["background"]["json"]).read_text())["hints"]["surroundings"]
+    assert coverage == pytest.approx(opaque.sidecar()["hints"]["surroundings"], abs=3e-3)
     found = read_radiance(Path(seen["background"]["exr"]))
     beside = (32, slice(70, 74))  # a little right of where the camera looks: the backdrop
     np.testing.assert_allclose(found[beside], opaque.radiance[beside], atol=0.02)

@@ -43,7 +43,7 @@ def test_name_albedo_and_material_reach_the_light(estimator, photo_rgba, expecte
     for given, light in expected:
         found = through(entry, estimator, photo_rgba, **given)
         np.testing.assert_allclose(found.radiance, light.radiance, rtol=1e-5)  # fused in logarithms
-        assert found.info["priors"] == light.info["priors"]
+        assert found.info["hints"] == light.info["hints"]
 
 
 @pytest.mark.parametrize("entry", ["estimate", "call", "from_photo", "from_crop", "together"])

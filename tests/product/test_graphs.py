@@ -5,7 +5,7 @@ import pytest
 from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files.graphs import even_threads, open_graph
-from anyprobe.masks.propose import default_graph
+from anyprobe.masks.networks import default_graph
 
 
 @pytest.mark.parametrize("graph", [weights_folder("lift") / "light.onnx", default_graph()])

@@ -16,10 +16,11 @@ from PIL import Image
 
 import anyprobe
 from anyprobe.cli.app import app
+from anyprobe.cli.options import line_of
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator, Settings, SettingsDict, estimate
 from anyprobe.estimate.photo import load_photo
-from anyprobe.hints import HINTS, Hints, HintsDict
+from anyprobe.hints import HINTS, Hints, HintsDict, renamed
 from anyprobe.relight.ground_view import view_of
 
 ROOT = Path(__file__).parents[2]
@@ -137,6 +138,18 @@ def test_what_does_not_go_together_is_refused_before_anything_is_read(given, lin
 def test_the_command_line_names_its_options(work, command, options, line):
     Image.new("L", (8, 8)).save("m.png")
     assert command("estimate", "absent.png", *options).complaint.startswith(f"anyprobe: {line}")
+
+
+def test_a_line_names_what_its_reader_can_give():
+    """A file's name is none of ours."""
+    line = "a.png: pass click= on it, or box=, or (mask=); mask=3.png stays; roughness="
+    assert line_of(f"{line}\n") == (
+        "a.png: pass --click X,Y on it, or --box X0,Y0,X1,Y1, or (--mask FILE); mask=3.png stays; --roughness NUMBER"
+    )
+    assert (
+        renamed(line, lambda hint: hint.name)
+        == "a.png: pass click on it, or box, or (mask); mask=3.png stays; roughness"
+    )
 
 
 def test_box_and_clicks_go_together():

@@ -19,8 +19,8 @@ from PIL import Image
 from anyprobe.errors import InputError, InvalidEnvironment, InvalidMesh, InvalidPhoto
 from anyprobe.estimate.result import SCALE, Light
 from anyprobe.files import exr
+from anyprobe.files.declared_size import declared_pixels, photo_header
 from anyprobe.files.exr import read_exr
-from anyprobe.files.headers import declared_pixels, photo_header
 from anyprobe.files.images import read_image
 from anyprobe.files.meshes import read_mesh
 from anyprobe.files.poses import read_poses

@@ -15,7 +15,8 @@ from PIL import Image, ImageCms
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.headers import MAX_PIXELS, declared_pixels
+from anyprobe.files.declared_size import declared_pixels
+from anyprobe.files.headers import MAX_PIXELS
 from anyprobe.files.images import read_image, write_png
 
 HEIGHT, WIDTH = 40, 60

@@ -16,8 +16,8 @@ from anyprobe.core.response import response
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.material_prior import MAX_STOPS, fit_gain
-from anyprobe.estimate.normals_prior import normals_from_outline, read_normals
+from anyprobe.estimate.material_hint import MAX_STOPS, fit_gain
+from anyprobe.estimate.normals_hint import normals_from_outline, read_normals
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.light.environment import rotate
 from anyprobe.render.integrate import shade, shading_pyramid
@@ -161,8 +161,8 @@ def test_normals_come_to_the_networks_in_the_crops_frame():
 def test_known_normals_change_the_light_and_are_noted():
     photo = sphere_photo()
     alone, given = anyprobe.estimate(photo), anyprobe.estimate(photo, normals=sphere_map())
-    assert alone.sidecar()["priors"] == {"normals": False}
-    assert given.sidecar()["priors"] == {"normals": True}
+    assert alone.sidecar()["hints"] == {"normals": False}
+    assert given.sidecar()["hints"] == {"normals": True}
     assert np.abs(given.radiance - alone.radiance).mean() > 1e-3
 
 
@@ -219,7 +219,7 @@ def test_a_sphere_may_be_called_one():
     angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
     assert np.median(angle) < 1.5
     named = anyprobe.estimate(photo, normals="sphere", fov_deg=5.0)
-    assert named.sidecar()["priors"] == {"normals": True}
+    assert named.sidecar()["hints"] == {"normals": True}
     assert np.abs(named.radiance - anyprobe.estimate(photo, fov_deg=5.0).radiance).mean() > 1e-3
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import OpenEXR
@@ -14,15 +13,13 @@ from anyprobe.errors import InvalidMask, ModelError
 from anyprobe.estimate.outputs import EDGE, draw_overlay
 from anyprobe.estimate.photo import load_photo
 from anyprobe.files.images import read_image
-from anyprobe.masks import find
-from anyprobe.masks.cut import Cut, cut_out, tidy
+from anyprobe.masks.check import look_at_given
 from anyprobe.masks.depth import mask_from_depth, read_depth
 from anyprobe.masks.find import find_mask, require_plausible
+from anyprobe.masks.networks import SIZE, SmallNetwork, default_graph
+from anyprobe.masks.parts import fill_holes, label_parts
 from anyprobe.masks.prompts import BOX_LEVEL, check_clicks, draw_prompts
-from anyprobe.masks.propose import SIZE, Letterbox, MaskNetwork, Proposal, keep_large_parts, shared_network
-from anyprobe.masks.quality import DOUBTFUL, Evidence, _apart, examine
-from anyprobe.masks.refine import box_mean, refine, resize
-from anyprobe.masks.regions import fill_holes, label_parts
+from anyprobe.masks.quality import DOUBTFUL, Evidence
 
 GREY = np.full((120, 160, 3), 0.5, np.float32)
 
@@ -147,18 +144,23 @@ def test_prompt_channel():
     assert draw_prompts(SIZE).any() == False  # noqa: E712
 
 
-def test_letterbox_centres_the_photo_and_points_follow():
+def test_the_small_network_sees_the_whole_photo_centred_and_prompts_follow(monkeypatch):
     rgb = np.zeros((300, 600, 3), np.float32)
     rgb[140:160, 290:310] = 1.0
-    box = Letterbox.around((0, 0), (600, 300))
-    square = box.square(rgb)
-    assert square.shape == (SIZE, SIZE, 3)
-    assert (square[:40] == 0.5).all()
-    assert (square[120:] == 0.5).all()
-    assert box.point(300, 150) == (80.0, 80.0)
+    seen = []
+    network = SmallNetwork()
+    monkeypatch.setattr(network, "run", lambda square: seen.append(square) or square[..., 0])
+    cover = network.cover(rgb, on=[(300, 150)], box=(0, 0, 300, 300))
+    (square,) = seen
+    assert square.shape == (SIZE, SIZE, 4)
+    assert (square[:40, :, :3] == 0.5).all()
+    assert (square[120:, :, :3] == 0.5).all()
     bright = np.argwhere(square[40:120, :, 0] > 0.5) + [40, 0]
     np.testing.assert_allclose(bright.mean(axis=0) + 0.5, (80, 80))
-    assert box.cut(square[..., 0]).shape == (80, 160)
+    assert square[80, 80, 3] > 0.9
+    assert square[45, 10, 3] == BOX_LEVEL
+    assert square[45, 150, 3] == 0
+    assert cover.shape == (80, 160)
 
 
 @pytest.mark.parametrize("clicks", [(200, 50), [(10, 10), (-1, 5)], "ab", [(1, 2, 3)], (np.nan, 4)])
@@ -176,21 +178,9 @@ def test_one_click_or_several():
 # The network
 
 
-def test_loose_specks_go_and_large_parts_stay():
-    mask = np.zeros((60, 60), bool)
-    mask[5:25, 5:25] = mask[35:50, 35:50] = mask[55:58, 2:5] = True
-    kept = keep_large_parts(mask)
-    assert kept[10, 10]
-    assert kept[40, 40]
-    assert not kept[56, 3]
-    assert not keep_large_parts(np.zeros((8, 8), bool)).any()
-
-
 def test_contract_of_the_graph():
     """Other programs run this file by these names and shapes."""
     onnxruntime = pytest.importorskip("onnxruntime")
-    from anyprobe.masks.propose import default_graph
-
     assert 1e6 < default_graph().stat().st_size < 5e6
     session = onnxruntime.InferenceSession(str(default_graph()), providers=["CPUExecutionProvider"])
     (put,), (got,) = session.get_inputs(), session.get_outputs()
@@ -204,19 +194,21 @@ def test_a_graph_of_another_contract_is_refused(tmp_path):
     from anyprobe.estimate.runtime import weights_folder
 
     with pytest.raises(ModelError, match="stage"):
-        MaskNetwork(weights_folder("paper") / "hdr.onnx")
+        SmallNetwork(weights_folder("paper") / "hdr.onnx")
     (tmp_path / "mask.onnx").write_text("nothing")
     for path in (tmp_path / "mask.onnx", tmp_path / "gone.onnx"):
         with pytest.raises(ModelError, match="reinstall"):
-            MaskNetwork(path)
+            SmallNetwork(path)
 
 
-def test_told_nothing_the_example_is_found(project_root):
+def test_the_small_network_finds_the_example_and_says_what_is_better(project_root):
     rgb, true = vase(project_root)
-    photo = load_photo(rgb)
+    photo = load_photo(rgb, segmenter="small")
     assert photo.mask_source == "network"
-    assert photo.mask_confidence > 0.6
     assert overlap(photo.mask, true) > 0.75
+    (warning,) = [line for line in photo.warnings if "small mask network" in line]
+    assert "pip install '.[masks]'" in warning
+    assert "anyprobe mask --fetch" in warning
 
 
 def test_a_click_and_a_box_find_it_too(project_root):
@@ -224,46 +216,10 @@ def test_a_click_and_a_box_find_it_too(project_root):
     rows, columns = np.nonzero(true > 0.5)
     point = (float(columns.mean()), float(rows.mean()))
     box = (columns.min() - 5.0, rows.min() - 5.0, columns.max() + 6.0, rows.max() + 6.0)
-    for given, source, least in (
-        ({"click": point}, "click", 0.8),
-        ({"box": box}, "box", 0.6),
-        ({"click": point, "box": box}, "click", 0.95),
-    ):
-        found = find_mask(read_image(rgb), **given)
+    for given, source in (({"click": point}, "click"), ({"box": box}, "box"), ({"click": point, "box": box}, "click")):
+        found = find_mask(read_image(rgb), segmenter="small", **given)
         assert found.source == source
-        assert overlap(found.mask, true) > least
-
-
-def two_colors(true: np.ndarray) -> np.ndarray:
-    """[H, W, 3]: a reddish object on blue."""
-    return np.where(true[..., None] > 0.5, (0.7, 0.3, 0.2), (0.3, 0.4, 0.5)).astype(np.float32)
-
-
-def test_cutting_out_follows_the_photo_and_believes_clicks_and_the_box():
-    true = disc(240, 320, 160, 120, 70)
-    rgb = two_colors(true)
-    rough = disc(60, 80, 41, 29.5, 16.5)
-    assert overlap(resize(rough, 320, 240), true) < 0.9
-    assert overlap(cut_out(rgb, rough).mask, true) > 0.97
-    assert cut_out(rgb, np.zeros((60, 80), np.float32)) is None
-    clicked = cut_out(rgb, rough, on=[(160, 120)], off=[(200, 120)]).mask
-    assert clicked[120, 160] > 0.9
-    assert clicked[120, 200] < 0.1
-    boxed = cut_out(rgb, rough, box=(0, 0, 320, 120)).mask
-    assert boxed[100, 160] > 0.9
-    assert boxed[130:].max() < 0.1
-
-
-def test_a_mask_is_one_object_without_pinholes():
-    true = disc(240, 320, 120, 120, 70)
-    cover = np.maximum(true, disc(240, 320, 290, 40, 12))
-    cover[118:123, 100:105] = 0.0  # smaller than any handle's hole
-    for cut in (cut_out(two_colors(cover), cover), tidy(two_colors(true), cover)):
-        assert cut.mask[120, 102] > 0.5
-        assert cut.mask[40, 290] < 0.5
-        assert cut.loose == pytest.approx(disc(240, 320, 290, 40, 12).sum() / cover.sum(), abs=0.01)
-    ring = true - disc(240, 320, 120, 120, 30)
-    assert tidy(two_colors(ring), ring).mask[120, 120] < 0.5
+        assert overlap(found.mask, true) > 0.75
 
 
 def test_parts_are_those_that_touch(rng):
@@ -284,61 +240,68 @@ def test_parts_are_those_that_touch(rng):
 
 
 def good_evidence(**worse) -> Evidence:
-    names = ("expected", "mirrored", "darker", "kept", "one_part", "told_apart", "apart", "edge")
-    good = dict.fromkeys(names, 0.95)
+    good = dict.fromkeys(("expected", "agreed", "whole", "single"), 0.97)
     return Evidence(**{**good, "border": 0.0, "small": 0.0, "large": 0.0, **worse})
 
 
-def test_what_speaks_against_a_mask_lowers_what_to_expect():
-    best = good_evidence().expected_iou()
+@pytest.mark.parametrize("network", ["u2netp", "small"])
+def test_what_speaks_against_a_mask_lowers_what_to_expect(network):
+    best = good_evidence().expected_iou(network)
     assert best > DOUBTFUL
+    assert good_evidence(expected=0.5, agreed=0.2).expected_iou(network) < DOUBTFUL
+
+
+def test_doubts_name_what_is_wrong_the_gravest_first():
     assert good_evidence().doubts() == []
-    for name, value in (("mirrored", 0.1), ("apart", 0.3), ("expected", 0.3), ("edge", 0.2)):
-        assert good_evidence(**{name: value}).expected_iou() < best, name
-    assert good_evidence(mirrored=0.1, expected=0.5).expected_iou() < DOUBTFUL
-    assert "in another way" in good_evidence(darker=0.1).doubts()[0]
-    assert "same colours" in good_evidence(apart=0.5).doubts()[0]
-    assert "several parts" in good_evidence(one_part=0.3).doubts()[0]
-
-
-@pytest.mark.parametrize(("part", "apart"), [("whole", 1.0), ("half", 0.75), ("more", 0.75)])
-def test_a_part_of_an_object_has_its_colours_beside_it(part, apart):
-    """So has a mask that took surroundings in."""
-    rows, columns = np.mgrid[0:120, 0:160]
-    inside = np.hypot(columns - 80, rows - 60) < 35
-    rng = np.random.default_rng(1)
-    rgb = np.where(inside[..., None], (0.8, 0.3, 0.2), (0.3, 0.4, 0.5)) + 0.03 * rng.normal(size=(120, 160, 3))
-    mask = {"whole": inside, "half": inside & (columns < 80), "more": inside | (columns > 100)}[part]
-    found = _apart(np.clip(rgb, 0, 1).astype(np.float32), mask.astype(np.float32))
-    assert (found > 0.97) if apart == 1 else (found < apart)
+    assert "something else" in good_evidence(agreed=0.1, expected=0.8).doubts()[0]
+    assert "other things" in good_evidence(whole=0.3).doubts()[0]
+    assert "border" in good_evidence(border=0.4).doubts()[0]
 
 
 def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root, monkeypatch):
     rgb, _ = vase(project_root)
-    found = find_mask(read_image(rgb))
-    assert found.warnings == ()
-    assert require_plausible(found) is found
-    monkeypatch.setattr(find, "DOUBTFUL", 1.1)
-    found = find_mask(read_image(rgb))
-    (warning,) = found.warnings
+    monkeypatch.setattr("anyprobe.masks.find.DOUBTFUL", 1.1)
+    found = find_mask(read_image(rgb), segmenter="small")
+    warning = found.warnings[0]
     for word in ("may be wrong", "--box X0,Y0,X1,Y1", "--click X,Y", "--mask FILE"):
         assert word in warning
-    assert load_photo(rgb).warnings == (warning,)
+    assert load_photo(rgb, segmenter="small").warnings == found.warnings
     with pytest.raises(InvalidMask, match="may be wrong"):
         require_plausible(found)
 
 
-def test_the_same_object_found_in_another_way_speaks_for_it(project_root):
-    rgb, true = vase(project_root)
-    network = shared_network()
-    there = Cut(mask=true, loose=0.0, told_apart=1.0)
-    corner = disc(*true.shape, 0.15 * true.shape[1], 0.15 * true.shape[0], 0.1 * true.shape[0])
-    elsewhere = Cut(mask=corner, loose=0.0, told_apart=1.0)
-    right, wrong = (examine(network, rgb, Proposal(cover=cut.mask, confidence=0.9), cut) for cut in (there, elsewhere))
-    assert right.mirrored > 0.6
-    assert wrong.mirrored < 0.2
-    assert right.edge > wrong.edge
-    assert right.expected_iou() > DOUBTFUL > wrong.expected_iou()
+# Given masks
+
+
+def test_an_inverted_mask_and_one_of_few_pixels_are_named():
+    true = disc(120, 160, 80, 60, 30)
+    assert look_at_given(true)[1] == []
+    mask, (line,) = look_at_given(1 - true)
+    assert "invert it" in line
+    np.testing.assert_array_equal(mask, 1 - true)
+    assert "28 x 28 pixels" in look_at_given(disc(120, 160, 80, 60, 14))[1][0]
+    close_up = np.ones((120, 160), np.float32)
+    close_up[:50] = 0.0  # an object that two thirds of the borders cut
+    assert look_at_given(close_up)[1] == []
+
+
+def test_an_overlay_is_read_as_the_object_and_named():
+    true = disc(120, 160, 80, 60, 30)
+    mask, (line,) = look_at_given(np.float32(0.6) * true)
+    assert "at most 0.60" in line
+    np.testing.assert_allclose(mask, true, atol=1e-6)
+    rgba = np.dstack([np.full((120, 160, 3), 0.5, np.float32), np.float32(0.6) * true])
+    found = find_mask(read_image(GREY), mask=rgba)
+    assert found.mask.max() == pytest.approx(1.0, abs=0.01)
+    assert "overlay" in found.warnings[0]
+
+
+def test_a_photo_in_the_place_of_a_mask_is_named(rng):
+    grey = np.clip(rng.normal(0.5, 0.2, (120, 160)), 0, 1).astype(np.float32)
+    assert "grey" in look_at_given(grey)[1][0]
+
+
+# What cannot be found
 
 
 def test_nothing_to_find():
@@ -351,24 +314,7 @@ def test_near_without_depth():
         load_photo(GREY, near=3.0)
 
 
-# The edge
-
-
-def test_box_mean_of_a_step():
-    step = np.zeros((5, 9, 1))
-    step[:, 4:] = 1.0
-    np.testing.assert_allclose(box_mean(step, 1)[2, :, 0], [0, 0, 0, 1 / 3, 2 / 3, 1, 1, 1, 1], atol=1e-12)
-    np.testing.assert_allclose(box_mean(np.ones((4, 7, 2)), 3), 1.0)
-
-
-@pytest.mark.parametrize("size", [(300, 400), (900, 1200)])
-def test_a_coarse_edge_moves_to_the_photos(size, rng):
-    true = disc(*size, size[1] / 2, size[0] / 2, size[0] * 0.3)
-    rgb = np.where(true[..., None] > 0.5, (0.7, 0.3, 0.2), (0.3, 0.4, 0.5)) + rng.normal(0, 0.02, (*size, 3))
-    rgb = np.clip(rgb, 0, 1).astype(np.float32)
-    coarse = disc(120, 160, 81, 59, 36)  # shifted by a pixel of 160
-    assert overlap(resize(coarse, size[1], size[0]), true) < 0.955
-    assert overlap(refine(rgb, coarse), true) > 0.97
+# The picture that shows a mask
 
 
 def test_overlay_dims_the_rest_and_draws_the_edge():
@@ -451,29 +397,3 @@ def test_mask_command_complains_in_one_line(tmp_path, monkeypatch, command, opti
     for word in words:
         assert word in complaint
     assert not (tmp_path / "masks").exists()
-
-
-@pytest.mark.parametrize(
-    ("whole_iou", "off", "expected"), [(0.9, (), "whole"), (0.3, (), "part"), (0.9, [(50, 30)], "part")]
-)
-def test_a_click_on_a_part_gets_the_whole_where_that_is_likelier(monkeypatch, whole_iou, off, expected):
-    """The network alone finds the whole object, by the click a part of it; the better evidence counts, but never
-    against a click beside the object."""
-    whole, part = np.zeros((2, 48, 64), np.float32)
-    whole[8:40, 8:56] = part[8:40, 8:34] = 1.0
-    covers = {"whole": whole, "part": part}
-
-    class Network:
-        def propose(self, rgb, on=(), off=(), box=None):
-            return Proposal(cover=covers["part" if on else "whole"], confidence=0.9)
-
-    def examined(network, rgb, proposal, *given):
-        likely = whole_iou if proposal.cover is whole else 0.6
-        return SimpleNamespace(expected_iou=lambda: likely, doubts=list)
-
-    monkeypatch.setattr(find, "shared_network", Network)
-    monkeypatch.setattr(find, "cut_out", lambda rgb, cover, *given: Cut(mask=cover, loose=0.0, told_apart=1.0))
-    monkeypatch.setattr(find, "examine", examined)
-    photo = read_image(np.full((48, 64, 3), 128, np.uint8))
-    found = find_mask(photo, click=(12, 12), exclude=off or None)
-    np.testing.assert_array_equal(found.mask, covers[expected])

@@ -12,7 +12,7 @@ import anyprobe
 from anyprobe.core.frames import dot, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.estimate.material_prior import MEASURED, is_mirror, measure, use_material
+from anyprobe.estimate.material_hint import MEASURED, is_mirror, measure, use_material
 from anyprobe.estimate.runtime import Outputs
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.render.spheres import sphere_normals
@@ -120,6 +120,6 @@ def test_mirrors_are_smooth_metals():
 def test_a_chrome_sphere_is_measured_only_if_its_shape_is_known():
     photo = sphere_photo()
     given = anyprobe.estimate(photo, normals="sphere", material="chrome", fov_deg=30.0)
-    assert given.sidecar()["priors"]["measured"] is True
-    assert "gain" not in given.sidecar()["priors"]
-    assert "measured" not in anyprobe.estimate(photo, material="chrome").sidecar()["priors"]
+    assert given.sidecar()["hints"]["measured"] is True
+    assert "gain" not in given.sidecar()["hints"]
+    assert "measured" not in anyprobe.estimate(photo, material="chrome").sidecar()["hints"]

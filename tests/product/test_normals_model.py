@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InputError
+from anyprobe.estimate.normals_hint import normals_from_outline
 from anyprobe.estimate.normals_model import estimated_normals, open_normals_model
-from anyprobe.estimate.normals_prior import normals_from_outline
 from anyprobe.estimate.photo import load_photo
 
 OPENCV = {"axes": ["x", "-y", "-z"], "size": 32}

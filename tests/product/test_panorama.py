@@ -144,7 +144,7 @@ def test_what_one_photo_shows_all_know(estimator):
     wrong = np.abs(response(light.radiance) - response(truth))
     assert wrong[seen].mean() < 0.01
     assert light.confidence[seen].min() > 0.7
-    assert light.info["priors"]["surroundings"] > 0.1
+    assert light.info["hints"]["surroundings"] > 0.1
     # each with its own window alone: what one shows is lost among the guesses of the others
     apart = fuse_lights([estimator.from_photo(take(pose)) for pose in POSES], POSES)
     assert np.abs(response(apart.radiance) - response(truth))[seen].mean() > 3 * wrong[seen].mean()
@@ -156,7 +156,7 @@ def test_photos_without_surroundings_are_fused_as_ever(estimator):
     together = estimator.multiview(photos, POSES[:2])
     apart = fuse_lights([estimator.from_photo(photo) for photo in photos], POSES[:2])
     np.testing.assert_array_equal(together.radiance, apart.radiance)
-    assert "surroundings" not in together.info["priors"]
+    assert "surroundings" not in together.info["hints"]
 
 
 def test_photos_are_let_go_when_their_object_is_cut_out(estimator):
@@ -201,7 +201,7 @@ def test_the_command_gathers_what_photos_show(command, tmp_path):
     order = ("estimate", *names, "--poses", tmp_path / "poses.json", "--surroundings", "photo", "--fov", FOV_DEG)
     done = command(*order, "-o", tmp_path / "light", "--json", "-q")
     assert done.status == 0, done.err
-    assert json.loads(done.out)["priors"]["surroundings"] > 0.1
+    assert json.loads(done.out)["hints"]["surroundings"] > 0.1
 
 
 @pytest.mark.parametrize("given", ["photo", "panorama"])

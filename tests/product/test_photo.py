@@ -11,7 +11,6 @@ from anyprobe.errors import InvalidMask, InvalidPhoto
 from anyprobe.estimate.photo import DEFAULT_LONG_FOV_DEG, Photo, crop_object, load_photo
 from anyprobe.files.images import read_image
 from anyprobe.masks.check import check_mask
-from anyprobe.masks.cut import Cut
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.prompts import check_box
 from anyprobe.masks.sources import mask_from_file
@@ -57,17 +56,21 @@ def test_mask_goes_before_alpha():
     np.testing.assert_allclose(load_photo(rgba_photo()).mask, disc(120, 200, 70.0, 50.0, 30.0), atol=1e-6)
 
 
-def test_box_goes_before_alpha(monkeypatch):
+def test_box_goes_before_alpha():
     asked = []
 
-    def cut(rgb, cover, on, off, box):
-        asked.append(box)
-        return Cut(mask=disc(120, 200, 150.0, 60.0, 20.0), loose=0.0, told_apart=1.0)
+    class Drawn:
+        name, warning = "u2netp", ""
 
-    monkeypatch.setattr("anyprobe.masks.find.cut_out", cut)
-    monkeypatch.setattr("anyprobe.masks.find.REFUSED", 0.0)
-    assert load_photo(rgba_photo(), box=(1, 2, 90, 90)).mask[60, 150] == 1.0
-    assert asked == [(1, 2, 90, 90)]
+        def cover(self, rgb, on=(), off=(), box=None):
+            asked.append(rgb.shape)
+            return disc(64, 64, 32.0, 32.0, 20.0)
+
+    found = load_photo(rgba_photo(), box=(101, 11, 199, 109), segmenter=Drawn())
+    assert found.mask_source == "box"
+    assert found.mask[60, 150] == 1.0
+    assert found.mask[50, 70] == 0.0
+    assert len(asked) == 2
 
 
 def test_fully_transparent_photo_is_looked_at_as_an_opaque_one():

@@ -7,7 +7,7 @@ import pytest
 from support.some_pair import sphere_pair
 
 from anyprobe.core.response import response
-from anyprobe.estimate.material_prior import TRUST, fit_gain
+from anyprobe.estimate.material_hint import TRUST, fit_gain
 from anyprobe.estimate.runtime import Models
 from anyprobe.evaluate.methods import PRIORS, model_methods, run_with_priors, true_normals
 

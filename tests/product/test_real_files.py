@@ -17,6 +17,7 @@ from support.picture_files import (
     REC2020_FROM_REC709,
     dng,
     eight,
+    float_tiff,
     gamma_curve,
     hlg,
     icc,
@@ -34,8 +35,9 @@ from anyprobe.core.response import response
 from anyprobe.errors import InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
+from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.exr import read_exr
-from anyprobe.files.headers import declared_pixels, jxl_size
+from anyprobe.files.headers import jxl_size
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear, read_radiance, write_hdr_picture
 
@@ -277,6 +279,21 @@ def test_a_gain_map_gives_the_light_above_white(iso, turned):
     np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
 
 
+def test_a_gain_map_of_three_channels_in_lists():
+    data = ultra_hdr(np.full((64, 96, 3), 0.5), np.ones((16, 24)), 1.0)
+    one = b'hdrgm:GainMapMax="1.0"'
+    three = b" <hdrgm:GainMapMax><rdf:Seq>" + b"".join(b"<rdf:li>%d</rdf:li>" % k for k in (1, 2, 3))
+    three += b"</rdf:Seq></hdrgm:GainMapMax>"
+    at = data.rindex(b"<x:xmpmeta>")
+    start, tail = data[: at - 29 - 2], data[at:]
+    tail = tail.replace(one, b"").replace(b"/></x:xmpmeta>", b">" + three + b"</rdf:Description></x:xmpmeta>")
+    size = tail.index(b"</x:xmpmeta>") + len(b"</x:xmpmeta>") + 29
+    found = read_image(start + struct.pack(">H", size + 2) + data[at - 29 : at] + tail)
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    wanted = (linear + 1 / 64) * 2 ** np.array([1, 2, 3]) - 1 / 64
+    np.testing.assert_allclose(found.radiance.mean((0, 1)), wanted, rtol=0.03)
+
+
 def test_an_ordinary_jpeg_has_no_radiance_above_white():
     stream = io.BytesIO()
     Image.fromarray(eight(DISPLAY)).save(stream, "JPEG")
@@ -375,6 +392,28 @@ def test_luminance_and_chroma_are_the_colours(sampling, tmp_path):
     np.testing.assert_allclose(read_radiance(tmp_path / "map.exr").mean((0, 1)), scene(32, 64).mean((0, 1)), rtol=0.02)
 
 
+def test_a_layer_of_an_exr_is_the_picture():
+    """As Blender writes it, beside others."""
+    rgb = scene().astype(np.float32)
+    layers = {"ViewLayer.Combined": rgb, "ViewLayer.Normal": 0 * rgb}
+    channels = {
+        f"{layer}.{c}": np.ascontiguousarray(v[..., k]) for layer, v in layers.items() for k, c in enumerate("RGB")
+    }
+    stream = io.BytesIO()
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, channels).write(stream)
+    np.testing.assert_allclose(read_image(stream.getvalue()).rgb, response(rgb), atol=1e-6)
+    two = stream.getvalue().replace(b"Combined", b"Emission")  # neither is the whole
+    with pytest.raises(InvalidPhoto, match="expected channels R, G, B"):
+        read_image(two)
+
+
+def test_radiance_far_above_white_says_by_what_to_multiply():
+    mask = np.zeros((64, 96), np.float32)
+    mask[16:48, 32:64] = 1
+    warning = load_photo(exr(500 + 100 * scene().astype(np.float32)), mask=mask).warnings[0]
+    assert "multiply its radiance by 0.0007" in warning
+
+
 @pytest.mark.parametrize("aspect", [0.5, 1.5, 2.0])
 def test_pixels_of_an_exr_are_made_square(aspect):
     rgb = scene(64, 96)
@@ -432,37 +471,6 @@ def test_an_hdr_of_xyz_is_turned_to_rec709():
     lit = even.copy()
     lit[..., 0] = 160
     assert (np.diff(read_linear(flat_hdr("-Y 4 +X 6", lit, "xyze"), 10**6)[0, 0, :2]) < 0).all()  # more X is red
-
-
-def float_tiff(pixels: np.ndarray, kind: str = "<f4", profile: bytes = b"") -> bytes:
-    """One strip, without compression."""
-    height, width, channels = pixels.shape
-    order = kind[0]
-    data = pixels.astype(kind).tobytes()
-    bits = int(kind[2:]) * 8
-
-    def short(value: int) -> bytes:
-        return struct.pack(f"{order}HH", value, 0)
-
-    place = 8 + len(data) + len(data) % 2
-    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, None), (259, 3, 1, None), (262, 3, 1, None)]
-    values = {
-        258: short(bits),
-        259: short(1),
-        262: short(2 if channels == 3 else 1),
-        277: short(channels),
-        339: short(3),
-    }
-    entries += [(273, 4, 1, 8), (277, 3, 1, None), (278, 4, 1, height), (279, 4, 1, len(data)), (339, 3, 1, None)]
-    beyond = place + 2 + 12 * (len(entries) + bool(profile)) + 4
-    if profile:
-        entries.append((34675, 7, len(profile), beyond))
-    rows = b""
-    for tag, of, count, value in sorted(entries):
-        rows += struct.pack(f"{order}HHI", tag, of, count)
-        rows += values[tag] if value is None else struct.pack(f"{order}I", value)
-    head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", place)
-    return head + data + bytes(len(data) % 2) + struct.pack(f"{order}H", len(entries)) + rows + bytes(4) + profile
 
 
 @pytest.mark.parametrize("kind", ["<f2", "<f4", ">f4", "<f8"])

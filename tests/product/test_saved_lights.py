@@ -88,6 +88,14 @@ OLDER = {
         "known": {"normals": True},
         "seconds": {"turn": 0.1},
     },
+    3: {
+        "version": 3,
+        "well_exposed_fraction": 0.75,
+        "dominant_light": {"directionality": 0.5},
+        "emitters": "mode",
+        "priors": {"normals": True},
+        "seconds": {"rotate": 0.1},
+    },
     2: {
         "version": 2,
         "well_exposed_fraction": 0.75,
@@ -107,7 +115,7 @@ def test_a_sidecar_of_an_older_version_has_todays_names(light, tmp_path, version
     (tmp_path / "vase.json").write_text(json.dumps(said))
     again = anyprobe.Light.load(path)
     assert again.well_exposed_fraction == 0.75
-    assert again.info == {"emitters": "mode", "priors": {"normals": True}, "seconds": {"rotate": 0.1}}
+    assert again.info == {"emitters": "mode", "hints": {"normals": True}, "seconds": {"rotate": 0.1}}
     renamed = current_names(said)
     assert (renamed["dominant_light"], renamed["confidence"]) == ({"directionality": 0.5}, 0.3)
 

@@ -161,11 +161,15 @@ def test_sam_without_a_prompt_is_asked_with_our_networks_box(tmp_path, photo, mo
     cover[OBJECT] = 1.0
 
     class Network:
-        propose = staticmethod(lambda *prompts: find.as_proposal(cover))
+        name, warning = "u2netp", ""
+
+        def cover(self, rgb, on=(), off=(), box=None):
+            return cover if rgb.shape[:2] == cover.shape else np.pad(np.ones((50, 60), np.float32), 9)
 
     monkeypatch.setattr(find, "shared_network", Network)
     found = find.find_mask(read_image(photo), segmenter=Asked(str(tmp_path / "sam")))
-    assert asked == [(60.0, 20.0, 120.0, 70.0)]
+    ((x0, y0, x1, y1),) = asked
+    np.testing.assert_allclose((x0, y0, x1, y1), (60, 20, 120, 70), atol=4)
     assert found.source == "segmenter"
     assert overlap(found.mask) > 0.93
 
@@ -248,12 +252,12 @@ def test_a_plug_in_is_found_by_name_and_gets_its_argument(monkeypatch, photo):
     found = find.find_mask(read_image(photo), segmenter="mine")
     assert found.source == "segmenter"
     assert found.confidence is not None
-    assert overlap(found.mask) == 1.0
+    assert overlap(found.mask) > 0.99
     assert find.find_mask(read_image(photo), segmenter="mine", click=(90, 45)).source == "click"
 
 
 def test_what_is_no_segmenter(monkeypatch, photo):
-    with pytest.raises(InputError, match="rembg, sam"):
+    with pytest.raises(InputError, match="rembg, sam, small, u2netp"):
         load_segmenter("nobody")
     plug(monkeypatch, lambda: 1 / 0)
     with pytest.raises(ModelError, match="mine"):
@@ -271,5 +275,5 @@ def test_the_mask_command_takes_a_segmenter(tmp_path, monkeypatch, command, phot
     Image.fromarray(photo).save("a.png")
     outcome = command("mask", "a.png", "--segmenter", "mine")
     assert "by segmenter" in outcome.out
-    assert overlap(np.asarray(Image.open("masks/a_mask.png")) / 255) == 1.0
+    assert overlap(np.asarray(Image.open("masks/a_mask.png")) / 255) > 0.99
     assert "expected one of" in command("mask", "a.png", "--segmenter", "nobody").complaint

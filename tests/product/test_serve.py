@@ -108,7 +108,7 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
     normals = np.full((*photo_rgba.shape[:2], 3), (128, 128, 255), np.uint8)  # all of it faces the camera
     parts = {"photo": ("sphere.png", photo), "normals": ("n.png", as_png(normals))}
     answer = client.post("/v1/estimate", files=parts, data={"material": "plastic", "albedo": "0.2,0.3,0.4"})
-    given = answer.json()["priors"]
+    given = answer.json()["hints"]
     assert given["normals"] is True
     assert given["material"]["albedo"] == [0.2, 0.3, 0.4]
     expected = estimator(
@@ -116,25 +116,25 @@ def test_what_is_known_of_the_object_reaches_the_estimate(client, estimator, pho
         normals=normals,
         material=Material(albedo=np.array([0.2, 0.3, 0.4]), f0=np.full(3, 0.045), alpha=0.12),
     )
-    np.testing.assert_allclose(given["gain"], expected.info["priors"]["gain"], rtol=1e-3)
-    rough = client.post("/v1/estimate?material=plastic&roughness=0.5", content=photo).json()["priors"]
-    expected = estimator(photo_rgba, material="plastic", roughness=0.5).info["priors"]
+    np.testing.assert_allclose(given["gain"], expected.info["hints"]["gain"], rtol=1e-3)
+    rough = client.post("/v1/estimate?material=plastic&roughness=0.5", content=photo).json()["hints"]
+    expected = estimator(photo_rgba, material="plastic", roughness=0.5).info["hints"]
     assert rough["material"] == expected["material"]
     assert rough["material"]["alpha"] == 0.25
-    assert client.post("/v1/estimate", content=photo).json()["priors"] == {"normals": False}
+    assert client.post("/v1/estimate", content=photo).json()["hints"] == {"normals": False}
     for sphere in (
         client.post("/v1/estimate?normals=sphere", content=photo),
         client.post("/v1/estimate", files={"photo": ("sphere.png", photo)}, data={"normals": "sphere"}),
     ):
-        assert sphere.json()["priors"] == {"normals": True}
+        assert sphere.json()["hints"] == {"normals": True}
     opaque, mask = as_png(photo_rgba[..., :3]), as_png(photo_rgba[..., 3])
     seen = client.post(
         "/v1/estimate", files={"photo": ("b.png", opaque), "mask": ("m.png", mask)}, data={"surroundings": "photo"}
     )
-    assert 0 < seen.json()["priors"]["surroundings"] < 0.2
+    assert 0 < seen.json()["hints"]["surroundings"] < 0.2
     panorama = np.random.default_rng(0).integers(0, 255, (64, 128, 3), np.uint8)
     files = {"photo": ("sphere.png", photo), "surroundings": ("p.png", as_png(panorama))}
-    assert client.post("/v1/estimate", files=files).json()["priors"]["surroundings"] == 1.0
+    assert client.post("/v1/estimate", files=files).json()["hints"]["surroundings"] == 1.0
     exr = {**parts, "normals": ("n.exr", b"\x76\x2f\x31\x01")}
     assert "16-bit PNG" in complaint(client.post("/v1/estimate", files=exr), 422)
 
@@ -168,7 +168,7 @@ def test_emitters_are_spread_where_that_is_asked(client, estimator, photo, photo
         ("?albedo=2", None, "up to 1"),
         ("?roughness=0", None, "roughness: expected a number from 0.1 to 1"),
         ("?roughness=0.3,0.4", None, "roughness: expected a number"),
-        ("?emitters=bright", None, "expected mode or expected"),
+        ("?emitters=bright", None, "expected one of mode, expected"),
         ("?fov=60&fov=70", None, "expected one value, got 2"),
     ],
 )

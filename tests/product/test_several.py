@@ -16,7 +16,7 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.errors import InputError
 from anyprobe.estimate.multiview import NOT_GIVEN, OFFSET, fuse, fuse_lights
 from anyprobe.estimate.result import Light
-from anyprobe.files.headers import photo_header
+from anyprobe.files.declared_size import photo_header
 from anyprobe.files.images import read_image
 from anyprobe.files.poses import read_poses
 from anyprobe.files.radiance import read_radiance

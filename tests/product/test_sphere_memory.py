@@ -7,8 +7,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from anyprobe.estimate import normals_prior
-from anyprobe.estimate.normals_prior import normals_from_outline
+from anyprobe.estimate import normals_hint
+from anyprobe.estimate.normals_hint import normals_from_outline
 
 
 def outline_of(centre: tuple[float, float, float], radius: float, shape: tuple[int, int], long_fov_deg: float):
@@ -33,7 +33,7 @@ def test_a_sphere_anywhere_in_a_wide_photo(centre, monkeypatch):
     assert both.sum() > 0.99 * max((mask > 0).sum(), found.any(axis=-1).sum())
     angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=-1)[both], -1, 1)))
     assert np.median(angle) < 0.5
-    monkeypatch.setattr(normals_prior, "STRIP_PX", 1)  # a row each
+    monkeypatch.setattr(normals_hint, "STRIP_PX", 1)  # a row each
     np.testing.assert_allclose(normals_from_outline(mask, 100.0), found, atol=1e-6)
 
 

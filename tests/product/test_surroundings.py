@@ -246,15 +246,15 @@ def test_surroundings_change_the_light_and_are_noted():
     photo, mask = room_photo(smooth_map())
     alone = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG)
     hints = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
-    assert alone.sidecar()["priors"] == {"normals": False}
-    assert 0.02 < hints.sidecar()["priors"]["surroundings"] < 0.06
+    assert alone.sidecar()["hints"] == {"normals": False}
+    assert 0.02 < hints.sidecar()["hints"]["surroundings"] < 0.06
     assert alone.confidence.max() == 0  # a black object tells nothing; what is seen beside it does not hang on that
     assert hints.confidence.max() == pytest.approx(SEEN)
     behind = pixel_directions(64)[..., 2] > 0.3
     assert np.abs(hints.radiance - alone.radiance)[behind].mean() > 1e-4  # not only where it was seen
     panorama = to_bytes(response(smooth_map()))
     whole = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings=panorama)
-    assert whole.sidecar()["priors"]["surroundings"] == 1.0
+    assert whole.sidecar()["hints"]["surroundings"] == 1.0
     assert np.median(np.abs(response(whole.radiance) - response(smooth_map()))) < 0.01
 
 
@@ -274,7 +274,7 @@ def test_the_command_line_tells_surroundings(tmp_path, command):
     for given, share in (("photo", 0.04), (tmp_path / "pano.png", 1.0)):
         done = command(*call, "--surroundings", given)
         assert done.status == 0, done.err
-        assert json.loads(done.out)["priors"]["surroundings"] == pytest.approx(share, abs=0.02)
+        assert json.loads(done.out)["hints"]["surroundings"] == pytest.approx(share, abs=0.02)
     refused = command(*call, "--surroundings", tmp_path / "mask.png")
     assert refused.status == 2
     assert "twice as wide" in refused.err

@@ -22,7 +22,7 @@ from anyprobe.dataset.catalog import MapAsset  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import InputError, ModelError  # noqa: E402
-from anyprobe.masks.propose import MaskNetwork  # noqa: E402
+from anyprobe.masks.networks import SmallNetwork  # noqa: E402
 from anyprobe.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
 from research.mask_network import train as training  # noqa: E402
 from research.mask_network.__main__ import app as commands  # noqa: E402
@@ -208,7 +208,7 @@ def test_exported_graph_is_the_network(run, tmp_path):
     image = torch.rand(1, 4, SIZE, SIZE)
     with torch.no_grad():
         expected = net(image)[0, 0].numpy()
-    graph = MaskNetwork(tmp_path / "mask.onnx")
+    graph = SmallNetwork(tmp_path / "mask.onnx")
     found = graph.cover(image[0, :3].permute(1, 2, 0).numpy(), image[0, 3].numpy())
     assert np.abs(found - expected).mean() < TOLERANCE
     assert (tmp_path / "mask.onnx").stat().st_size < 4_000_000

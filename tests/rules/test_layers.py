@@ -25,6 +25,7 @@ ONLY = {
     "onnx": {"train"},
     "openvino": {"estimate"},
     "rembg": {"masks"},
+    "pooch": {"masks"},
     "trimesh": {"files"},
     "rawpy": {"files"},
     "pillow_jxl": {"files"},

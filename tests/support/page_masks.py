@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import to_bytes
-from anyprobe.masks.propose import default_graph
+from anyprobe.masks.networks import default_graph
 
 WEB = Path(__file__).parents[2] / "web"
 

@@ -16,9 +16,9 @@ from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.temporal import step
-from anyprobe.masks.cut import cut_out, tidy
-from anyprobe.masks.propose import default_graph, shared_network
-from anyprobe.masks.quality import Evidence, examine
+from anyprobe.masks.networks import default_graph, small_network
+from anyprobe.masks.quality import examine
+from anyprobe.masks.search import Prompts, find_object
 from anyprobe.masks.sources import mask_from_file
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
@@ -27,6 +27,7 @@ from anyprobe.scatter.materials import given_material, material_input
 HINTS = {
     "none": {"on": [], "off": []},
     "clicks": {"on": [[200, 250]], "off": [[20, 30]]},
+    "cut": {"on": [[200, 300]], "off": [[200, 100]]},
     "box": {"on": [], "off": [], "box": [80, 30, 310, 360]},
 }
 GIVEN_MATERIALS = {"gold": {"name": "gold"}, "clay": {"albedo": [0.4, 0.3, 0.2], "roughness": 0.7}}
@@ -64,22 +65,6 @@ def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):
         state = step(state, frame, seconds)
     return frames, state.radiance
-
-
-def _quality(evidence: Evidence) -> dict:
-    return {**asdict(evidence), "expected_iou": evidence.expected_iou(), "doubts": evidence.doubts()}
-
-
-def _broken(rgb: np.ndarray) -> tuple[np.ndarray, dict]:
-    """A bad mask, two stripes across the photo with a hole and a speck, and what is said of it."""
-    mask = np.zeros(rgb.shape[:2], np.float32)
-    mask[20:120, 30:] = 1.0
-    mask[60:64, 90:94] = 0.0
-    mask[150:200, 10:60] = 0.9
-    mask[260:263, 5:9] = 1.0
-    network, tidied = shared_network(), tidy(rgb, mask)
-    evidence = examine(network, rgb, network.propose(rgb), replace(tidied, mask=mask))
-    return mask, _quality(evidence)
 
 
 SHAPES = [
@@ -176,18 +161,12 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
             outputs = estimator.models(crop.image, crop.tan_half, None, None, material)
             answers[f"radiance_{name}"] = rotate(outputs.radiance, crop.camera_from_crop).clip(0.0)
         answers["uncertainty"] = list(light.info["uncertainty"].values())
-    rgb, qualities = photo[..., :3].astype(np.float32) / 255, {}
+    rgb, found = photo[..., :3].astype(np.float32) / 255, {}
     for name, hints in HINTS.items():
-        proposal = shared_network().propose(rgb, **hints)
-        answers[f"cover_{name}"] = proposal.cover
-        cut = cut_out(rgb, proposal.cover, **hints)
-        tidied = tidy(rgb, cut.mask)  # the page measures all masks as those of other segmenters
-        evidence = examine(
-            shared_network(), rgb, proposal, replace(cut, loose=tidied.loose, told_apart=tidied.told_apart), **hints
-        )
-        answers[f"cut_{name}"] = cut.mask
-        qualities[name] = _quality(evidence)
-    answers["cut_broken"], qualities["broken"] = _broken(rgb)
+        finding = find_object(small_network(), rgb, Prompts(**hints))
+        answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
+        evidence = examine(finding, *rgb.shape[1::-1])
+        found[name] = asdict(evidence) | {"iou": evidence.expected_iou("small"), "doubts": evidence.doubts()}
     answers["frames"], answers["steadied"] = _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
@@ -204,6 +183,6 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
         "placements": _placements(),
-        "qualities": qualities,
+        "found": found,
     }
     (folder / "case.json").write_text(json.dumps(case))

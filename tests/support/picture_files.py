@@ -200,3 +200,34 @@ def ultra_hdr(base: np.ndarray, gain: np.ndarray, stops: float, *, iso: bool = F
         more += f' hdrgm:OffsetHDR="0.015625" hdrgm:HDRCapacityMax="{stops}" hdrgm:BaseRenditionIsHDR="False"'
         second = 0xE1, name + f"<x:xmpmeta><rdf:Description {more}/></x:xmpmeta>".encode()
     return with_segment(jpeg(base), *first) + with_segment(jpeg(gain), *second)
+
+
+def float_tiff(pixels: np.ndarray, kind: str = "<f4", profile: bytes = b"") -> bytes:
+    """One strip, without compression."""
+    height, width, channels = pixels.shape
+    order = kind[0]
+    data = pixels.astype(kind).tobytes()
+    bits = int(kind[2:]) * 8
+
+    def short(value: int) -> bytes:
+        return struct.pack(f"{order}HH", value, 0)
+
+    place = 8 + len(data) + len(data) % 2
+    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, None), (259, 3, 1, None), (262, 3, 1, None)]
+    values = {
+        258: short(bits),
+        259: short(1),
+        262: short(2 if channels == 3 else 1),
+        277: short(channels),
+        339: short(3),
+    }
+    entries += [(273, 4, 1, 8), (277, 3, 1, None), (278, 4, 1, height), (279, 4, 1, len(data)), (339, 3, 1, None)]
+    beyond = place + 2 + 12 * (len(entries) + bool(profile)) + 4
+    if profile:
+        entries.append((34675, 7, len(profile), beyond))
+    rows = b""
+    for tag, of, count, value in sorted(entries):
+        rows += struct.pack(f"{order}HHI", tag, of, count)
+        rows += values[tag] if value is None else struct.pack(f"{order}I", value)
+    head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", place)
+    return head + data + bytes(len(data) % 2) + struct.pack(f"{order}H", len(entries)) + rows + bytes(4) + profile

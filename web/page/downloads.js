@@ -11,20 +11,20 @@ const SCALE =
   "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white";
 
 /** Of the keys; files that do not say one are of an older release. */
-const VERSION = 3;
+const VERSION = 4;
 
 const numbers = (values) => Array.from(values, (value) => Number(value.toFixed(6)));
 
 /** Everything but the pixels, in the keys of Light.sidecar. */
 export function sidecar(result, { photo, model, longFovDeg }) {
-  const { sh9, dominant, priors, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
+  const { sh9, dominant, hints, wellExposedFraction, meanConfidence, object, uncertainty } = result.light;
   return {
     version: VERSION,
     photo,
     model,
     emitters: result.light.emitters,
     long_fov_deg: longFovDeg,
-    priors: { surroundings: Number(priors.surroundings.toFixed(4)) },
+    hints: { surroundings: Number(hints.surroundings.toFixed(4)) },
     object: object && {
       metal: Number(object.metal.toFixed(3)),
       reflectance: object.reflectance.map((value) => Number(value.toFixed(3))),

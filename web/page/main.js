@@ -156,7 +156,7 @@ async function estimate(found, isLate) {
   if (isLate()) return;
   opened.result = result;
   showLight();
-  if (surroundings.checked && !result.light.priors.surroundings) {
+  if (surroundings.checked && !result.light.hints.surroundings) {
     return setStatus("The background of this photo is one colour or transparent: the lighting was estimated from the object alone.");
   }
   if (found.warnings.length) {

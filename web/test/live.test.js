@@ -130,7 +130,7 @@ test("the background is given to the network while that is wanted, and becomes p
     answers.push(await lights.next(frameOf(10, 0, numbers(1)), answers.length * 10));
   }
   assert.deepEqual(given, [false, true, false]);
-  assert.deepEqual(answers.map(({ light: { priors } }) => priors.surroundings > 0.01), [false, true, false]);
+  assert.deepEqual(answers.map(({ light: { hints } }) => hints.surroundings > 0.01), [false, true, false]);
   const beside = 3 * (32 * 128 + 75); // 32 degrees to the right of the middle: the dark ground
   const [before, during] = answers.map(({ light: { radiance } }) => radiance[beside]);
   assert.ok(during < 0.5 * before, `${during} after ${before}`);

@@ -16,9 +16,7 @@ import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { shown, step } from "../src/light/temporal.js";
 import { cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
-import { propose } from "../src/photo/propose.js";
 import { objectBox } from "../src/photo/picture.js";
-import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { readMask } from "../src/photo/source.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
@@ -67,7 +65,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, qualities: given.qualities });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -190,30 +188,6 @@ test("harmonics and dominant light of Python's own map", { skip }, () => {
   const { direction, irradiance, color, solidAngle, directionality } = light.dominant;
   const main = [...direction, ...irradiance, ...color, solidAngle, directionality];
   assertClose(main, floats("dominant_light"), 1e-4, "dominant light");
-});
-
-test("the mask that is proposed from nothing, from clicks and from a box", { skip }, async () => {
-  for (const [name, hints] of Object.entries(found.hints)) {
-    const cover = await propose((input) => found.models.mask(input), found.picture, hints);
-    assertClose(cover.values, floats(`cover_${name}`), 1e-4, `cover ${name}`);
-  }
-});
-
-test("what is said of a mask's quality", { skip }, async () => {
-  const run = (input) => found.models.mask(input);
-  assert.equal(Object.keys(found.qualities).length, 4);
-  for (const [name, { expected_iou: expected, doubts: lines, ...evidence }] of Object.entries(found.qualities)) {
-    const hints = found.hints[name] ?? { on: [], off: [] };
-    const cover = await propose(run, found.picture, hints);
-    const seen = await examine(run, found.picture, cover, floats(`cut_${name}`), hints);
-    for (const [key, value] of Object.entries(evidence)) {
-      const own = key.replace(/_(.)/g, (_, letter) => letter.toUpperCase());
-      assert.ok(Math.abs(seen[own] - value) < 0.003, `${name} ${key}: ${seen[own]}, not ${value}`);
-    }
-    assert.ok(Math.abs(expectedIou(seen) - expected) < 0.01, `${name}: ${expectedIou(seen)}, not ${expected}`);
-    assert.deepEqual(doubts(seen), lines);
-  }
-  assert.ok(found.qualities.broken.expected_iou < 0.5 && found.qualities.none.expected_iou > 0.8);
 });
 
 test("the filter of a video's lights", { skip }, () => {

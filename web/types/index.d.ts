@@ -166,7 +166,7 @@ export declare class Light {
   /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
   /** What was given: the share of the map that the background shows, and whether normals and material were. */
-  readonly priors: { surroundings: number; normals: boolean; material: boolean };
+  readonly hints: { surroundings: number; normals: boolean; material: boolean };
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */
   readonly mask: Mask | null;
 }

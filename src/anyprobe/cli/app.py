@@ -23,6 +23,7 @@ from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
 from anyprobe.cli.match import match
+from anyprobe.cli.options import line_of
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
 from anyprobe.cli.train import train, weights
@@ -81,7 +82,7 @@ def main(command: Callable[[], Any] = app) -> None:
         with own_lines():
             command()
     except AnyprobeError as error:
-        print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        print(f"anyprobe: {line_of(error)}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:  # a folder that may not be looked into, a disk that is full
         where = error.filename or "a file"

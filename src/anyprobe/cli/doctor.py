@@ -34,6 +34,7 @@ def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of O
     talk.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
     for stage, digest in file_hashes(model).items():
         talk.print(f"model {model}/{stage} sha256 {digest}")
+    talk.print(mask_network(), soft_wrap=True)
     seconds, error = self_test(model)
     talk.print(f"self-test: dominant light {error:.0f} degrees off, {seconds * 1e3:.0f} ms a photo")
     if error > SELF_TEST_DEG:
@@ -87,6 +88,16 @@ def check_versions(wanted: dict[str, str]) -> None:
 def _numbers(version: str) -> tuple[int, ...]:
     """1.20.3rc1 as 1, 20, 3."""
     return tuple(int(number) for number in re.findall(r"\d+", re.split(r"(?:a|b|rc|\.dev|\+)", version)[0]))
+
+
+def mask_network() -> str:
+    """Which network finds objects in photos here."""
+    from anyprobe.masks.weights import REMEDY, SHA256, find_weights
+
+    found = find_weights()
+    if found is None:
+        return f"masks by the small network alone; for U2-Net-p, which is right far more often, {REMEDY}"
+    return f"masks by U2-Net-p, {found.source}: {found.path} sha256 {SHA256}"
 
 
 def self_test(model: str) -> tuple[float, float]:

@@ -26,6 +26,7 @@ from anyprobe.cli.options import (
     QuietOption,
     check_names,
     hints_for,
+    line_of,
     list_photos,
     photo_source,
     result_stem,
@@ -170,7 +171,7 @@ class EstimateCall:
 
 def _line(path: Path, error: AnyprobeError) -> str:
     """One line that says which photo an error is of; that of its mask may not."""
-    text = str(error)
+    text = line_of(error)
     if not text.startswith((f"{path}: ", f"{path.name}: ")):
         text = f"{path}: {text}"
     return " ".join(text.splitlines())  # a name may hold a line break
@@ -201,4 +202,4 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
         talk.print(f"results: {out / name}.{{exr,hdr,json,png}}", soft_wrap=True)
     for one in done:
         for warning in one.warnings:
-            talk.print(f"warning: {warning}", soft_wrap=True)
+            talk.print(f"warning: {line_of(warning)}", soft_wrap=True)

@@ -8,18 +8,31 @@ from typing import Annotated
 
 import typer
 
-from anyprobe.cli.options import MaskOptions, check_names, hints_for, list_photos, result_stem, with_bundles
-from anyprobe.errors import AnyprobeError
+from anyprobe.cli.options import MaskOptions, check_names, hints_for, line_of, list_photos, result_stem, with_bundles
+from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.hints import Hints
 
 
 @with_bundles
 def mask(
-    photos: Annotated[list[Path], typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")],
     pointed: MaskOptions,
+    photos: Annotated[
+        list[Path] | None, typer.Argument(metavar="PHOTO...", help="Photos, or folders of photos.")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("masks"),
+    fetch: Annotated[
+        bool, typer.Option("--fetch", help="First download U2-Net-p (4.6 MB), the better mask network, if need be.")
+    ] = False,
 ) -> None:
     """Find the object. Writes <stem>_mask.png and, to look at, <stem>_overlay.png per photo."""
+    if fetch:
+        from anyprobe.masks.weights import fetch_weights
+
+        typer.echo(f"U2-Net-p: {fetch_weights().path}")
+    if not photos:
+        if fetch:
+            return
+        raise InputError("PHOTO: expected photos or folders of photos, got none; name one, or --fetch")
     hints = pointed.hints()
     listed = list_photos(photos)
     failed = False
@@ -28,10 +41,10 @@ def mask(
             line, warnings = _one(path, out, hints_for(path, hints), listed, pointed.segmenter)
             typer.echo(line)
             for warning in warnings:
-                print(f"warning: {warning}", file=sys.stderr)
+                print(f"warning: {line_of(warning)}", file=sys.stderr)
             failed |= pointed.strict and bool(warnings)
         except AnyprobeError as error:
-            print(f"anyprobe: {' '.join(str(error).splitlines())}", file=sys.stderr)
+            print(f"anyprobe: {line_of(error)}", file=sys.stderr)
             failed = True
     if failed:
         raise typer.Exit(2)

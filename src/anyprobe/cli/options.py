@@ -23,7 +23,7 @@ from anyprobe.errors import InputError, InvalidMask, MissingExtra, OutputError
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, MODE
 from anyprobe.files.exr import HEADER_BYTES, parse_header
 from anyprobe.files.paths import open_regular, visible_files
-from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, said_as
+from anyprobe.hints import HINTS, PICTURES, Hint, Hints, check_together, renamed, said_as
 
 if TYPE_CHECKING:
     from anyprobe.detail.library import Library
@@ -52,8 +52,9 @@ def _hint_option(hint: Hint) -> Any:
         )
     elif hint.numbers == (1,):
         kind = float
-    given = {"metavar": metavar, "help": text, "min": hint.range[0], "max": hint.range[1]}
-    return Annotated[list[kind] | None if hint.repeated else kind | None, typer.Option(f"--{hint.name}", **given)]
+    low, high = hint.range
+    option = typer.Option(f"--{hint.name}", metavar=metavar, help=text, min=low, max=high)
+    return Annotated[list[kind] | None if hint.repeated else kind | None, option]
 
 
 def option_of(name: str) -> str:
@@ -66,12 +67,23 @@ def said_of_hints() -> AbstractContextManager[None]:
     return said_as(**{name: f"--{hint.name}" for field, hint in HINTS.items() for name in (field, hint.name)})
 
 
+def line_of(said: object) -> str:
+    """An error or a warning as one line that names options: `mask=` is `--mask FILE` there."""
+
+    def option(hint: Hint) -> str:
+        return f"--{hint.name} {hint.metavar or ('FILE' if hint.suffixes else 'NUMBER')}"
+
+    return renamed(" ".join(str(said).splitlines()), option)
+
+
 TO_FIND = [name for name, hint in HINTS.items() if hint.about == "place" and name != "mask"]
 """Hints by which a mask is found."""
+_ToFind: Any = _options_of(TO_FIND)
+_Others: Any = _options_of(name for name in HINTS if name not in TO_FIND)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class MaskOptions(_options_of(TO_FIND)):
+class MaskOptions(_ToFind):
     """Where the object is."""
 
     segmenter: Annotated[
@@ -112,7 +124,7 @@ def _read(hint: Hint, given: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ObjectOptions(MaskOptions, _options_of(name for name in HINTS if name not in TO_FIND)):
+class ObjectOptions(MaskOptions, _Others):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
     normals_from: Annotated[
@@ -245,8 +257,10 @@ def photo_source(path: Path) -> Path | bytes:
 
 def hints_for(photo: Path, hints: Hints) -> Hints:
     """The hints of one photo: folders of masks, depth images, normals or panoramas become the file of its name."""
-    files = hints.files().items()
-    return replace(hints, **{name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in files})
+    files: dict[str, Any] = {
+        name: _file_for(photo, path, name, HINTS[name].suffixes) for name, path in hints.files().items()
+    }
+    return replace(hints, **files)
 
 
 def list_photos(photos: list[Path]) -> list[Path]:

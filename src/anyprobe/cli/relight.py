@@ -21,6 +21,7 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     hints_for,
+    line_of,
     pixels_of,
     refuse_unused,
     with_bundles,
@@ -158,7 +159,7 @@ def relight(
     }
     for line in summary["warnings"]:
         if not silent:
-            print(f"warning: {line}", file=sys.stderr)
+            print(f"warning: {line_of(line)}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     elif not quiet:

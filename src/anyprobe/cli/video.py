@@ -9,13 +9,21 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from anyprobe.cli.options import DetailOptions, JsonOption, ModelOptions, ObjectOptions, QuietOption, with_bundles
+from anyprobe.cli.options import (
+    DetailOptions,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    line_of,
+    with_bundles,
+)
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
 from anyprobe.errors import InputError
 
@@ -66,7 +74,7 @@ def video(
     hints = taken.hints()
     given, object_material = dict(hints.given()), hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in SUFFIXES}
-    first = {key: given[key] for key in ("click", "exclude", "box") if key in given}
+    first: dict[str, Any] = {key: given[key] for key in ("click", "exclude", "box") if key in given}
     if taken.segmenter:
         first["segmenter"] = taken.segmenter
     foot = placed.foot()
@@ -138,11 +146,11 @@ def video(
         raise
     seconds = time.monotonic() - start
     for index, line in outcome.bad:
-        talk.print(f"warning: frame {index}: kept the light before it: {line}", soft_wrap=True)
+        talk.print(f"warning: frame {index}: kept the light before it: {line_of(line)}", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
     for line in run.place_warnings:
-        talk.print(f"warning: {line}", soft_wrap=True)
+        talk.print(f"warning: {line_of(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
         "relit": str(out / "relit.mp4") if virtual else None,

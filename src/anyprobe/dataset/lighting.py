@@ -7,7 +7,9 @@ alpha: the dear part of a training pair, and each one serves many pairs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -19,15 +21,22 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import distributions
 from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.distributions import draw_alpha
+from anyprobe.dataset.ground_plane import Stand, draw_ground, make_stand, with_ground
 from anyprobe.dataset.sky import direction_at, soft_cap, tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.dominant_light import dilate, find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, integral, rotate, shrink
+from anyprobe.light.octahedral import Pyramid
 from anyprobe.render.integrate import compile_kernel, shade_diffuse, shade_specular, shading_pyramid
 from anyprobe.render.reflectance import reflectance_normals
 
 SEARCH_HEIGHT = 64
 """Rows of the map in which the dominant light is looked for."""
+
+STANDING = (1, 7)
+"""Elevation classes, from and to below, from which what stands on a ground is seen: 2 to 55 degrees."""
+ROLL = 0.03
+"""Standard deviation [radians] of the camera's roll there."""
 
 MAX_RADIUS = np.radians(35.0)
 """A light wider than this is the surround itself and stays where it is."""
@@ -149,13 +158,16 @@ SIZE = 128
 class LitMaterial:
     """terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
     radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of distributions.KINDS, None for
-    the materials and cameras of the paper."""
+    the materials and cameras of the paper; up [3], unit, in the camera's frame; stand: the ground that is part of the
+    light, None where there is none."""
 
     terms: torch.Tensor
     radiance: torch.Tensor
     alpha: float
     elevation: int
     kind: int | None = None
+    up: np.ndarray | None = None
+    stand: Stand | None = None
 
 
 BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
@@ -174,11 +186,8 @@ class Illuminator:
     def __init__(self, maps: list[np.ndarray], device: str = "cpu", compiled: bool = True) -> None:
         self.device = device
         self.maps = [torch.from_numpy(np.ascontiguousarray(radiance)) for radiance in maps]
-        self.pyramids = {
-            width: [shading_pyramid(radiance, width).to(device) for radiance in self.maps]
-            for width in {width for _, width, *_ in BUDGETS}
-        }
         self.maps = [radiance.to(device) for radiance in self.maps]
+        self._pyramids: dict[tuple[float, int], Pyramid] = {}
         self.wrap = compile_kernel if compiled else (lambda function: function)
         self._directions = self._tensor(pixel_directions(4 * MAP_HEIGHT).reshape(-1, 3))
         kernels = (shade_specular, shade_diffuse, _look)
@@ -187,40 +196,85 @@ class Illuminator:
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
-    @torch.no_grad()
+    def _pyramid(self, width: float, which: int) -> Pyramid:
+        """That of map number which, made when it is first asked for."""
+        key = width, which
+        if key not in self._pyramids:
+            self._pyramids[key] = shading_pyramid(self.maps[which], width).to(self.device)
+        return self._pyramids[key]
+
     def light(self, which: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
         """One lit material under map number which, through rotation [3, 3] = world from camera (mirrored or not)."""
+        return self._light(partial(self._pyramid, which=which), self.maps[which], rotation, alpha, elevation)
+
+    def light_standing(
+        self, which: int, rotation: np.ndarray, alpha: float, elevation: int, rng: np.random.Generator
+    ) -> LitMaterial:
+        """The same on a random ground of dataset.ground_plane."""
+        fine = self.maps[which]
+        seen, felt = with_ground(
+            fine if alpha < BUDGETS[0][0] else shrink(fine, len(fine) // 2), ground := draw_ground(rng)
+        )
+        base = self._camera_map(fine, self._tensor(rotation.T))
+        stand = make_stand(fine, ground, rotation, base, rng)
+        lit = self._light(lambda width: shading_pyramid(felt, width).to(self.device), seen, rotation, alpha, elevation)
+        return replace(lit, stand=stand)
+
+    def _camera_map(self, radiance: torch.Tensor, world: torch.Tensor) -> torch.Tensor:
+        """A map [H, 2H, 3] in a camera's frame, [64, 128, 3]; world [3, 3] of row vectors, camera to world."""
+        fine = self._look(radiance, self._directions @ world)
+        return fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
+
+    @torch.no_grad()
+    def _light(
+        self,
+        pyramid: Callable[[float], Pyramid],
+        radiance: torch.Tensor,
+        rotation: np.ndarray,
+        alpha: float,
+        elevation: int,
+    ) -> LitMaterial:
         _, width, size, samples = next(budget for budget in BUDGETS if alpha < budget[0])
         world = self._tensor(rotation.T)
         n = self._tensor(reflectance_normals(size).reshape(-1, 3)) @ world
         wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
         u = self._tensor(hammersley(samples))
         alphas = torch.full((len(n), 1), alpha, device=self.device)
-        specular = torch.cat(self._specular(self.pyramids[width][which], n, wo, alphas, u), dim=1)
+        specular = torch.cat(self._specular(pyramid(width), n, wo, alphas, u), dim=1)
         coarse = self._tensor(reflectance_normals(32).reshape(-1, 3)) @ world
-        wide = self.pyramids[1.0][which]
+        wide = pyramid(1.0)
         diffuse = self._diffuse(wide, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
-        fine = self._look(self.maps[which], self._directions @ world)
-        radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
-        return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
+        return LitMaterial(
+            terms=torch.cat(terms),
+            radiance=self._camera_map(radiance, world),
+            alpha=alpha,
+            elevation=elevation,
+            up=rotation[1].astype(np.float32),
+        )
 
-    def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
+    def draw(self, rng: np.random.Generator, world: float = 0.0, ground: float = 0.0) -> LitMaterial:
         """A random map, view and alpha; half of the maps mirrored.
 
-        world: share of those of a kind and an alpha of dataset.distributions.
+        world: share of those of a kind and an alpha of dataset.distributions; ground: share of those on a ground.
         """
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
         rotation = world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, 0.05))
         if rng.random() < 0.5:
             rotation = np.diag([-1.0, 1.0, 1.0]) @ rotation
-        alpha = draw_alpha(rng)
+        alpha, kind = draw_alpha(rng), None
         if world > 0 and rng.random() < world:
-            kind = distributions.draw_kinds(rng, 1)
-            alpha = float(distributions.draw_alphas(rng, kind)[0])
-            return replace(self.light(which, rotation, alpha, elevation), kind=int(kind[0]))
-        return self.light(which, rotation, alpha, elevation)
+            (kind,) = distributions.draw_kinds(rng, 1).tolist()
+            alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
+        if ground > 0 and rng.random() < ground:
+            elevation = int(rng.integers(*STANDING))
+            mirror = np.diag([np.linalg.det(rotation).round(), 1.0, 1.0])
+            rotation = mirror @ world_from_camera(
+                rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, ROLL)
+            )
+            return replace(self.light_standing(which, rotation, alpha, elevation, rng), kind=kind)
+        return replace(self.light(which, rotation, alpha, elevation), kind=kind)
 
 
 def _picture(values: torch.Tensor, size: int) -> torch.Tensor:

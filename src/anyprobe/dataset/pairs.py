@@ -18,24 +18,31 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.core.latlong import direction_to_uv, pixel_solid_angles
-from anyprobe.core.response import MEAN_CURVE, CameraCurve, response
+from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.dataset import distributions
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot, take_photo
+from anyprobe.dataset.batch_shading import column_of, curves, pixel_wo, see_behind, shade, take_photos
+from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot
 from anyprobe.dataset.distributions import draw_material
+from anyprobe.dataset.ground_plane import Scenes, make_scenes
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
 from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
-from anyprobe.dataset.shadows import shade_hidden
+from anyprobe.dataset.seen_surroundings import (
+    GAIN_STOPS,
+    draw_frame,
+    gather,
+    ground_surroundings,
+    inside_frame,
+    photo_surroundings,
+    unsteady,
+)
 from anyprobe.dataset.shape_augment import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
 from anyprobe.render.reflectance import lookup_coords
-from anyprobe.render.surface import pixel_rays
-from anyprobe.scatter.materials import Material, material_input
-from anyprobe.scatter.microfacet import albedo_table
+from anyprobe.scatter.materials import material_input
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,6 +65,8 @@ class PairConfig:
         (dataset.shape_augment).
     textured, two_materials: shares of photos of objects with a mild texture, and with a second material, of the same
         alpha (dataset.textured); targets know of neither but by the photo's exposure.
+    ground: share of lit materials on a ground (dataset.ground_plane); above 0, all photos that come with their
+        surroundings come with their context too.
     """
 
     batch: int = 32
@@ -77,8 +86,17 @@ class PairConfig:
     shape_augment: float = 0.0
     textured: float = 0.0
     two_materials: float = 0.0
+    ground: float = 0.0
 
 
+CONTEXT_SIZE, CONTEXT_SCALE = 96, 3
+"""Side of the context, and how many times as wide it is as the crop."""
+CONTEXT_SHRINK = 4
+"""Pixels of the crop on one of the context's."""
+CONTEXT_ALONE = 0.1
+"""Share of photos with context of which no other surroundings are given."""
+CANDIDATES = 24
+"""Surfaces of which the most upright one is put on a ground."""
 GIVEN_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
 GIVEN_MATERIAL_ERROR = np.float32([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0])
@@ -92,7 +110,9 @@ class Batch:
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
     zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
     zero; material [B, 8]: of the object (scatter.materials.material_input; zero where a dataset does not say), and
-    given_material [B, 8]: as it is given, or zero."""
+    given_material [B, 8]: as it is given, or zero; context [B, 5, 96, 96]: the photo CONTEXT_SCALE times as wide as the
+    crop, display RGB, mask, and where the photo is, or zero; up [B, 3], unit, in the crop's frame, zero where a dataset
+    does not say; stands [B]: whether the object stands on a ground."""
 
     photo: torch.Tensor
     irradiance: torch.Tensor
@@ -105,6 +125,9 @@ class Batch:
     surroundings: torch.Tensor
     material: torch.Tensor
     given_material: torch.Tensor
+    context: torch.Tensor
+    up: torch.Tensor
+    stands: torch.Tensor
 
     def to(self, device: str) -> Batch:
         """The same on another device."""
@@ -137,7 +160,8 @@ class PairSource:
 
         def draw(number: int) -> list[LitMaterial]:
             rng = np.random.default_rng((self.config.seed, 1, lane, number))
-            return [self.illuminator.draw(rng, self.config.world) for _ in range(self.config.group)]
+            config = self.config
+            return [self.illuminator.draw(rng, config.world, config.ground) for _ in range(config.group)]
 
         return sum(slide(self._groups[lane], range(first, first + self.config.pool), draw), [])
 
@@ -148,10 +172,15 @@ class PairSource:
         rng = np.random.default_rng((self.config.seed, 2, step))
         chosen = [pool[i] for i in rng.choice(len(pool), self.config.batch, replace=len(pool) < self.config.batch)]
         index = np.array([rng.choice(self._by_elevation[lit.elevation]) for lit in chosen])
+        mirror = rng.random(len(index)) < 0.5  # seen in a mirror, a shape is another shape
+        on_ground = np.array([lit.stand is not None for lit in chosen])
+        for one in np.nonzero(on_ground)[0]:
+            index[one] = self._upright(chosen[one], mirror[one], rng)
         normals = np.asarray(self.surfaces.normals[index])
         shadows = self.surfaces.hidden is not None
         hidden = np.array(self.surfaces.hidden[index]) if shadows else None
-        for one in np.nonzero(rng.random(len(index)) < 0.5)[0]:  # seen in a mirror, a shape is another shape
+        scenes = self._scenes(chosen, index, mirror, on_ground) if on_ground.any() else None
+        for one in np.nonzero(mirror)[0]:
             normals[one] = normals[one, :, :, ::-1]
             normals[one, 0] *= -1
             if shadows:
@@ -166,12 +195,34 @@ class PairSource:
             other_angles = torch.from_numpy(self.surfaces.tan_half[index]).to(self.device)
             alone = normals
             normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
+            normals[on_ground] = alone[on_ground]  # its shadow is cast
             if shadows:  # what the other hides from itself is left out
                 changed = (normals != alone).any(dim=1, keepdim=True).float()
                 hidden *= F.adaptive_max_pool2d(changed, hidden.shape[-1]) == 0
         if self.config.shape_augment > 0:
+            alone = normals[on_ground], None if hidden is None else hidden[on_ground]
             normals = reshape_some(normals, angles, rng, self.config.shape_augment, hidden)
-        return self.compose(chosen, normals, tan_half, rng, hidden)
+            normals[on_ground] = alone[0]
+            if shadows:
+                hidden[on_ground] = alone[1]
+        return self.compose(chosen, normals, tan_half, rng, hidden, scenes)
+
+    def _upright(self, lit: LitMaterial, mirror: bool, rng: np.random.Generator) -> int:
+        """The surface, of some of the lit material's elevation, that stands most upright on its ground."""
+        some = rng.choice(self._by_elevation[lit.elevation], CANDIDATES)
+        up = self.surfaces.up[some] * np.float32([-1.0 if mirror else 1.0, 1.0, 1.0])
+        return int(some[np.argmax(up @ lit.up)])
+
+    def _scenes(
+        self, chosen: list[LitMaterial], index: np.ndarray, mirror: np.ndarray, on_ground: np.ndarray
+    ) -> Scenes:
+        """Those of chosen that are on_ground, on theirs."""
+        index, mirror = index[on_ground], mirror[on_ground]
+        flip = np.where(mirror[:, None] & (np.arange(3) == 0), -1.0, 1.0).astype(np.float32)
+        points = self.surfaces.points[index].astype(np.float32) * flip[:, None]
+        center = self.surfaces.center[index] * flip
+        stands = [lit.stand for lit in chosen if lit.stand is not None]
+        return make_scenes(stands, *(torch.from_numpy(one).to(self.device) for one in (points, center)))
 
     def compose(
         self,
@@ -180,10 +231,12 @@ class PairSource:
         tan_half: np.ndarray,
         rng: np.random.Generator,
         hidden: torch.Tensor | None = None,
+        scenes: Scenes | None = None,
     ) -> Batch:
         """Put lit materials on surfaces [B, 3, S, S], give them colours and take the photos.
 
         hidden: what the surfaces hide from themselves, [B, AZIMUTHS, SIDE, SIDE] of dataset.occlusion.
+        scenes: of the lit materials that stand on a ground, in their order.
         """
         count, size = len(chosen), normals.shape[-1]
         materials = [
@@ -196,7 +249,7 @@ class PairSource:
             materials = paint_some(materials, normals.cpu().numpy(), rng.spawn(1)[0], *shares)
 
         def column(values) -> torch.Tensor:
-            return _column(values, self.device)
+            return column_of(values, self.device)
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
         wo = pixel_wo(column(tan_half), size)
@@ -208,6 +261,14 @@ class PairSource:
         gain = self._gain(shots, radiance, mask, light)
         light = light * gain
         behind = see_behind(light, wo)
+        stands = torch.tensor([lit.stand is not None for lit in chosen], device=self.device)
+        wide = None
+        if self.config.ground > 0:
+            rays = -pixel_wo(CONTEXT_SCALE * column(tan_half), CONTEXT_SIZE)
+            wide = see_behind(light, -rays)
+            if scenes is not None:
+                wide[stands] = scenes.see(rays[stands]) * gain[stands]
+                behind[stands] = F.interpolate(_middle(wide[stands]), size=(size, size), mode="bilinear")
         framed = np.ones(count, bool)
         if self.config.cut_out > 0:
             framed = rng.random(count) >= self.config.cut_out
@@ -224,11 +285,27 @@ class PairSource:
             given = _small_turns(count, rng) * (rng.random(count) < self.config.given_normals)[:, None, None]
         angles = torch.from_numpy(np.asarray(tan_half, np.float32)).to(self.device)
         surroundings_map = light.new_zeros(count, 4, *light.shape[2:])
+        context = light.new_zeros(count, 5, CONTEXT_SIZE, CONTEXT_SIZE)
         if self.config.surroundings > 0:
             framed &= rng.random(count) < self.config.surroundings
             frames = np.stack([draw_frame(rng, each) for each in tan_half]) * framed[:, None]
             tone = partial(self._tone, curve=curves(shots, self.device))
             surroundings_map = photo_surroundings(unsteady(light, rng), photo_mask, angles, frames, tone)
+            if scenes is not None:
+                on = stands.cpu().numpy()
+                bright = (gain * 2.0 ** column(rng.normal(0.0, GAIN_STOPS, count)))[stands]  # with white balance
+                some = partial(
+                    self._tone, curve=curves([shot for shot, one in zip(shots, on, strict=True) if one], self.device)
+                )
+                surroundings_map[stands] = ground_surroundings(
+                    scenes, photo_mask[stands], angles[stands], frames[on], rng, lambda seen: some(seen * bright)
+                )
+            if wide is not None:
+                seen = inside_frame(rays, frames)[:, None].float()
+                small = F.avg_pool2d(torch.cat([radiance * gain * mask, mask, photo_mask], dim=1), CONTEXT_SHRINK)
+                context = self._context(wide * white_balance, small, seen, tone, shots, rng)
+                alone = framed & (rng.random(count) < CONTEXT_ALONE)
+                surroundings_map = surroundings_map * column(~alone)
             if self.config.merged_surroundings > 0:
                 more = framed & (rng.random(count) < self.config.merged_surroundings)
                 surroundings_map = gather(surroundings_map, light, photo_mask, angles, more, rng, tone)
@@ -244,7 +321,35 @@ class PairSource:
             surroundings=surroundings_map,
             material=torch.from_numpy(described).to(self.device),
             given_material=torch.from_numpy(self._given(described, rng)).to(self.device),
+            context=context,
+            up=torch.from_numpy(np.stack([np.zeros(3, np.float32) if lit.up is None else lit.up for lit in chosen])).to(
+                self.device
+            ),
+            stands=stands.float(),
         )
+
+    def _context(
+        self,
+        behind: torch.Tensor,
+        small: torch.Tensor,
+        inside: torch.Tensor,
+        tone: Callable,
+        shots: list[Shot],
+        rng: np.random.Generator,
+    ) -> torch.Tensor:
+        """The photo around the crop, see Batch.context.
+
+        Args:
+            behind: [B, 3, 96, 96] in the photos' units; small: of the crop at this scale, radiance times mask, mask,
+                and the mask as it was found, [B, 5, 32, 32]; inside: [B, 1, 96, 96].
+        """
+        edge = (CONTEXT_SIZE - small.shape[-1]) // 2
+        radiance, mask, found = F.pad(small, (edge,) * 4).split([3, 1, 1], dim=1)
+        generator = torch.Generator(device=self.device).manual_seed(int(rng.spawn(1)[0].integers(2**62)))
+        grain = torch.randn(behind.shape, generator=generator, device=self.device)
+        grain *= column_of([shot.noise / CONTEXT_SHRINK for shot in shots], self.device)
+        display = (tone(behind * (1 - mask) + radiance) + grain).clip(0.0, 1.0)
+        return torch.cat([(display * 255).round() / 255 * inside, found * inside, inside], dim=1)
 
     def _given(self, described: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Of materials [B, 8] those that come with their photos, with their errors; the rest zero."""
@@ -268,46 +373,8 @@ class PairSource:
         return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
 
 
-def shade(
-    chosen: list[LitMaterial],
-    materials: list[Material],
-    normals: torch.Tensor,
-    wo: torch.Tensor,
-    places: Callable = lookup_coords,
-    hidden: torch.Tensor | None = None,
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Look lit materials up by the normals [B, 3, S, S] of surfaces seen along wo [B, S, S, 3].
-
-    materials: their f0 and albedo are [3], or [S, S, 3] where they differ from pixel to pixel.
-    places: lookup_coords, or the same compiled.
-    hidden: what the surfaces hide from themselves, see dataset.occlusion; the first factor has none of it.
-
-    Returns:
-        radiance and Eq. 5's first factor, [B, 3, S, S] each; anything outside the objects.
-    """
-    device = normals.device
-    alpha = _column([lit.alpha for lit in chosen], device)
-    table = torch.from_numpy(albedo_table()).to(device)
-    *xy, gain_one, gain_grazing = places(normals.permute(0, 2, 3, 1), wo, alpha, table)
-    f0, albedo = (_colors([getattr(m, name) for m in materials], device) for name in ("f0", "albedo"))
-    terms = torch.stack([lit.terms for lit in chosen])
-    parts = zip(terms.split([3, 6, 3], dim=1), xy, strict=True)
-    first_factor, specular, diffuse = (F.grid_sample(*part, align_corners=False) for part in parts)
-    one, grazing = specular.split(3, dim=1)
-    # Lo = f0 S1 + (1 - f0) (Ss + albedo Dd)
-    one, grazing, diffuse = one * gain_one[:, None], grazing * gain_grazing[:, None], albedo * diffuse
-    radiance = torch.lerp(grazing + diffuse, one, f0)
-    if hidden is not None:
-        mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
-        glow = (radiance * mask).sum((2, 3)) / mask.sum((2, 3)).clip(min=1.0)
-        maps = torch.stack([lit.radiance for lit in chosen])
-        of_diffuse, of_specular = shade_hidden(hidden, normals, wo, alpha[:, 0, 0, 0], maps, glow)
-        radiance = torch.lerp(grazing * of_specular + diffuse * of_diffuse, one * of_specular, f0)
-    return radiance, first_factor
-
-
 def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:
-    """The shot, metered and balanced as phones do it where the material is of the world's priors."""
+    """The shot, metered and balanced as phones do it where the material is of the world's distributions."""
     if lit.kind is None:
         return shot
     rows = pixel_solid_angles(lit.radiance.shape[0])
@@ -315,67 +382,13 @@ def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:
     return phone_shot(shot, ambient, rng)
 
 
+def _middle(wide: torch.Tensor) -> torch.Tensor:
+    """The crop's part of pictures of its context."""
+    edge = (CONTEXT_SIZE - CONTEXT_SIZE // CONTEXT_SCALE) // 2
+    return wide[..., edge : CONTEXT_SIZE - edge, edge : CONTEXT_SIZE - edge]
+
+
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
     """Rotations [count, 3, 3] about all three axes, GIVEN_ERROR_DEG each."""
     angles = rng.normal(0.0, np.radians(GIVEN_ERROR_DEG), (count, 3))
     return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])
-
-
-def _column(values, device) -> torch.Tensor:
-    """One number or three a pair, [B, C, 1, 1]."""
-    values = np.asarray(values, np.float32)
-    return torch.from_numpy(values.reshape(len(values), -1, 1, 1)).to(device)
-
-
-def _colors(values: list[np.ndarray], device) -> torch.Tensor:
-    """[B, 3, 1, 1], or [B, 3, S, S] if one of the values is [S, S, 3]; the others are [3]."""
-    shape = np.broadcast_shapes(*(np.shape(value) for value in values))
-    if len(shape) == 1:
-        return _column(values, device)
-    planes = np.stack([np.moveaxis(np.broadcast_to(value, shape), -1, 0) for value in values])
-    return torch.from_numpy(planes.astype(np.float32, copy=False)).to(device)
-
-
-def pixel_wo(tan_half: torch.Tensor, size: int) -> torch.Tensor:
-    """pixel_rays of a batch, tan_half [B, 1, 1, 1]: wo [B, S, S, 3], in planes like the normals."""
-    unit = torch.from_numpy(pixel_rays(1.0, size)).permute(2, 0, 1).to(tan_half.device)
-    slope = unit[:2] / unit[2:]
-    length = torch.sqrt(1.0 + tan_half**2 * (slope**2).sum(dim=0))
-    return torch.cat([slope * tan_half / length, 1.0 / length], dim=1).permute(0, 2, 3, 1)
-
-
-def curves(shots: list[Shot], device) -> CameraCurve:
-    """The camera curves of a batch, each number [B, 1, 1, 1]."""
-    return CameraCurve(
-        exponent=_column([shot.curve.exponent for shot in shots], device),
-        sigma=_column([shot.curve.sigma for shot in shots], device),
-    )
-
-
-def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
-    """The maps [B, 3, H, 2H] along the pixels' rays, [B, 3, S, S].
-
-    A window is far from the seam behind the camera, so that nothing need wrap.
-    """
-    return F.grid_sample(
-        light, direction_to_uv(-wo) * 2 - 1, mode="bilinear", padding_mode="border", align_corners=False
-    )
-
-
-def take_photos(
-    shots: list[Shot],
-    radiance: torch.Tensor,
-    mask: torch.Tensor,
-    background: torch.Tensor,
-    rng: np.random.Generator,
-    tone: Callable = response,
-) -> torch.Tensor:
-    """camera.take_photo of a batch, grain by rng: display values [B, 3, S, S] in steps of 1/255.
-
-    radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
-    """
-    device = radiance.device
-    generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
-    grain = torch.randn(radiance.shape, generator=generator, device=device)
-    tone = partial(tone, curve=curves(shots, device))
-    return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

@@ -152,7 +152,7 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
     """
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0].astype(np.float32)
     points, facing = points @ turn, np.abs(normals @ turn) ** CLEAR
-    facing /= facing.sum(axis=-1, keepdims=True)
+    facing /= np.maximum(facing.sum(axis=-1, keepdims=True), 1e-6)  # corners of faces without an area have no normal
     extent = float(np.exp(rng.uniform(*np.log(EXTENT))))
     starts = rng.uniform(0, 2, (3, 2)).astype(np.float32)
     channels = range(pattern.shape[-1])

@@ -18,7 +18,7 @@ from anyprobe.core.contract import contract
 from anyprobe.detail.likeness import shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.material_prior import use_material
+from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
@@ -208,17 +208,17 @@ class Estimator:
         material = photo.material if material is None else as_material(material)
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
-        known: dict[str, Any] = {"normals": crop.normals is not None}
+        used: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals, crop.radiance)
-            known |= done
+            used |= done
         exposed = _well_exposed(crop.image)
         if outputs.confidence is not None:
             outputs = replace(outputs, confidence=outputs.confidence * min(1.0, exposed / ENOUGH_EXPOSED))
         surroundings_map = crop.surroundings_map if merged_surroundings is None else merged_surroundings
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
-            known["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+            used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
         estimated, sure = time.perf_counter(), photo.mask_confidence
         confidence = outputs.confidence
         if confidence is None:
@@ -248,7 +248,7 @@ class Estimator:
                 "fov_source": photo.fov_source,
                 **({} if photo.pitch_deg is None else {"pitch_deg": round(float(photo.pitch_deg), 3)}),
                 "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
-                "priors": known,
+                "hints": used,
                 **_said(outputs.posterior),
                 "crop": {"center_px": list(crop.center_px), "side_px": crop.side_px},
                 "seconds": {
@@ -260,9 +260,9 @@ class Estimator:
         )
 
     def _check_use(self, crop: Crop, material: Material | None) -> None:
-        """Only the model that lifts pixels can use what is known."""
-        known = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
-        given = [name for name, value in known if value is not None]
+        """Only the model that lifts pixels takes hints."""
+        hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
+        given = [name for name, value in hints if value is not None]
         if given and self.models.stages != LIFT_STAGES:
             raise InputError(
                 f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; use {DEFAULT_MODEL}"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
@@ -17,7 +17,6 @@ from anyprobe.estimate.result import Light
 from anyprobe.files.atomic import atomic_files
 from anyprobe.files.images import write_png
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.refine import box_mean
 from anyprobe.render.spheres import sphere_images
 
 if TYPE_CHECKING:
@@ -125,8 +124,9 @@ def draw_overlay(rgb: np.ndarray, mask: np.ndarray, on: Sequence[Point] = (), of
     weight = mask[..., None]
     picture = rgb * (0.2 + 0.8 * weight) + np.array(BEYOND) * (1 - weight)
     thickness = max(1, round(max(height, width) / 500))
-    share = box_mean((mask[..., None] > 0.5).astype(np.float32), thickness)[..., 0]
-    picture[(share > 0.01) & (share < 0.99)] = EDGE
+    inside = Image.fromarray((mask > 0.5).astype(np.uint8))
+    most, least = (inside.filter(one(2 * thickness + 1)) for one in (ImageFilter.MaxFilter, ImageFilter.MinFilter))
+    picture[np.asarray(most) > np.asarray(least)] = EDGE
     y, x = np.ogrid[:height, :width]
     for points, color in ((on, EDGE), (off, OFF)):
         for column, row in points:

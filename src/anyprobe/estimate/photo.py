@@ -7,15 +7,16 @@ from typing import Unpack
 
 import numpy as np
 
+from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
+from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
-from anyprobe.estimate.normals_prior import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import at_rows, read_panorama, turned, visible_surroundings
-from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.hints import PHOTO, SPHERE, Hints, HintsDict, NormalsEstimator, NormalsSource, as_hints, spread
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import find_mask
@@ -150,7 +151,7 @@ def load_photo(
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=pixels.warnings + found.warnings + _exposure_warnings(pixels.rgb[found.mask > 0.5], pixels.name),
+        warnings=pixels.warnings + found.warnings + _exposure_warnings(pixels, found.mask > 0.5),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg),
@@ -262,11 +263,17 @@ def _resampling(start: float, side: float, size: int, length: int) -> tuple[slic
     return slice(first, last), weights.astype(np.float32)
 
 
-def _exposure_warnings(colors: np.ndarray, name: str) -> tuple[str, ...]:
-    """Object pixels [N, 3] that are nearly all black or all white carry no shading."""
-    red, green, blue = colors.T
+def _exposure_warnings(pixels: Pixels, on: np.ndarray) -> tuple[str, ...]:
+    """An object [H, W] bool that is nearly all black or all white carries no shading."""
+    red, green, blue = pixels.rgb[on].T
+    little = "almost everywhere; little can be estimated from it"
     if np.mean((red <= 0.01) & (green <= 0.01) & (blue <= 0.01)) >= CLIPPED_SHARE:
-        return (f"{name}: the object is black almost everywhere; little can be estimated from it; expose longer",)
+        return (f"{pixels.name}: the object is black {little}; expose longer",)
     if np.mean((red >= 0.99) & (green >= 0.99) & (blue >= 0.99)) >= CLIPPED_SHARE:
-        return (f"{name}: the object is white almost everywhere; little can be estimated from it; expose shorter",)
+        advice = "expose shorter"
+        if pixels.radiance is not None:
+            advice = (
+                f"multiply its radiance by {0.4 / np.median(luminance(pixels.radiance[on])):.2g}, so that white is 1"
+            )
+        return (f"{pixels.name}: the object is white {little}; {advice}",)
     return ()

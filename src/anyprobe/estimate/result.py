@@ -30,13 +30,15 @@ if TYPE_CHECKING:
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
-VERSION = 3
-"""Version of the sidecar; one that says none is of version 1. Older names: RENAMED and RENAMED_INSIDE."""
-RENAMED = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "priors"}
+VERSION = 4
+"""Version of the sidecar; one that says none is of version 1. Older names stand below."""
+FIRST_NAMES = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "hints"}
 """Keys of a sidecar of version 1, which says no version, and of today's."""
+OLDER_NAMES = {"priors": "hints"}
+"""The same of versions 2 and 3."""
 EMITTERS = {"drawn": "mode", "spread": "expected"}
 """The same for the values of `emitters`."""
-RENAMED_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
+OLDER_NAMES_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
 """The same for what is within a key, up to version 2."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
@@ -84,7 +86,7 @@ class Info(TypedDict, total=False):
 
     photo: file name; model: name and hash; emitters: "mode" or "expected"; exposure: of EXIF, relative;
     long_fov_deg: field of view of the photo's longer side, and where it is from ("exif", "given", "default");
-    priors: what was given of the object; object and uncertainty: None from a model that does not estimate them
+    hints: what was given of the object; object and uncertainty: None from a model that does not estimate them
     (`paper`); seconds: by step.
 
     Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
@@ -100,7 +102,7 @@ class Info(TypedDict, total=False):
     fov_source: str
     pitch_deg: float
     mask: MaskInfo
-    priors: dict[str, Any]
+    hints: dict[str, Any]
     object: ObjectInfo | None
     uncertainty: Uncertainty | None
     crop: CropInfo
@@ -338,10 +340,11 @@ class Light:
 
 def current_names(said: Mapping[str, Any]) -> dict[str, Any]:
     """A sidecar under the names of VERSION."""
-    renamed = dict(said) if "version" in said else {RENAMED.get(name, name): value for name, value in said.items()}
+    names = OLDER_NAMES if "version" in said else FIRST_NAMES
+    renamed = {names.get(name, name): value for name, value in said.items()}
     if str(renamed.get("emitters")) in EMITTERS:
         renamed["emitters"] = EMITTERS[renamed["emitters"]]
-    for key, names in RENAMED_INSIDE.items():
+    for key, names in OLDER_NAMES_INSIDE.items():
         if isinstance(renamed.get(key), Mapping):
             renamed[key] = {names.get(name, name): value for name, value in renamed[key].items()}
     return renamed

@@ -14,8 +14,8 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.dataset.mask_errors import narrow, pierce, widen
 from anyprobe.dataset.pair import Pair, shot_of
-from anyprobe.estimate.material_prior import use_material
-from anyprobe.estimate.normals_prior import SHORTEST
+from anyprobe.estimate.material_hint import use_material
+from anyprobe.estimate.normals_hint import SHORTEST
 from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, NORMALS_SIZE, Models, Outputs
 from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
 from anyprobe.files.radiance import read_radiance

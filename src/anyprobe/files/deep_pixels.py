@@ -146,6 +146,18 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
     )
 
 
+def float_tiff_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height of a TIFF of floats; None for any other file."""
+    order = "<" if data[:2] == b"II" else ">"
+    try:
+        entries = _entries(data, order)
+        if FORMAT in entries and set(_numbers(entries[FORMAT], order)) == {3}:
+            return _one(entries, WIDTH, order), _one(entries, HEIGHT, order)
+    except (struct.error, KeyError, IndexError):
+        pass
+    return None
+
+
 def turned(values: np.ndarray, orientation: int) -> np.ndarray:
     """An array [H, W, ...] upright, of EXIF's orientation."""
     if orientation in (5, 6, 7, 8):

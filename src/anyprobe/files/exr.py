@@ -46,6 +46,9 @@ CHUNK_ROWS = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)
 LEAST_ASPECT = 0.25
 """Pixels are made square where they are up to four times as wide as high, or as high as wide."""
 
+WHOLE_LAYERS = ("combined", "beauty", "rgba", "composite")
+"""Names, in lower case, of layers that are the picture: Blender's, and other renderers'."""
+
 FILLER = 13
 """Bytes of an attribute x, a string, with nothing in it."""
 
@@ -242,7 +245,7 @@ def read_channels(
 def read_exr(
     source: str | os.PathLike[str] | bytes, name: str, fault: type[InputError], max_pixels: int, *, rec709: bool = False
 ) -> np.ndarray:
-    """The colour of an .exr: channels R, G, B, or Y, or Y, RY, BY, and perhaps A.
+    """The colour of an .exr: channels R, G, B, or Y, or Y, RY, BY, and perhaps A; else those of a layer, LAYER.R.
 
     A data window smaller than the display window is set into it, black around. Pixels that are not square are made so
     by more or fewer columns.
@@ -256,6 +259,8 @@ def read_exr(
     header, found = read_channels(source, name, fault, max_pixels)
     kind, value = header.attributes.get("chromaticities", (b"", b""))
     stored = np.frombuffer(value, "<f4").tolist() if (kind, len(value)) == (b"chromaticities", 32) else []
+    if not {*"RGBY"} & found.keys():
+        found |= _of_layer(found)
     if not {*"RGB"} & found.keys() and {"Y", "RY", "BY"} <= found.keys():
         found |= _from_chroma(found, stored)
     order = "RGB" if all(key in found for key in "RGB") else "YYY"
@@ -272,6 +277,15 @@ def read_exr(
     if rec709 and kind:
         pixels[..., :3] = to_rec709(pixels[..., :3], stored, name, fault)
     return square_pixels(in_display(pixels, header), header, max_pixels)
+
+
+def _of_layer(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """R, G, B and perhaps A of the layer that is the whole picture by its name, else of the only one; or nothing."""
+    layers = [key[:-2] for key in found if key.endswith(".R") and {f"{key[:-1]}G", f"{key[:-1]}B"} <= found.keys()]
+    whole = [layer for layer in layers if layer.rpartition(".")[2].lower() in WHOLE_LAYERS] or layers
+    if len(whole) != 1:
+        return {}
+    return {name: found[f"{whole[0]}.{name}"] for name in "RGBA" if f"{whole[0]}.{name}" in found}
 
 
 def _from_chroma(found: Mapping[str, np.ndarray], chromaticities: Sequence[float]) -> dict[str, np.ndarray]:

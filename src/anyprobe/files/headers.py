@@ -1,9 +1,7 @@
-"""What a photo's file says before it is decoded: its size, EXIF, and whether decoding it would take too long."""
+"""What a photo's file says before it is decoded: its format, EXIF, and whether decoding it would take too long."""
 
 from __future__ import annotations
 
-import io
-import os
 import re
 from typing import Any, BinaryIO
 
@@ -23,10 +21,7 @@ from PIL import (
     WebPImagePlugin,
 )
 
-from anyprobe.errors import InputError, InvalidPhoto, MissingExtra
-from anyprobe.files.exr import EXR_MAGIC, exr_pixels
-from anyprobe.files.paths import open_regular
-from anyprobe.files.rgbe import HDR_MAGIC, hdr_pixels
+from anyprobe.errors import InvalidPhoto, MissingExtra
 
 MAX_PIXELS = 100_000_000
 """Largest photo that is decoded; the header is looked at first."""
@@ -138,31 +133,6 @@ def check_size(width: int, height: int, name: str) -> None:
             f"{name}: expected at least {MIN_SIDE_PX} pixels on either side, "
             f"got {width} x {height}; use the original photo"
         )
-
-
-def declared_pixels(data: bytes) -> int:
-    """How many pixels a file's bytes would be decoded to, nothing decoded; 0 where it is no picture or map."""
-    if data.startswith(EXR_MAGIC):
-        return exr_pixels(data)
-    if data.startswith(HDR_MAGIC):
-        return hdr_pixels(data)
-    (width, height), _ = photo_header(data)
-    return width * height
-
-
-def photo_header(source: str | os.PathLike[str] | bytes) -> tuple[tuple[int, int], float | None]:
-    """Width and height of a photo, upright, and the field of view by its EXIF, or None; nothing is decoded.
-
-    0, 0 and None where it is no photo that has them: read_image says why.
-    """
-    try:
-        if isinstance(source, bytes):
-            with open_picture(io.BytesIO(source)) as image:
-                return upright_size(image), exif_fov_deg(image)
-        with open_regular(source, InputError) as stream, open_picture(stream) as image:
-            return upright_size(image), exif_fov_deg(image)
-    except (UnknownPicture, InputError):
-        return (0, 0), None
 
 
 def upright_size(image: Image.Image) -> tuple[int, int]:

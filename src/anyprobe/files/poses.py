@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from anyprobe.errors import InputError
-from anyprobe.files.headers import photo_header
+from anyprobe.files.declared_size import photo_header
 from anyprobe.files.paths import natural_order, read_regular
 
 TOLERANCE = 0.01

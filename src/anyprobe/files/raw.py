@@ -77,6 +77,17 @@ def _offsets(data: bytes, order: str, at: int, number: int) -> tuple[int, ...]:
     return struct.unpack_from(f"{order}{number}I", data, at) if number > 0 else ()
 
 
+def raw_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height of a raw photo, as its sensor has them; None where LibRaw is missing or cannot read it."""
+    try:
+        import rawpy
+
+        with rawpy.imread(io.BytesIO(data)) as raw:
+            return raw.sizes.iwidth, raw.sizes.iheight
+    except Exception:  # LibRaw's errors, and whatever the bad bytes lead it to
+        return None
+
+
 def develop(data: bytes, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
     """A raw photo as linear Rec. 709 radiance [H, W, 3] float32, upright, and warnings.
 

@@ -36,3 +36,46 @@ def object_box(mask: np.ndarray) -> tuple[int, int, int, int]:
     columns = np.flatnonzero(inside.any(axis=0))
     rows = np.flatnonzero(inside.any(axis=1))
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+FULL = 0.85
+"""The largest value of a mask that reaches the object."""
+
+MOSTLY = 0.5
+"""Share of the photo that a mask which goes around everything covers."""
+
+GREY, GREY_SHARE = (0.1, 0.9), 0.5
+"""Values that are neither black nor white, and how many of them there may be for each white pixel."""
+
+FEW_PX = 48
+"""Longer side of an object that is small for an estimate: networks look at 128 pixels."""
+
+
+def look_at_given(mask: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """A mask [H, W] that was given, and a line for whatever is odd about it. A segmenter's overlay, which is
+    translucent on the object too, is brought to 1 there."""
+    lines = []
+    most = float(mask.max())
+    if most < FULL:
+        lines.append(
+            f"the mask is nowhere white (at most {most:.2f}), as a segmenter's overlay is; read as if it were: "
+            "save the mask itself, white on black, to be sure"
+        )
+        mask = mask / most
+    inside = mask > 0.5
+    border = np.concatenate([inside[0], inside[-1], inside[:, 0], inside[:, -1]])
+    if inside.mean() > MOSTLY and border.mean() > FULL:
+        lines.append(
+            f"the mask covers {inside.mean():.0%} of the photo and its borders, as one does that is white around the "
+            "object; invert it if so: white is the object"
+        )
+    grey = (mask > GREY[0]) & (mask < GREY[1])
+    if grey.sum() > GREY_SHARE * inside.sum():
+        lines.append("the mask is grey over wide areas; give one that is white on the object and black beside it")
+    x0, y0, x1, y1 = object_box(mask)
+    if max(x1 - x0, y1 - y0) < FEW_PX:
+        lines.append(
+            f"the object is {x1 - x0} x {y1 - y0} pixels in its mask; use a larger photo or go closer: "
+            "so few tell little of the light"
+        )
+    return mask.astype(np.float32), lines

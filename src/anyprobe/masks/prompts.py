@@ -8,11 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.errors import InvalidMask
 from anyprobe.masks.check import MIN_OBJECT_PX
 
-CLICK_SIGMA_PX = 4.0
-BOX_LEVEL = 0.5
+CLICK_SIGMA_PX = float(contract("mask")["small"]["click_sigma_px"])
+BOX_LEVEL = contract("mask")["small"]["box_level"]
 
 Point = tuple[float, float]
 Clicks = Point | Sequence[Point]

@@ -16,9 +16,10 @@ from PIL import Image
 
 from anyprobe.errors import AnyprobeError, InputError, InvalidMask, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
+from anyprobe.masks.networks import Network, SmallNetwork, U2NetP
+from anyprobe.masks.parts import label_parts
 from anyprobe.masks.prompts import Point
-from anyprobe.masks.refine import resize
-from anyprobe.masks.regions import label_parts
+from anyprobe.masks.resize import resize
 
 GROUP = "anyprobe.segmenters"
 
@@ -40,8 +41,8 @@ class Segmenter(Protocol):
         ...
 
 
-def load_segmenter(name: str) -> Segmenter:
-    """The segmenter called NAME or NAME:ARGUMENT.
+def load_segmenter(name: str) -> Network | Segmenter:
+    """The segmenter called NAME or NAME:ARGUMENT; u2netp and small are networks that masks.search asks itself.
 
     Raises:
         InputError: nothing has that name. MissingExtra: its package is not installed. ModelError: its files are absent.
@@ -222,5 +223,5 @@ def _as_points(on, off, box) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points, np.float64).reshape(-1, 2), np.array(labels)
 
 
-OWN = {"rembg": Rembg, "sam": Sam}
+OWN = {"u2netp": U2NetP, "small": SmallNetwork, "rembg": Rembg, "sam": Sam}
 """Segmenters that come with the package."""

@@ -61,9 +61,12 @@ class EmitterHead(nn.Module):
 
         logit: [N, 1, 64, 128], ln of power per steradian up to a constant.
         """
+        return self.above(ln_power)[:, :, None, None] * self.density(logit)
+
+    def density(self, logit: torch.Tensor) -> torch.Tensor:
+        """Of the power over directions, [N, 1, 64, 128]; its integral is 1."""
         spread = torch.exp(logit - logit.amax(dim=(2, 3), keepdim=True))
-        per_steradian = spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
-        return self._power(ln_power) * per_steradian
+        return spread / (spread * self.solid_angles).sum(dim=(2, 3), keepdim=True)
 
     def mode(self, ln_power: torch.Tensor, logit: torch.Tensor) -> torch.Tensor:
         """The same power in SOURCES discs at the most likely positions, each with the share that is likely near it."""
@@ -74,15 +77,15 @@ class EmitterHead(nn.Module):
         left = left / left.sum(dim=(2, 3), keepdim=True)
         discs = torch.zeros_like(left)  # power per steradian, of a total of 1 at the end
         for number in range(SOURCES):
-            cosine = (self.directions * self._likeliest(left)).sum(dim=1, keepdim=True).clamp(-1.0, 1.0)
+            cosine = (self.directions * self.likeliest(left)).sum(dim=1, keepdim=True).clamp(-1.0, 1.0)
             disc = F.relu(cosine - math.cos(math.radians(DISC_DEG)))
             disc = disc / (disc * self.solid_angles).sum(dim=(2, 3), keepdim=True)
             near = torch.ones_like(cosine) if number == SOURCES - 1 else (1.0 + cosine) / 2.0
             discs = discs + disc * (left * near).sum(dim=(2, 3), keepdim=True)
             left = left * (1.0 - near)
-        return self._power(ln_power) * discs
+        return self.above(ln_power)[:, :, None, None] * discs
 
-    def _likeliest(self, share: torch.Tensor) -> torch.Tensor:
+    def likeliest(self, share: torch.Tensor) -> torch.Tensor:
         """Unit directions [N, 3, 1, 1] nearest to all that is likely; share: of each pixel [N, 1, 64, 128]."""
         step = MAP_HEIGHT // HEIGHT
         coarse = F.avg_pool2d(share, step)
@@ -95,5 +98,6 @@ class EmitterHead(nn.Module):
         return F.normalize((weight * self.directions).sum(dim=(2, 3), keepdim=True), dim=1)
 
     @staticmethod
-    def _power(ln_power: torch.Tensor) -> torch.Tensor:
-        return (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)[:, :, None, None]
+    def above(ln_power: torch.Tensor) -> torch.Tensor:
+        """Power above white [N, 3]."""
+        return (torch.exp(ln_power) - POWER_FLOOR).clamp(min=0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import LEAST_SLOPE_DEG, contact_of
-from anyprobe.estimate.normals_prior import Part
+from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 
 UNKNOWN_LENS_DEG = 38.0

@@ -12,9 +12,9 @@ from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
-from anyprobe.estimate.normals_prior import Part
+from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
-from anyprobe.masks.refine import resize
+from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.ground_view import STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh

@@ -32,7 +32,8 @@ from anyprobe.serve.uploads import read_upload, read_views, take_unread
 
 log = logging.getLogger("anyprobe.serve")
 
-Given, Answer = ParamSpec("Given"), TypeVar("Answer")
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
 
 CLIENT_GONE = 499
 """This answer is never read; the number is the one that logs of other servers use."""
@@ -228,7 +229,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
-        return JSONResponse({"error": " ".join(str(error).split())}, status, headers)
+        return JSONResponse({"error": tasks.line_of(error)}, status, headers)
 
     @app.exception_handler(Busy)
     async def busy(request: Request, error: Busy) -> Response:

@@ -23,7 +23,8 @@ from typing import Any, BinaryIO, ParamSpec, TypeVar
 
 from anyprobe.errors import AnyprobeError, InputError
 
-Given, Answer = ParamSpec("Given"), TypeVar("Answer")
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
 
 log = logging.getLogger("anyprobe.serve")
 

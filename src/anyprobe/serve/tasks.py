@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,10 @@ from anyprobe.estimate.estimator import SettingsDict
 from anyprobe.estimate.panorama import cut_out
 from anyprobe.estimate.photo import Crop, Photo, load_photo
 from anyprobe.estimate.result import Light
-from anyprobe.files.headers import declared_pixels
+from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import map_attributes, read_radiance
-from anyprobe.hints import Hints
+from anyprobe.hints import Hints, renamed
 from anyprobe.serve.answers import mask_json, mask_png, png, zip_folder
 from anyprobe.serve.limits import MAX_MAP_ROWS, MAX_PANORAMA_PIXELS, QUICK_BYTES
 
@@ -72,6 +72,11 @@ class Upload:
         """Whether all its pictures are of formats that are decoded in a moment."""
         pictures = [data for _, data in self.pictures()]
         return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
+
+
+def line_of(said: object) -> str:
+    """An error or a warning as one line that names form fields: `mask=` is `mask` there."""
+    return renamed(" ".join(str(said).split()), lambda hint: hint.name)
 
 
 class TooManyPixels(InputError):
@@ -176,7 +181,8 @@ def _map_file(data: bytes, name: str = "map") -> Iterator[Path]:
 def _open(upload: Upload, max_pixels: int) -> Photo:
     """The photo with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
-    return load_photo(upload.photo, upload.hints, name=upload.name)
+    photo = load_photo(upload.photo, upload.hints, name=upload.name)
+    return replace(photo, warnings=tuple(map(line_of, photo.warnings)))
 
 
 def _check_pixels(upload: Upload, max_pixels: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -18,7 +18,7 @@ from starlette.requests import ClientDisconnect, Request
 from anyprobe.detail.plausible import DETAILS, SIZES
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.estimate.estimator import SettingsDict
-from anyprobe.estimate.runtime import EXPECTED, MODE
+from anyprobe.estimate.runtime import EMITTERS, EXPECTED, MODE
 from anyprobe.files.poses import parse_poses
 from anyprobe.hints import HINTS, SPHERE, Hints, check_together, said_as
 from anyprobe.serve.guards import RECEIVED
@@ -30,10 +30,8 @@ from anyprobe.serve.tasks import Upload
 OVER_HTTP = {field: hint for field, hint in HINTS.items() if hint.over_http}
 FILES = {field: hint for field, hint in OVER_HTTP.items() if hint.suffixes}
 """Hints that requests carry, and those that are file parts."""
-OLD_WORDS = {"ball": SPHERE}
-"""Words of older clients, and what they are called now."""
-EMITTERS = {"mode": MODE, "expected": EXPECTED, "drawn": MODE, "spread": EXPECTED}
-"""Words of requests, those of older clients last, and what they stand for."""
+OLD_WORDS = {"ball": SPHERE, "drawn": MODE, "spread": EXPECTED}
+"""Words of older clients, and what they are now."""
 
 
 async def take_unread(request: Request) -> None:
@@ -57,7 +55,7 @@ async def read_upload(request: Request, pool: WorkerPool, address: dict[str, Any
         InputError: no photo came, or an option that is unknown, given twice or cannot be read.
     """
     name, confidence, files = "photo", b"", {}
-    async with _read_form(request, pool, max_files=2 + len(FILES)) as form:
+    async with _read_form(request, pool, max_files=1 + len(FILES)) as form:
         if request.headers.get("content-type", "").startswith(FORM):
             photo, name = await _file(form, "photo")
             confidence, _ = await _file(form, "confidence")
@@ -192,18 +190,14 @@ class Options:
         return [text.strip() for text in given if text.strip()]
 
     def number(self, name: str) -> float | None:
-        found = self.numbers(name, 1)
-        return None if found is None else found[0]
+        text = self.text(name)
+        return None if text is None else parse_numbers(name, text, 1)[0]
 
     def text(self, name: str) -> str | None:
         texts = self.texts(name)
         if len(texts) > 1:
             raise InputError(f"{name}: expected one value, got {len(texts)}; send one")
         return texts[0] if texts else None
-
-    def numbers(self, name: str, *counts: int) -> tuple[float, ...] | None:
-        text = self.text(name)
-        return None if text is None else parse_numbers(name, text, *counts)
 
     def turn(self, name: str) -> tuple[float, ...] | None:
         text = self.text(name)
@@ -233,35 +227,30 @@ class Options:
 
     def settings(self) -> SettingsDict:
         """How the light is estimated, as far as it is said."""
-        given = {
-            "emitters": self._emitters(),
-            "detail": self.one_of("detail", {word: word for word in DETAILS}),
-            "size": self.one_of("size", {str(rows): rows for rows in SIZES}),
-        }
-        return SettingsDict(**{name: value for name, value in given.items() if value is not None})
+        given: SettingsDict = {}
+        if (emitters := self.one_of("emitters", EMITTERS)) is not None:
+            given["emitters"] = emitters
+        if (detail := self.one_of("detail", DETAILS)) is not None:
+            given["detail"] = detail
+        if (size := self.one_of("size", [str(rows) for rows in SIZES])) is not None:
+            given["size"] = int(size)
+        return given
 
-    def _emitters(self) -> str | None:
-        text = self.text("emitters")
-        if text not in (None, *EMITTERS):
-            raise InputError(f"emitters: expected mode or expected, got {text[:60]!r}")
-        return EMITTERS.get(text)
-
-    def one_of(self, name: str, known: Mapping[str, Any]) -> Any:
-        """What a word stands for; None where none came."""
+    def one_of(self, name: str, known: Sequence[str]) -> str | None:
+        """One of these words; None where none came."""
         text = self.text(name)
-        if text not in (None, *known):
-            raise InputError(f"{name}: expected one of {', '.join(known)}, got {text[:60]!r}")
-        return known.get(text)
+        word = OLD_WORDS.get(text or "", text)
+        if word not in (None, *known):
+            raise InputError(f"{name}: expected one of {', '.join(known)}, got {str(word)[:60]!r}")
+        return word
 
 
-def parse_numbers(name: str, text: str, *counts: int, shape: str | None = None) -> tuple[float, ...]:
+def parse_numbers(name: str, text: str, *counts: int, shape: str = "a number") -> tuple[float, ...]:
     """So many finite numbers with commas between; InvalidPhoto, which says their shape, if they are not."""
     try:
         found = tuple(float(part) for part in text.split(","))
     except ValueError:
         found = ()
     if len(found) not in counts or not all(abs(number) < 1e6 for number in found):  # NaN fails too
-        shapes = {1: "a number", 2: "X,Y in pixels", 3: "R,G,B", 4: "X0,Y0,X1,Y1 in pixels"}
-        shape = shape or " or ".join(shapes[count] for count in counts)
         raise InvalidPhoto(f"{name}: expected {shape}, got {text[:60]!r}")
     return found

@@ -9,7 +9,69 @@ export const CONTRACT = {
       "black": 0.1,
       "white": 0.9
     },
-    "hole_share": 0.03
+    "hole_share": 0.03,
+    "u2netp": {
+      "size": 320,
+      "mean": [
+        0.485,
+        0.456,
+        0.406
+      ],
+      "spread": [
+        0.229,
+        0.224,
+        0.225
+      ]
+    },
+    "small": {
+      "size": 160,
+      "grey": 0.5,
+      "box_level": 0.5,
+      "click_sigma_px": 4
+    },
+    "search": {
+      "grid": 320,
+      "margin": 0.12,
+      "windows": [
+        0.7,
+        0.45,
+        0.3,
+        0.2
+      ],
+      "border_touch": 0.05,
+      "sure": 0.9,
+      "part_share": 0.2,
+      "edge_cells": 3,
+      "blank": 0.01,
+      "neck": 0.1,
+      "split": {
+        "grid": 160,
+        "step": 0.02,
+        "click_cells": 3
+      }
+    },
+    "quality": {
+      "doubtful": 0.81,
+      "refused": 0.05,
+      "u2netp": {
+        "offset": -4,
+        "weights": {
+          "expected": 3,
+          "agreed": 4,
+          "whole": 1,
+          "border": 0
+        }
+      },
+      "small": {
+        "offset": -4,
+        "weights": {
+          "expected": 3,
+          "agreed": 4,
+          "whole": 1,
+          "border": 0
+        }
+      }
+    }
   },
   "curve": {
     "exponent": 0.9,

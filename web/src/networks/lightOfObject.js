@@ -47,7 +47,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, { surroun
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
     emitters: models.lifts ? emitters : "mode",
-    priors: {
+    hints: {
       surroundings: seen ? coverageOf(seen) : 0,
       normals: Boolean(options.normals),
       material: Boolean(options.material),

@@ -1,10 +1,12 @@
-"""Connected parts of a mask: the object is one of them, without specks beside it or pinholes in it."""
+"""Connected parts of a mask: the object is one of them, without pinholes; as web/src/photo/parts.js."""
 
 from __future__ import annotations
 
 import numpy as np
 
-HOLE_SHARE = 0.03
+from anyprobe.core.contract import contract
+
+HOLE_SHARE = contract("mask")["hole_share"]
 """Holes up to this share of the object are filled; larger ones are seen through, as a handle is."""
 
 
@@ -60,16 +62,6 @@ def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rows, starts = np.nonzero(np.diff(padded, axis=1) == 1)
     _, stops = np.nonzero(np.diff(padded, axis=1) == -1)
     return rows, starts, stops
-
-
-def one_object(inside: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The part of the mask [H, W] bool that weighs most, with its small holes filled; empty where it is empty."""
-    labels, sizes = label_parts(inside)
-    if len(sizes) < 2:
-        return inside.copy()
-    sums = np.bincount(labels.ravel(), weights=weight.ravel(), minlength=len(sizes))
-    sums[0] = -np.inf
-    return fill_holes(labels == int(sums.argmax()))
 
 
 def fill_holes(part: np.ndarray) -> np.ndarray:

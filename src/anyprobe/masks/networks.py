@@ -1,0 +1,130 @@
+"""The networks that find objects: U2-Net-p, which has seen photos, and our own small one, which takes prompts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from anyprobe.core.contract import contract
+from anyprobe.errors import ModelError
+from anyprobe.files.graphs import open_graph
+from anyprobe.masks.prompts import BOX_LEVEL, CLICK_SIGMA_PX, Point, draw_prompts
+from anyprobe.masks.resize import resize
+from anyprobe.masks.weights import REMEDY, find_weights
+
+U2NETP, SMALL = contract("mask")["u2netp"], contract("mask")["small"]
+MEAN, SPREAD = (np.array(U2NETP[key], np.float32) for key in ("mean", "spread"))
+
+SIZE = SMALL["size"]
+"""Side of the small network's input and output."""
+
+CONTRACT = {
+    "contract": "1",
+    "stage": "mask",
+    "input": f"display RGB in [0, 1] of the whole photo, longer side {SIZE}, centred, {SMALL['grey']} beside it; "
+    "hint channel",
+    "hint": f"box {BOX_LEVEL}, clicks +1 and -1, Gaussian of sigma {CLICK_SIGMA_PX:g} px",
+}
+"""Metadata that the small graph carries; another value means other conventions, and is refused."""
+
+
+class Network(Protocol):
+    """A graph, opened once; safe to share between threads. name: its key in the contract's quality."""
+
+    name: str
+    warning: str
+    """A line for every mask that it finds, or ""."""
+
+    def cover(
+        self, rgb: np.ndarray, on: Sequence[Point] = (), off: Sequence[Point] = (), box: Sequence[float] | None = None
+    ) -> np.ndarray:
+        """How likely each place of a picture is the object's, [h, w] in [0, 1], of the picture's extent.
+
+        Args:
+            rgb: [H, W, 3] display values in [0, 1]. on, off: clicks x, y on the object and beside it, in its pixels;
+                box: x0, y0, x1, y1 around it. A network may ignore all of them.
+        """
+        ...
+
+
+class U2NetP:
+    """U2-Net-p of 320 x 320: what stands out in a picture. Input as in rembg: shrunk, over its largest value, less the
+    mean and over the spread of ImageNet."""
+
+    name = "u2netp"
+    warning = ""
+
+    def __init__(self, named: str = "") -> None:
+        found = find_weights(named or None)
+        if found is None:
+            raise ModelError(f"u2netp: expected its weights, found none; {REMEDY}")
+        self._session = open_graph(found.path)
+        self._input, self._output = self._session.get_inputs()[0].name, self._session.get_outputs()[0].name
+
+    def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
+        """[320, 320], whatever the prompts."""
+        small = resize(rgb, U2NETP["size"], U2NETP["size"])
+        image = (small / max(float(small.max()), 1e-6) - MEAN) / SPREAD
+        fed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
+        return self._session.run([self._output], {self._input: fed})[0][0, 0]
+
+
+class SmallNetwork:
+    """Our own network of 160 x 160, trained on renders alone; its fourth channel is the prompts."""
+
+    name = "small"
+    warning = f"found by the small mask network, which is wrong on one photo in three; for a better one {REMEDY}"
+
+    def __init__(self, path: str | Path = "") -> None:
+        path = Path(path) if path else default_graph()
+        if not path.is_file():
+            raise ModelError(f"{path}: the mask network is missing; reinstall anyprobe")
+        self._session = open_graph(path)
+        found = self._session.get_modelmeta().custom_metadata_map
+        for key, value in CONTRACT.items():
+            if found.get(key) != value:
+                raise ModelError(
+                    f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
+                )
+
+    def cover(self, rgb, on=(), off=(), box=None) -> np.ndarray:
+        """[h, w], the longer side 160: letterboxed, which is cut away again."""
+        height, width = rgb.shape[:2]
+        scale = SIZE / max(height, width)
+        w, h = (min(SIZE, max(1, round(length * scale))) for length in (width, height))
+        left, top = (SIZE - w) // 2, (SIZE - h) // 2
+
+        def place(x: float, y: float) -> Point:
+            return left + x * w / width, top + y * h / height
+
+        square = np.full((SIZE, SIZE, 4), SMALL["grey"], np.float32)
+        square[top : top + h, left : left + w, :3] = resize(rgb, w, h)
+        corners = None if box is None else (*place(*box[:2]), *place(*box[2:]))
+        square[..., 3] = draw_prompts(SIZE, [place(*p) for p in on], [place(*p) for p in off], corners)
+        return self.run(square)[top : top + h, left : left + w]
+
+    def run(self, square: np.ndarray) -> np.ndarray:
+        """Cover [160, 160] of a letterboxed photo and its prompts [160, 160, 4]."""
+        return self._session.run(None, {"input": np.ascontiguousarray(square.transpose(2, 0, 1)[None])})[0][0, 0]
+
+
+@lru_cache(maxsize=1)
+def small_network() -> SmallNetwork:
+    """The one that ships, opened at the first call."""
+    return SmallNetwork()
+
+
+@lru_cache(maxsize=1)
+def shared_network() -> Network:
+    """U2-Net-p where its weights are, else the one that ships; opened at the first call."""
+    return small_network() if find_weights() is None else U2NetP()
+
+
+def default_graph() -> Path:
+    """Where the network that ships lies."""
+    return Path(str(resources.files("anyprobe") / "weights" / "mask" / "mask.onnx"))

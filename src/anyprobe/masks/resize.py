@@ -1,0 +1,20 @@
+"""Pictures to another size, as web/src/photo/resize.js."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image
+
+
+def resize(picture: np.ndarray, width: int, height: int, box: Sequence[float] | None = None) -> np.ndarray:
+    """Float32 [H, W] or [H, W, C] to another size: averaged over areas when shrinking, else linear.
+
+    Args:
+        box: x0, y0, x1, y1 of the part that is wanted, in pixels, fractions too; None: all of it.
+    """
+    if picture.ndim == 3:
+        return np.stack([resize(picture[..., c], width, height, box) for c in range(picture.shape[2])], axis=-1)
+    image = Image.fromarray(np.ascontiguousarray(picture, np.float32))
+    return np.asarray(image.resize((width, height), Image.Resampling.BILINEAR, box=None if box is None else tuple(box)))

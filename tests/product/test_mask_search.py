@@ -1,0 +1,151 @@
+"""Which object is meant: windows, parts and prompts, with networks that are drawn instead of learned."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anyprobe.errors import InvalidMask
+from anyprobe.files.images import read_image
+from anyprobe.masks.find import find_mask
+from anyprobe.masks.resize import resize
+from anyprobe.masks.search import GRID, Prompts, Window, find_object, finding_of
+
+HEIGHT, WIDTH = 240, 320
+
+
+class Redness:
+    """What is red stands out, at 320 x 320; least: share of the picture that it must cover to be seen."""
+
+    name, warning = "u2netp", ""
+
+    def __init__(self, least: float = 0.0) -> None:
+        self.least, self.looks = least, []
+
+    def cover(self, rgb, on=(), off=(), box=None):
+        self.looks.append((rgb.shape[:2], tuple(on), tuple(off), box))
+        small = resize(rgb, 320, 320)
+        red = np.clip(2 * (small[..., 0] - small[..., 2]), 0, 1)
+        return red if (red > 0.5).mean() > self.least else np.zeros_like(red)
+
+
+def disc(x: float, y: float, radius: float, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
+    rows, columns = np.mgrid[0:height, 0:width] + 0.5
+    return np.clip(radius + 0.5 - np.hypot(columns - x, rows - y), 0, 1).astype(np.float32)
+
+
+def photo(*objects: np.ndarray, color=(0.9, 0.2, 0.1)) -> np.ndarray:
+    cover = np.max(objects, axis=0)[..., None]
+    return (cover * np.float32(color) + (1 - cover) * np.float32((0.3, 0.35, 0.4))).astype(np.float32)
+
+
+def iou(one: np.ndarray, other: np.ndarray) -> float:
+    return ((one > 0.5) & (other > 0.5)).sum() / ((one > 0.5) | (other > 0.5)).sum()
+
+
+def found(rgb: np.ndarray, network=None, **prompts) -> np.ndarray:
+    return find_mask(read_image(rgb), segmenter=network or Redness(), **prompts).mask
+
+
+LARGE, LITTLE = disc(100, 110, 60), disc(250, 150, 30)
+
+
+def test_without_a_prompt_the_largest_part_is_the_object():
+    assert iou(found(photo(LARGE, LITTLE)), LARGE) > 0.97
+
+
+def test_a_click_chooses_the_part_under_it_and_an_excluding_one_takes_its_part_away():
+    rgb = photo(LARGE, LITTLE)
+    assert iou(found(rgb, click=(250, 150)), LITTLE) > 0.97
+    assert iou(found(rgb, exclude=(100, 110)), LITTLE) > 0.97
+    both = found(rgb, click=[(250, 150), (100, 110)])
+    assert iou(both, np.maximum(LARGE, LITTLE)) > 0.97
+
+
+def test_a_box_is_looked_at_with_a_margin_and_clips_the_answer():
+    network = Redness()
+    mask = found(photo(LARGE, LITTLE), network, box=(30, 40, 140, 200))
+    (first, *_), (second, *_) = network.looks
+    assert first == (160 + 2 * 20, 110 + 2 * 20)  # 12 % of 160 to every side, whole pixels
+    assert second[1] < first[1]
+    assert iou(mask[:, :140], LARGE[:, :140]) > 0.97
+    assert mask[:, 142:].max() < 0.5
+    assert mask[110, 139] > 0.5
+
+
+def test_the_second_look_is_mirrored_and_gets_the_prompts_there():
+    network = Redness()
+    find_object(network, photo(LARGE), Prompts(on=[(70, 110)]))
+    (whole, on, *_), (window, mirrored, *_) = network.looks
+    assert (whole, on) == ((HEIGHT, WIDTH), ((70, 110),))
+    left, right = 40 - 0.12 * 120, 160 + 0.12 * 120
+    assert window[1] == pytest.approx(right - left, abs=3)
+    assert mirrored[0][0] == pytest.approx(right - 70, abs=2)
+
+
+def test_a_click_finds_what_only_stands_out_in_a_window_around_it():
+    network = Redness(least=0.1)
+    rgb = photo(LITTLE)
+    with pytest.raises(InvalidMask, match="stands out"):
+        found(rgb, network)
+    assert iou(found(rgb, network, click=(250, 150)), LITTLE) > 0.95
+
+
+def test_an_excluding_click_on_the_one_part_cuts_it_along_colours():
+    left, right = disc(110, 120, 50), disc(200, 120, 45)
+    rgb = photo(left, right)
+    rgb[right > left] = (0.95, 0.5, 0.1)  # they touch, and are of other reds
+    assert iou(found(rgb, click=(100, 120)), np.maximum(left, right)) > 0.95
+    mine, other = (right <= left) & (left > 0.5), right > left
+    assert iou(found(rgb, click=(100, 120), exclude=(215, 120)), mine) > 0.9
+    assert iou(found(rgb, click=(215, 120), exclude=(100, 120)), other & (right > 0.5)) > 0.9
+    assert iou(found(rgb, exclude=(215, 120)), mine) > 0.9  # where nothing is clicked, what is farthest is meant
+
+
+def test_a_handle_is_seen_through_and_pinholes_are_filled():
+    ring = LARGE - disc(100, 110, 35)
+    assert found(photo(ring))[110, 100] < 0.5
+    pinned = LARGE * (1 - disc(100, 110, 4))
+    assert found(photo(pinned))[110, 100] > 0.5
+
+
+def test_edges_stay_as_soft_as_the_network_gives_them():
+    mask = found(photo(LARGE))
+    edge = mask[110, 150:170]
+    assert ((edge > 0.05) & (edge < 0.95)).sum() >= 2
+    assert np.all(np.diff(edge) <= 1e-6)
+
+
+def test_another_look_that_disagrees_makes_a_mask_doubtful():
+    class Fickle(Redness):
+        def cover(self, rgb, on=(), off=(), box=None):
+            red = super().cover(rgb, on, off, box)
+            return red if len(self.looks) == 1 else red * (np.arange(320) < 70)
+
+    sure, doubtful = (find_mask(read_image(photo(LARGE)), segmenter=one()) for one in (Redness, Fickle))
+    assert sure.warnings == ()
+    assert doubtful.confidence < sure.confidence - 0.1
+    assert "a second look finds something else" in doubtful.warnings[0]
+
+
+def test_another_segmenters_mask_keeps_its_resolution():
+    fine = disc(500, 600, 400.3, 1200, 1000)
+    speck = disc(950, 1150, 20, 1200, 1000)
+    cover = np.maximum(fine, speck)
+    mask = finding_of(cover).only(cover)
+    assert iou(mask, fine) > 0.999
+    np.testing.assert_array_equal(mask[590:610], fine[590:610])
+    assert finding_of(np.zeros((40, 50), np.float32)) is None
+
+
+def test_a_window_and_its_cells():
+    photo = Window(x0=0, y0=0, x1=200, y1=100)
+    window = photo.around((90.0, 20.0, 190.0, 60.0), 0.12)
+    assert (window.x0, window.y0, window.x1, window.y1) == (78, 8, 200, 72)
+    assert window.cells([(78, 8), (199.9, 71.9), (77, 40)]) == [(0, 0), (GRID - 1, GRID - 1)]
+    part = np.zeros((GRID, GRID), bool)
+    part[10:20, 30:40] = True
+    x0, y0, x1, y1 = window.box_of(part)
+    np.testing.assert_array_equal(window.inside((x0, y0, x1, y1)), part)
+    square = photo.square([(10, 10), (30, 10)], 60)
+    assert (square.x0, square.y0, square.x1, square.y1) == (0, 0, 60, 60)
