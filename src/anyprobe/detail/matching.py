@@ -126,7 +126,7 @@ class MatchedMap:
             yield np.maximum(bilinear(source, direction_to_uv(d)), 0.0).astype(np.float32) * gain
 
 
-def match(
+def rank_maps(
     radiance: np.ndarray,
     confidence: np.ndarray | None,
     shown: Shown | None,

@@ -250,9 +250,9 @@ class Light:
         Raises:
             InputError: no such folder, or no panoramas in it.
         """
-        from anyprobe.detail.matching import match
+        from anyprobe.detail.matching import rank_maps
 
-        return match(
+        return rank_maps(
             self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.info.get("pitch_deg")
         )[:best]
 
