@@ -22,7 +22,7 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
-from anyprobe.cli.match import match
+from anyprobe.cli.match_folder import match
 from anyprobe.cli.options import line_of
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
