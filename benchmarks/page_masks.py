@@ -9,7 +9,7 @@ Prints one JSON object a set and a telling:
 
 page, command_line  mean and median IoU with the true mask, and how many are 0.8 at least
 agreement           mean IoU of the page's masks with the command line's
-ms                  processor time of the page a photo: of the network's proposal and of cutting out, median and most
+ms                  processor time of the page a photo, median and most
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def compare(cases: list[Case], given: str) -> dict:
         "page": scores(pages, cases),
         "command_line": scores(ours, cases),
         "agreement": round(float(np.mean([iou(a, b) for a, b in zip(pages, ours, strict=True)])), 3),
-        "ms": {part: middle_and_most([one[part] for one in spent]) for part in ("propose", "cut")},
+        "ms": middle_and_most(spent),
     }
 
 
@@ -79,7 +79,7 @@ def main() -> None:
         sets["photos"] = list(photo_cases(asked.photos))
     for name, cases in sets.items():
         for given in PROMPTS:
-            print(json.dumps({"set": name, "well_exposed_fraction": given, **compare(cases, given)}), flush=True)
+            print(json.dumps({"set": name, "given": given, **compare(cases, given)}), flush=True)
 
 
 if __name__ == "__main__":

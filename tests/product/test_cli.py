@@ -149,7 +149,7 @@ def test_one_bad_photo_does_not_stop_the_others(work, command):
 def test_where_the_results_are_is_one_line_on_any_terminal(work):
     out = Path("a/rather/deep/folder/for the results of a photo")
     narrow = Console(file=io.StringIO(), width=60)
-    _report([Done(photo=Path("vase.png"), direction=np.array([0, 1, 0]), level_stops=0.7)], narrow, out)
+    _report([Done(photo=Path("vase.png"), stem="vase", direction=np.array([0, 1, 0]), level_stops=0.7)], narrow, out)
     shown = narrow.file.getvalue()
     assert f"results: {out}/vase.{{exr,hdr,json,png}}" in shown.splitlines()
     assert "uncertainty" in shown
@@ -205,8 +205,8 @@ def test_one_mask_serves_every_photo(work, command):
 
 def test_two_photos_of_one_name(work, command):
     save_sphere("one/vase.png", center=(40, 48))
-    save_sphere("two/vase.jpg", alpha=False)
-    outcome = command("estimate", "one/vase.png", "two/vase.jpg", "-o", "out", "--json")
+    save_sphere("two/vase.png")
+    outcome = command("estimate", "one/vase.png", "two/vase.png", "-o", "out", "--json")
     assert outcome.status == 2
     first, second = map(json.loads, outcome.out.splitlines())
     assert first["crop"]["center_px"] == pytest.approx([40, 48], abs=1)
@@ -241,13 +241,15 @@ def test_result_never_replaces_an_input(work, command):
 
 def test_result_never_replaces_another_photo_or_a_mask(work, command):
     save_sphere("vase.jpg", alpha=False)
-    save_sphere("vase.png")
+    save_sphere("vase_jpg.png")
+    save_sphere("vase.webp")
+    save_mask("vase_webp.png")
     save_mask("pot.png")
     save_sphere("pot.jpg", alpha=False)
     before = snapshot(work)
-    outcome = command("estimate", "vase.jpg", "vase.png", "-o", ".", "--mask", "pot.png")
+    outcome = command("estimate", "vase.jpg", "vase_jpg.png", "vase.webp", "-o", ".", "--mask", "vase_webp.png")
     assert outcome.status == 2
-    assert "would replace vase.png" in outcome.err
+    assert "would replace vase_jpg.png" in outcome.err
     assert "would replace pot.png" in command("estimate", "pot.jpg", "--mask", "pot.png", "-o", ".").complaint
     assert "would replace pot.png" in command("estimate", "pot.jpg", "--mask", ".", "-o", ".").complaint
     assert snapshot(work) == before

@@ -12,6 +12,7 @@ import numpy as np
 
 from anyprobe.core.color import to_bytes
 from anyprobe.masks.networks import default_graph
+from anyprobe.masks.weights import find_weights
 
 WEB = Path(__file__).parents[2] / "web"
 
@@ -26,15 +27,14 @@ def page_masks(
     photos: Sequence[np.ndarray],
     clicks: Sequence[Sequence[tuple[float, float]]],
     boxes: Sequence[Sequence[float] | None] | None = None,
-) -> tuple[list[np.ndarray], list[dict[str, float]]]:
+) -> tuple[list[np.ndarray], list[float]]:
     """Mask [H, W] of each photo [H, W, 3] in [0, 1] told its clicks x, y on the object or its box, and what it took.
 
     Args:
         folder: an empty one, for the photos and masks.
         boxes: x0, y0, x1, y1 around the object of each photo, or None.
     Returns:
-        The masks, and of each the milliseconds of processor time as {"propose", "cut"}; a box is cut out
-        without a proposal.
+        The masks, by U2-Net-p where its weights are, and of each the milliseconds of processor time.
     """
     cases = []
     for number, (rgb, on, box) in enumerate(zip(photos, clicks, boxes or [None] * len(photos), strict=True)):
@@ -47,7 +47,9 @@ def page_masks(
             "box": None if box is None else [float(value) for value in box],
         }
         cases.append({"name": str(number), "width": width, "height": height, "hints": told})
-    (folder / "cases.json").write_text(json.dumps({"weights": str(default_graph()), "cases": cases}))
+    found = find_weights()
+    weights = {"mask": str(default_graph())} if found is None else {"u2netp": str(found.path)}
+    (folder / "cases.json").write_text(json.dumps({"weights": weights, "cases": cases}))
     run = subprocess.run(["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise RuntimeError(run.stderr[-2000:])

@@ -54,7 +54,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
 
 /** Files that need no server: suffix to bytes. */
 export const OWN_FILES = {
-  exr: ({ light }) => new Blob([encodeExr(light.radiance, MAP_HEIGHT)], { type: "image/x-exr" }),
+  exr: async ({ light }) => new Blob([await encodeExr(light.radiance, MAP_HEIGHT)], { type: "image/x-exr" }),
   hdr: ({ light }) => new Blob([encodeHdr(light.radiance, MAP_HEIGHT)], { type: "image/vnd.radiance" }),
   json: (result, about) =>
     new Blob([`${JSON.stringify(sidecar(result, about), null, 1)}\n`], { type: "application/json" }),
@@ -62,7 +62,7 @@ export const OWN_FILES = {
 
 /** An export of the server's: a zip of one target's files. */
 export async function exportTarget(result, target) {
-  const body = encodeExr(result.light.radiance, MAP_HEIGHT);
+  const body = await encodeExr(result.light.radiance, MAP_HEIGHT);
   const answer = await fetch(new URL(`v1/export/${target}`, document.baseURI), { method: "POST", body });
   if (!answer.ok) throw new Error((await answer.json()).error);
   return answer.blob();

@@ -21,10 +21,10 @@ const ROWS = 256;
  */
 export async function askReflections({ radiance, confidence, prefiltered }) {
   const body = new FormData();
-  body.append("photo", new Blob([encodeExr(radiance, MAP_HEIGHT)]), "map.exr");
+  body.append("photo", new Blob([await encodeExr(radiance, MAP_HEIGHT)]), "map.exr");
   if (confidence) {
     const grey = Float32Array.from({ length: radiance.length }, (_, i) => confidence[Math.floor(i / 3)]);
-    body.append("confidence", new Blob([encodeExr(grey, MAP_HEIGHT)]), "confidence.exr");
+    body.append("confidence", new Blob([await encodeExr(grey, MAP_HEIGHT)]), "confidence.exr");
   }
   const address = new URL(`v1/detail?format=hdr&size=${ROWS}`, document.baseURI);
   const answer = await fetch(address, { method: "POST", body });

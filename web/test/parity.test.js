@@ -18,6 +18,9 @@ import { cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { objectBox } from "../src/photo/picture.js";
 import { readMask } from "../src/photo/source.js";
+import { SmallNetwork } from "../src/photo/maskNetworks.js";
+import { doubts, examine, expectedIou } from "../src/photo/quality.js";
+import { findObject, maskOf } from "../src/photo/search.js";
 import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
@@ -65,7 +68,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, found: given.found });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -188,6 +191,29 @@ test("harmonics and dominant light of Python's own map", { skip }, () => {
   const { direction, irradiance, color, solidAngle, directionality } = light.dominant;
   const main = [...direction, ...irradiance, ...color, solidAngle, directionality];
   assertClose(main, floats("dominant_light"), 1e-4, "dominant light");
+});
+
+test("the object that is found from nothing, by clicks, cut along colours, and by a box", { skip }, async () => {
+  const { picture } = found;
+  const { width, height } = picture;
+  assert.deepEqual(Object.keys(found.found), Object.keys(found.hints));
+  for (const [name, { iou, doubts: lines, ...evidence }] of Object.entries(found.found)) {
+    const { on, off, box = null } = found.hints[name];
+    const finding = await findObject(new SmallNetwork(found.models), picture, { on, off, box });
+    const [mask, expected] = [maskOf(finding, width, height), floats(`mask_${name}`)];
+    let [both, either] = [0, 0];
+    expected.forEach((value, i) => {
+      if (value > 0.5 && mask[i] > 0.5) both++;
+      if (value > 0.5 || mask[i] > 0.5) either++;
+    });
+    assert.ok(either > 0 && both / either >= 0.99, `${name}: IoU ${both / either}`);
+    const seen = examine(finding, width, height);
+    for (const [key, value] of Object.entries(evidence)) {
+      assert.ok(Math.abs(seen[key] - value) < 0.01, `${name} ${key}: ${seen[key]}, not ${value}`);
+    }
+    assert.ok(Math.abs(expectedIou(seen, "small") - iou) < 0.01, `${name}: ${expectedIou(seen, "small")}, not ${iou}`);
+    assert.deepEqual(doubts(seen), lines);
+  }
 });
 
 test("the filter of a video's lights", { skip }, () => {

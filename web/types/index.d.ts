@@ -66,8 +66,8 @@ export interface LoadOptions extends Cancellable {
   engine?: "wasm" | "webgpu";
   /** Of WASM, at most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
   threads?: number;
-  /** Address, address and hash, or bytes of each graph; mask is fetched when a mask is first wanted. Default: those in this package. */
-  weights?: { light: Graph; mask?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+  /** Address, address and hash, or bytes of each graph; mask (small, in this package) and u2netp (far better; the file u2netp.onnx of rembg) are fetched when they are first wanted. Default: those in this package. */
+  weights?: { light: Graph; mask?: Graph; u2netp?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
   /** Folder of onnxruntime-web's files, or its module and .wasm. Default: as the bundler or the import map has it. */
   runtime?: string | URL | { module: string; wasm: string };
   /** Address of the thread's script, or what starts it. */
@@ -200,7 +200,7 @@ export declare class AnyProbe {
   readonly hasMask: boolean;
   /**
    * Numbers in [0, 1], of the picture's size or of 1600 pixels along its longer side; and its quality: the IoU to expect,
-   * null without a mask network, with a line on what looks wrong where that is below 0.81.
+   * with a line on what looks wrong where that is little, and one where weights.u2netp is missing.
    */
   mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
   /** The light around the object of one picture, in the frame of its camera. */
@@ -214,10 +214,14 @@ export declare class AnyProbe {
 
 /** Irradiance of a plane with a unit normal from radiance coefficients. */
 export declare function irradiance(sh9: Float32Array, normal: Vector3): Vector3;
+/** Opacity of black on ground with this normal, in the light's frame, where the dominant light is hidden. */
+export declare function groundShadowOpacity(light: Pick<Light, "dominant" | "sh9">, up: Vector3): number;
+/** Opacity of black that takes a share of the light away. */
+export declare function shadowOpacity(share: number): number;
+/** The curve is (1 + SIGMA) x^EXPONENT / (x^EXPONENT + SIGMA). */
+export declare const EXPONENT: number, SIGMA: number;
 /** The camera's curve: radiance to a display value in [0, 1]. */
 export declare function response(radiance: number): number;
 export declare function inverseResponse(display: number): number;
-/** A map of `height` rows, three numbers a pixel, as an OpenEXR file. */
-export declare function encodeExr(radiance: Float32Array, height: number): Uint8Array;
-/** The same as a Radiance file (.hdr). */
+/** A map of `height` rows, three numbers a pixel, as a Radiance file (.hdr). */
 export declare function encodeHdr(radiance: Float32Array, height: number): Uint8Array;

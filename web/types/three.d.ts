@@ -11,7 +11,7 @@ export interface ProbeLightEventMap extends Object3DEventMap {
 /** In the place of XREstimatedLight: the same fields and events. */
 export declare class ProbeLight extends Group<ProbeLightEventMap> {
   constructor(probe: AnyProbe, environmentEstimation?: boolean);
-  /** The light but the dominant one, as spherical harmonics; its intensity is 0 where there is an environment. */
+  /** The light but the dominant one, as spherical harmonics; its intensity is 0 in a scene whose environment is this one's. */
   lightProbe: LightProbe;
   /** The dominant light, 5 units from the origin; set castShadow. */
   directionalLight: DirectionalLight;
@@ -41,10 +41,7 @@ export declare class ContactShadow extends Mesh {
   dispose(): void;
 }
 
-/** Opacity of a ShadowMaterial on ground with this normal, for the shadow of the dominant light. */
-export declare function groundShadowOpacity(light: Light, up: Vector3): number;
-/** Opacity of black that takes a share of the light away. */
-export declare function shadowOpacity(share: number): number;
+export { groundShadowOpacity, shadowOpacity } from "./index.d.ts";
 
 /** The real object's depth: it hides what is behind it, and is not drawn itself. */
 export declare class MaskOccluder {

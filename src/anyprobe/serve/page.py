@@ -30,6 +30,7 @@ from anyprobe.estimate.runtime import stages_of, weights_folder
 from anyprobe.export.targets import TARGETS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import read_image
+from anyprobe.masks.weights import find_weights
 from anyprobe.serve.answers import light_json, mask_png, png
 from anyprobe.serve.guards import SECURITY_HEADERS
 from anyprobe.serve.pool import Cancellation, WorkerPool
@@ -70,6 +71,8 @@ class Page:
         mask = weights_folder("paper").parent / "mask" / "mask.onnx"
         if mask.is_file():
             self.files["weights/mask.onnx"] = mask
+        if (found := find_weights()) is not None:
+            self.files["weights/u2netp.onnx"] = found.path
 
     def config(self, *, server: bool) -> dict[str, Any]:
         """What the page asks first: which networks there are, and whether a server is behind it."""

@@ -1,7 +1,9 @@
 /**
  * Real spherical harmonics to order 2 of radiance, nine numbers a channel.
  *
- * Order and constants of WebXR and three.js: 1, y, z, x, xy, yz, 3z^2 - 1, xz, x^2 - y^2.
+ * Order and constants of WebXR and three.js: 1, y, z, x, xy, yz, 3z^2 - 1, xz, x^2 - y^2. Not by three.js's
+ * LightProbeGenerator: it reads a cube back from a renderer, which this thread has none of, sums over samples (0.5 % off this
+ * with faces of 64), and mirrors x and z as cubes do.
  */
 
 const { PI, sqrt } = Math;

@@ -2,7 +2,7 @@
  * The networks of anyprobe through onnxruntime-web, as anyprobe.estimate.runtime runs them.
  *
  * A model is one graph that lifts pixels to the map, or the paper's chain of three; the mask
- * network is optional.
+ * networks are optional, and opened when they are first wanted.
  */
 
 import { CONTRACT } from "../core/contract.js";
@@ -13,12 +13,14 @@ import { MAP_HEIGHT } from "../core/latlong.js";
 import { response } from "../core/response.js";
 import { LN_MAX, reconstruct } from "../light/reconstruct.js";
 
-/** Side of the square that the mask network sees. */
-export const MASK_SIZE = 160;
+/** Sides of the squares that the mask networks see. */
+const MASK_SIZE = CONTRACT.mask.small.size;
+const U2NETP_SIZE = CONTRACT.mask.u2netp.size;
 
 /** In NHWC, its default, ONNX Runtime 1.30 on WebGPU gets 3x3 convolutions wrong of 6, 9, 15, 18... input channels. */
 const PROVIDERS = { wasm: "wasm", webgpu: { name: "webgpu", preferredLayout: "NCHW" } };
 
+const MASKS = ["mask", "u2netp"];
 const LIFT = ["light"];
 const CHAIN = CONTRACT.graph.chain;
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
@@ -36,20 +38,20 @@ const NO_MATERIAL = new Float32Array(CONTRACT.materials.inputs);
 const FORMER_NAMES = { given_normals: "known_normals", surroundings: "around", ln_radiance_expected: "ln_expected" };
 
 export class Models {
-  #mask = null;
+  #opening = {};
 
   /**
    * @param {object} ort the runtime's module
    * @param {Record<string, object>} sessions open sessions by stage
    * @param {string} provider what runs them: "webgpu" or "wasm"
-   * @param {(() => Promise<object>) | null} [openMask] the mask network's session, opened when it is first wanted
+   * @param {Record<string, () => Promise<object>>} [later] sessions by stage that are opened when they are first wanted
    */
-  constructor(ort, sessions, provider, openMask = null) {
-    Object.assign(this, { ort, sessions, provider, openMask });
+  constructor(ort, sessions, provider, later = {}) {
+    Object.assign(this, { ort, sessions, provider, later });
   }
 
   /**
-   * Open a model; the mask network, where there is one, when it is first wanted.
+   * Open a model; the mask networks, where there are any, when they are first wanted.
    *
    * @param {object} ort
    * @param {Record<string, {url: string, integrity?: string} | Uint8Array>} weights address of each graph, or its bytes
@@ -67,11 +69,16 @@ export class Models {
       if (!weights[stage]) throw new AnyProbeError("invalid-option", `weights.${stage}: expected its address, got none`);
       sessions[stage] = await openStage(stage);
     }
-    return new Models(ort, sessions, providers[0], weights.mask ? () => openStage("mask") : null);
+    const later = MASKS.filter((stage) => weights[stage]).map((stage) => [stage, () => openStage(stage)]);
+    return new Models(ort, sessions, providers[0], Object.fromEntries(later));
   }
 
   get hasMask() {
-    return this.openMask !== null || "mask" in this.sessions;
+    return "mask" in this.later || "mask" in this.sessions;
+  }
+
+  get hasU2netp() {
+    return "u2netp" in this.later || "u2netp" in this.sessions;
   }
 
   /**
@@ -141,16 +148,28 @@ export class Models {
    * @returns {Promise<Float32Array>} [160, 160] in [0, 1]
    */
   async mask(input) {
-    this.sessions.mask ??= await this.#openedMask();
+    await this.#open("mask");
     return (await this.#run("mask", [input, [1, 4, MASK_SIZE, MASK_SIZE]]))[0];
   }
 
-  #openedMask() {
-    this.#mask ??= this.openMask().catch((error) => {
-      this.#mask = null; // tried again when it is next wanted
+  /**
+   * Run U2-Net-p.
+   *
+   * @param {Float32Array} input [3, 320, 320] normalised as for ImageNet
+   * @returns {Promise<Float32Array>} [320, 320] in [0, 1]
+   */
+  async u2netp(input) {
+    await this.#open("u2netp");
+    return (await this.#run("u2netp", [input, [1, 3, U2NETP_SIZE, U2NETP_SIZE]]))[0];
+  }
+
+  async #open(stage) {
+    if (this.sessions[stage]) return;
+    this.#opening[stage] ??= this.later[stage]().catch((error) => {
+      delete this.#opening[stage]; // tried again when it is next wanted
       throw error;
     });
-    return this.#mask;
+    this.sessions[stage] = await this.#opening[stage];
   }
 
   /** The same by the names of contract 2, whichever the graph has. */

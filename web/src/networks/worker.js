@@ -10,12 +10,10 @@ import { AnyProbeError, sentError } from "../errors.js";
 import { describe } from "../light/light.js";
 import { drawSpheres } from "../light/spheres.js";
 import { cropNormals, cropObject } from "../photo/crop.js";
-import { cutOut, cutOutOfBox } from "../photo/cutOut.js";
-import { flood } from "../photo/flood.js";
+import { SmallNetwork, U2NetP } from "../photo/maskNetworks.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
-import { propose } from "../photo/propose.js";
-import { qualityOf } from "../photo/quality.js";
-import { resize } from "../photo/resize.js";
+import { REFUSED, examine, expectedIou, warningsOf } from "../photo/quality.js";
+import { findObject, glance, maskOf } from "../photo/search.js";
 import { FrameLight } from "../live/frameLight.js";
 import { Newest } from "../live/newest.js";
 import { lightOfObject } from "./lightOfObject.js";
@@ -34,7 +32,7 @@ const tasks = {
     try {
       const { ort, threads } = await openRuntime(runtime, engine, most, onProgress);
       models = await Models.open(ort, weights, { providers: [engine], onProgress });
-      return { engine, threads, hasMask: models.hasMask };
+      return { engine, threads, hasMask: models.hasMask || models.hasU2netp };
     } catch (error) {
       const line = `The networks could not be opened, try again: ${error.message ?? error}.`;
       throw new AnyProbeError(error.code ?? "failed", line);
@@ -42,8 +40,8 @@ const tasks = {
   },
 
   /**
-   * The mask of a still picture from clicks or a box; without any, the network's own proposal. With its quality, the IoU
-   * to expect, null where there is no mask network; and a line where that is little.
+   * The mask of a still picture from clicks or a box; without any, what stands out. With its quality, the IoU to expect,
+   * and a line where that is little.
    */
   mask({ picture, hints }) {
     return findMask(picture, hints);
@@ -107,44 +105,35 @@ function letGo(frame) {
   else frame.close();
 }
 
-/** The mask of a picture, cut out along the photo's own edges. */
+/** What is said of masks of the network that learned from renders alone. */
+const SMALL_WARNING =
+  "The mask was found by the small network, which is wrong on one photo in three; load U2-Net-p (weights.u2netp), or mark the object.";
+
+/** The mask of a still picture. */
 async function findMask(picture, hints) {
-  if (!models.hasMask) {
-    const mask = hints.box ? cutOutOfBox(picture, hints) : flood(picture, hints);
-    return { mask, quality: null, warnings: [] };
-  }
-  const run = (input) => models.mask(input);
-  let best = { mask: null, quality: -1, warnings: ["Nothing stands out there."] };
-  for (const cover of await proposals(run, picture, hints)) {
-    const mask = hints.box ? cutOutOfBox(picture, hints) : cutOut(picture, cover, hints);
-    best.mask ??= mask;
-    if (!objectBox(mask, picture.width)) continue;
-    const found = { mask, ...(await qualityOf(run, picture, cover, mask, hints)) };
-    if (found.quality > best.quality) best = found;
-  }
-  return { ...best, quality: Math.max(best.quality, 0) };
-}
-
-/**
- * What the network finds by the hints; and, as a click alone often gets a part, what it finds without them, where the
- * clicks agree with that.
- */
-async function proposals(run, picture, hints) {
-  const found = [await propose(run, picture, hints)];
-  if (!hints.on.length || hints.box) return found;
-  const plain = await propose(run, picture, { on: [], off: [], box: null });
-  const [across, down] = [plain.width / picture.width, plain.height / picture.height];
-  const covered = ([x, y]) => plain.values[Math.floor(y * down) * plain.width + Math.floor(x * across)] > 0.5;
-  if (hints.on.every(covered) && !hints.off.some(covered)) found.push(plain);
-  return found;
-}
-
-/** The same at one look and without refining, for video. */
-async function findMaskQuickly(picture, hints) {
-  if (!models.hasMask) return flood(picture, hints);
-  const cover = await propose((input) => models.mask(input), picture, hints, { again: false });
+  const network = models.hasU2netp ? new U2NetP(models) : smallNetwork();
+  const found = await findObject(network, picture, hints);
   const { width, height } = picture;
-  return resize(cover.values, 1, [cover.width, cover.height], [width, height]);
+  const nothing = { mask: new Float32Array(width * height), quality: 0, warnings: ["Nothing stands out there."] };
+  if (!found) return nothing;
+  const evidence = examine(found, width, height);
+  const quality = expectedIou(evidence, network.name);
+  if (quality < REFUSED) return nothing;
+  const warnings = warningsOf(evidence, quality);
+  if (network.name === "small") warnings.push(SMALL_WARNING);
+  return { mask: maskOf(found, width, height), quality, warnings };
+}
+
+/** The same by the small network at one look, for video. */
+async function findMaskQuickly(picture, hints) {
+  const { width, height } = picture;
+  const found = await glance(smallNetwork(), picture, hints);
+  return found ? maskOf(found, width, height) : new Float32Array(width * height);
+}
+
+function smallNetwork() {
+  if (models.hasMask) return new SmallNetwork(models);
+  throw new AnyProbeError("no-object", "No mask network is loaded: pass a mask, or load one (weights.mask, weights.u2netp).");
 }
 
 function checkObject(mask, width) {

@@ -1,7 +1,9 @@
-/** Connected parts of a mask, as anyprobe.masks.regions. */
+/** Connected parts of a mask, as anyprobe.masks.parts. */
+
+import { CONTRACT } from "../core/contract.js";
 
 /** Holes up to this share of the object are filled; larger ones are seen through, as a handle is. */
-const HOLE_SHARE = 0.03;
+const HOLE_SHARE = CONTRACT.mask.hole_share;
 
 /**
  * Which 4-connected part each pixel belongs to.
@@ -39,35 +41,41 @@ export function labelParts(inside, width) {
   return { labels, sizes };
 }
 
-/**
- * The part of mask > 0.5 that weighs most, with its small holes filled, and what share of all of it is not in it.
- *
- * @param {Float32Array} mask not empty
- * @param {number} width
- * @returns {{part: Float32Array, loose: number}}
- */
-export function oneObject(mask, width) {
-  const inside = Uint8Array.from(mask, (value) => (value > 0.5 ? 1 : 0));
-  const { labels, sizes } = labelParts(inside, width);
-  const weights = new Float64Array(sizes.length);
-  labels.forEach((label, i) => (weights[label] += mask[i]));
-  weights[0] = -Infinity;
-  const label = weights.indexOf(Math.max(...weights));
-  const part = Float32Array.from(labels, (one) => (one === label ? 1 : 0));
-  const all = sizes.reduce((total, size) => total + size, 0);
-  const loose = 1 - sizes[label] / all;
-  fillHoles(part, width, sizes[label]);
-  return { part, loose };
-}
-
-function fillHoles(part, width, size) {
-  const { labels, sizes } = labelParts(Uint8Array.from(part, (value) => 1 - value), width);
-  const fills = sizes.map((hole) => hole <= HOLE_SHARE * size);
+/** A part and its holes that are at most HOLE_SHARE of it. */
+export function fillHoles(part, width) {
+  const { labels, sizes } = labelParts(part.map((value) => 1 - value), width);
+  const size = part.reduce((sum, value) => sum + value, 0);
+  const fills = sizes.map((hole) => hole <= HOLE_SHARE * Math.max(size, 1));
   fills[0] = false;
   const count = part.length;
   for (let x = 0; x < width; x++) fills[labels[x]] = fills[labels[count - 1 - x]] = false;
   for (let at = 0; at < count; at += width) fills[labels[at]] = fills[labels[at + width - 1]] = false;
-  labels.forEach((label, i) => {
-    if (fills[label]) part[i] = 1;
-  });
+  return part.map((value, i) => (fills[labels[i]] ? 1 : value));
+}
+
+/** What is inside, 1, and the pixels up to so many steps beside it. */
+export function grow(inside, width, steps = 1) {
+  let grown = inside;
+  for (let step = 0; step < steps; step++) {
+    const last = grown;
+    grown = last.slice();
+    for (let at = 0; at < last.length; at++) {
+      if (!last[at]) continue;
+      const x = at % width;
+      if (x > 0) grown[at - 1] = 1;
+      if (x < width - 1) grown[at + 1] = 1;
+      if (at >= width) grown[at - width] = 1;
+      if (at + width < last.length) grown[at + width] = 1;
+    }
+  }
+  return grown;
+}
+
+/** What stays inside so many steps from whatever is not, the border too. */
+export function shrink(part, width, steps) {
+  const [wide, high] = [width + 2, part.length / width + 2];
+  const outside = new Uint8Array(wide * high).fill(1);
+  for (let at = 0; at < part.length; at++) if (part[at]) outside[(Math.floor(at / width) + 1) * wide + (at % width) + 1] = 0;
+  const left = grow(outside, wide, steps);
+  return part.map((_, at) => 1 - left[(Math.floor(at / width) + 1) * wide + (at % width) + 1]);
 }

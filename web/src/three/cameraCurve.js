@@ -1,7 +1,7 @@
 /** The camera's curve for three.js: objects are shown by the same curve that the photo was taken with. */
 
 import { CustomToneMapping, ShaderChunk } from "three";
-import { EXPONENT, SIGMA, inverseResponse, response } from "../core/response.js";
+import { EXPONENT, SIGMA } from "../core/response.js";
 
 const SLOT = "vec3 CustomToneMapping( vec3 color ) { return color; }";
 
@@ -26,14 +26,4 @@ export function installCameraCurve(renderer) {
   else if (!chunk.includes(CURVE)) throw new Error("three.js: expected an empty CustomToneMapping, found another curve there");
   renderer.toneMapping = CustomToneMapping;
   renderer.toneMappingExposure = 1;
-}
-
-/**
- * How opaque black must be laid over a display value so that its light is less by a share.
- *
- * Exact at middle grey; the curve is close enough to a power that other greys hardly differ.
- */
-export function shadowOpacity(share) {
-  const grey = 0.5;
-  return 1 - response(inverseResponse(grey) * (1 - share)) / grey;
 }

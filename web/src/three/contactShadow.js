@@ -1,15 +1,10 @@
-/** The darkness where an object touches the ground, and how dark the shadow of the dominant light is there. */
+/** The darkness where an object touches the ground. */
 
 import { DataTexture, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry, RGBAFormat } from "three";
-import { luminance } from "../core/color.js";
-import { irradiance } from "../light/harmonics.js";
-import { shadowOpacity } from "./cameraCurve.js";
 
 const SPOT_PX = 64;
 /** Share of the radius and darkness there. */
 const FALL = [[0, 1], [0.35, 0.75], [0.65, 0.25], [1, 0]];
-/** No shadow takes all light away. */
-const MOST_SHARE = 0.95;
 
 /** A plane on the ground (+Y up) with a soft round spot, of side 1; scale it to a little more than the object's width. */
 export class ContactShadow extends Mesh {
@@ -24,19 +19,6 @@ export class ContactShadow extends Mesh {
     this.material.dispose();
     this.geometry.dispose();
   }
-}
-
-/**
- * Opacity of a ShadowMaterial on the ground: as dark as the dominant light's share of the ground's light is.
- *
- * @param {import("../light/light.js").Light} light
- * @param {number[]} up the ground's normal, in the light's frame
- */
-export function groundShadowOpacity({ dominant, sh9 }, up) {
-  const cosine = Math.max(dominant.direction.reduce((sum, value, i) => sum + value * up[i], 0), 0);
-  const ofDominant = luminance(...dominant.irradiance) * cosine;
-  const ofAll = Math.max(luminance(...irradiance(sh9, up)), ofDominant, 1e-6);
-  return shadowOpacity(Math.min(ofDominant / ofAll, MOST_SHARE));
 }
 
 /** Black, darkest in its middle. */

@@ -1,11 +1,18 @@
 /** The light's blurred levels as three.js's environment: one cube texture, used again for every light. */
 
-import { CompressedCubeTexture, DataUtils, HalfFloatType, LinearFilter, LinearMipmapLinearFilter, RGBAFormat } from "three";
+import { CompressedCubeTexture, DataUtils, HalfFloatType, LinearFilter, LinearMipmapLinearFilter, REVISION, RGBAFormat } from "three";
+import { AnyProbeError } from "../errors.js";
 import { FACE_SIZES } from "../light/prefilter.js";
+
+/** Older ones read a prefiltered cube in another way: white matte in a slope of light is 3 % off, or black (181). */
+const LEAST_REVISION = 187;
 
 export class EnvironmentTexture {
   /** @param {number[]} [sizes] of the faces, sharpest first */
   constructor(sizes = FACE_SIZES) {
+    if (!(Number.parseInt(REVISION, 10) >= LEAST_REVISION)) {
+      throw new AnyProbeError("unsupported", `three.js: expected revision ${LEAST_REVISION} or newer, got ${REVISION}; older ones shade diffuse surfaces wrongly under this texture`);
+    }
     // "compressed" is what three.js calls every cube whose levels are given; these are plain half floats
     const faces = Array.from({ length: 6 }, () => ({
       width: sizes[0],
@@ -14,6 +21,7 @@ export class EnvironmentTexture {
     }));
     this.texture = new CompressedCubeTexture(faces, RGBAFormat, HalfFloatType);
     this.texture.isPMREMTexture = true;
+    this.texture.userData.isWholeLight = true;
     this.texture.minFilter = LinearMipmapLinearFilter;
     this.texture.magFilter = LinearFilter;
   }

@@ -1,7 +1,8 @@
 /** anyprobe/three: estimates in three.js. */
 
-export { installCameraCurve, shadowOpacity } from "./cameraCurve.js";
-export { ContactShadow, groundShadowOpacity } from "./contactShadow.js";
+export { groundShadowOpacity, shadowOpacity } from "../light/groundShadow.js";
+export { installCameraCurve } from "./cameraCurve.js";
+export { ContactShadow } from "./contactShadow.js";
 export { EnvironmentTexture } from "./environmentTexture.js";
 export { MaskOccluder } from "./occluder.js";
 export { ProbeLight } from "./probeLight.js";

@@ -8,18 +8,19 @@ import { project } from "../light/harmonics.js";
 import { prefilter } from "../light/prefilter.js";
 import { EnvironmentTexture } from "./environmentTexture.js";
 
-/** Of the directional light from the origin: its shadow camera reaches from 0.5 to 500, 5 to each side. */
+/** Of the directional light from the group's place: its shadow camera reaches from 0.5 to 500, 5 to each side. */
 const DISTANCE = 5;
 
 /**
  * `lightProbe`, `directionalLight` and `environment` as XREstimatedLight has them, and its events `estimationstart` and
- * `estimationend`. Together they give the whole light once: the directional light is the dominant one, the environment
- * (or without one the light probe) is the rest.
+ * `estimationend`. Together they give the whole light once: the directional light is the dominant one, and the rest is the
+ * environment in a scene that has it as its own, in any other the light probe.
  */
 export class ProbeLight extends Group {
   #tracker = null;
   #texture = null;
   #hasStarted = false;
+  #hasWarned = false;
 
   /**
    * @param {import("../anyprobe.js").AnyProbe} probe
@@ -32,9 +33,10 @@ export class ProbeLight extends Group {
     this.lightProbe.intensity = 0;
     this.directionalLight = new DirectionalLight();
     this.directionalLight.intensity = 0;
-    this.add(this.lightProbe, this.directionalLight);
+    this.add(this.lightProbe, this.directionalLight, this.directionalLight.target); // shadows fall around its place
     this.#texture = environmentEstimation ? new EnvironmentTexture() : null;
     this.environment = this.#texture?.texture ?? null;
+    if (this.environment) this.environment.userData.isWholeLight = false;
     this.estimate = null;
   }
 
@@ -54,7 +56,6 @@ export class ProbeLight extends Group {
     }
     const rest = withoutDominantLight(radiance, dominant);
     this.lightProbe.sh.fromArray(project(rest, MAP_HEIGHT));
-    this.lightProbe.intensity = this.environment ? 0 : 1;
     this.#texture?.update(prefilter(rest));
     this.directionalLight.color.setRGB(...dominant.color);
     this.directionalLight.intensity = Math.max(...dominant.irradiance);
@@ -62,6 +63,20 @@ export class ProbeLight extends Group {
     if (this.#hasStarted) return;
     this.#hasStarted = true;
     this.dispatchEvent({ type: "estimationstart" });
+  }
+
+  /** Before every picture: what gives the rest of the light in this scene, whatever it was given since the last one. */
+  updateMatrixWorld(force) {
+    let scene = this.parent;
+    while (scene && !scene.isScene) scene = scene.parent;
+    const { environment } = scene ?? {};
+    const isLit = this.estimate !== null && (!environment || environment !== this.environment);
+    this.lightProbe.intensity = isLit ? 1 : 0;
+    if (environment?.userData.isWholeLight && this.directionalLight.intensity > 0 && !this.#hasWarned) {
+      this.#hasWarned = true;
+      console.warn("ProbeLight: scene.environment holds the whole light too, so that the dominant light and the rest count twice; set scene.environment = probeLight.environment");
+    }
+    super.updateMatrixWorld(force);
   }
 
   /**
@@ -86,7 +101,7 @@ export class ProbeLight extends Group {
   /** Free what it holds on the GPU; the probe stays open. */
   dispose() {
     this.stop();
-    this.remove(this.lightProbe, this.directionalLight);
+    this.remove(this.lightProbe, this.directionalLight, this.directionalLight.target);
     this.directionalLight.dispose();
     this.environment?.dispose();
     this.environment = null;

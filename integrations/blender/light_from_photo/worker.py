@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs apart from Blender: python worker.py FOLDER.
+
+FOLDER/order.json says what to do, FOLDER/answer.json what came of it, FOLDER/progress.txt how far it is.
+"""
+
+import json
+import math
+import os
+import sys
+from pathlib import Path
+
+
+def main(folder: Path) -> None:
+    order = json.loads((folder / "order.json").read_text(encoding="utf-8"))
+    sys.path += [path for path in order["python_path"] if path and path not in sys.path]
+    try:
+        from anyprobe import AnyprobeError
+    except ImportError as error:
+        answer(folder, {"error": f"The extension is not whole ({error}); install its zip again"})
+        return
+    try:
+        found = {"estimate": estimate, "upright": upright, "materials": materials}[order["do"]](order, folder)
+    except AnyprobeError as error:
+        found = {"error": str(error)}
+    except MemoryError:
+        found = {"error": "Not enough memory for this photo; make it smaller"}
+    answer(folder, found)
+
+
+def answer(folder: Path, found: dict) -> None:
+    (folder / "answer.json").write_text(json.dumps(found), encoding="utf-8")
+
+
+def say(folder: Path, share: float, text: str) -> None:
+    """Replaced as a whole, as Blender reads it at any time."""
+    part = folder / "progress.part"
+    part.write_text(f"{share:.2f} {text}", encoding="utf-8")
+    os.replace(part, folder / "progress.txt")
+
+
+def materials(_order: dict, _folder: Path) -> dict:
+    from anyprobe.scatter.materials import MATERIALS
+
+    return {"materials": sorted(MATERIALS)}
+
+
+def upright(order: dict, folder: Path) -> dict:
+    """A photo that its EXIF turns, as a file that Blender shows upright; {} where it stands so already."""
+    from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
+
+    from anyprobe import InvalidPhoto
+
+    try:
+        with Image.open(order["photo"]) as image:
+            if image.getexif().get(ExifTags.Base.Orientation, 1) == 1:
+                return {}
+            turned = ImageOps.exif_transpose(image)
+            turned.save(
+                folder / "upright.jpg", quality=95, exif=turned.getexif(), icc_profile=image.info.get("icc_profile")
+            )
+    except UnidentifiedImageError:
+        return {}  # .exr and whatever else the library itself judges
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InvalidPhoto(f"{Path(order['photo']).name}: expected a photo, got a damaged file ({error})") from error
+    return {"upright": str(folder / "upright.jpg")}
+
+
+def estimate(order: dict, folder: Path) -> dict:
+    """The light of a photo: maps in Blender's axes, sources, the camera over its ground, the object's outline."""
+    say(folder, 0.05, "Loading the library")
+    import numpy as np
+
+    from anyprobe import Estimator, load_photo
+    from anyprobe.estimate.ground import contact_of
+    from anyprobe.estimate.outputs import draw_overlay
+    from anyprobe.export.target_frames import BLENDER
+    from anyprobe.export.targets import export
+    from anyprobe.files.images import write_png
+    from anyprobe.relight.ground_view import view_of
+
+    say(folder, 0.2, "Opening the networks")
+    estimator = Estimator(detail="plausible" if order["detail"] and not order["library"] else "none", size=512)
+    say(folder, 0.4, "Finding the object")
+    photo = load_photo(
+        picture(order["photo"]),
+        name=order["name"],
+        mask=picture(order["mask"]),
+        click=order["click"],
+        exclude=order["exclude"],
+        box=order["box"],
+        fov_deg=order["fov_deg"],
+        pitch_deg=order["pitch_deg"],
+        normals="sphere" if order["normals"] == "sphere" else picture(order["normals"]),
+        material=order["material"],
+        albedo=order["albedo"],
+        roughness=order["roughness"],
+        surroundings="photo" if order["background"] else None,
+    )
+    view, pitch_deg = view_of(photo)
+    say(folder, 0.6, "Estimating the light")
+    light = estimator.from_photo(photo)
+    radiance, warnings = light.radiance, list(light.warnings)
+    if order["library"]:
+        say(folder, 0.7, "Comparing your panoramas")
+        radiance, line = best_panorama(light, order["library"])
+        warnings.append(line)
+    say(folder, 0.9, "Writing the maps")
+    turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
+    paths = export(radiance, "blender", folder, "light", world_from_camera=np.array(BLENDER.axes).T @ turn)
+    write_png(folder / "object.png", draw_overlay(photo.rgb, photo.mask))
+    side = json.loads(next(path for path in paths if path.suffix == ".json").read_text(encoding="utf-8"))
+    return {
+        "full": "light_blender.exr",
+        "rest": "light_blender_ambient.exr",
+        "sources": sources_of(side),
+        "turn": turn.tolist(),
+        "long_fov_deg": view.long_fov_deg,
+        "fov_source": photo.fov_source,
+        "pitch_deg": pitch_deg,
+        "foot": (turn @ view.on_ground(*contact_of(photo.mask))).tolist(),
+        "size": [view.width, view.height],
+        "object": "object.png",
+        "mask_source": photo.mask_source,
+        "mask_confidence": photo.mask_confidence,
+        "warnings": warnings,
+    }
+
+
+PANORAMA_ROWS = 1024
+"""Of the user's panorama in the World."""
+
+
+def best_panorama(light, library: str):
+    """The panorama of a folder that lights most like the photo, [H, 2H, 3] in the camera's frame; and a line on it."""
+    best = light.match(library, best=1)[0]
+    return best.radiance(PANORAMA_ROWS), f"Panorama {best.name}, {best.exposure_ev:+.1f} EV, stands for the estimate"
+
+
+def turned(heading_deg: float, pitch_deg: float):
+    """Blender's [3, 3] rotation of a level camera that is headed so, left of +Y, and looks down by the pitch."""
+    import numpy as np
+
+    heading, tilt = math.radians(heading_deg), math.radians(90 - pitch_deg)
+    c, s, ct, st = math.cos(heading), math.sin(heading), math.cos(tilt), math.sin(tilt)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
+
+
+def sources_of(side: dict) -> list[dict]:
+    """Light sources that "rest" lacks: direction towards each in Blender's axes, irradiance of a plane that faces it,
+    its diameter. The library separates one today."""
+    irradiance = [side["primaryLightIntensity"][axis] for axis in "xyz"]
+    main = side["dominant_light"]
+    if not max(irradiance) > 0:
+        return []
+    return [{"towards": main["direction_in_target"], "irradiance": irradiance, "angle_deg": main["angle_deg"]}]
+
+
+def picture(source: dict | None):
+    """A file's path, or the pixels that Blender keeps: [H, W, 4] display values, or linear ones."""
+    if source is None:
+        return None
+    if "file" in source:
+        return source["file"]
+    import numpy as np
+
+    from anyprobe.core.response import response
+
+    values = np.load(source["pixels"])
+    if source["linear"]:
+        values[..., :3] = response(np.nan_to_num(np.maximum(values[..., :3], 0)))
+    return np.clip(values, 0, 1)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,209 @@
+"""The Blender extension, from its zip to renders, in Blender as a module (bpy).
+
+bpy needs Python 3.11 and NumPy 1, so that it may live in an environment of its own: set
+ANYPROBE_BPY to that environment's python. The zip's wheels are downloaded.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import support
+from PIL import Image
+
+import anyprobe
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.relight.ground_view import view_of
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[2]
+EXTENSION = ROOT / "integrations" / "blender"
+PHOTO = ROOT / "examples" / "vase.png"
+N = np.array([[0, 0, 1.0], [0, 1, 0], [1, 0, 0], [-0.6, 0.8, 0], [0, -0.8, 0.6]])
+"""Of a white sphere, in the camera's axes."""
+
+
+@pytest.fixture(scope="module")
+def bpy_python():
+    found = os.environ.get("ANYPROBE_BPY", sys.executable)
+    tried = subprocess.run([found, "-c", "import bpy"], capture_output=True, check=False)
+    if tried.returncode:
+        pytest.skip("Blender as a module is needed (pip install bpy==5.0.1 for Python 3.11; ANYPROBE_BPY)")
+    return found
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("zip")
+    order = [sys.executable, str(EXTENSION / "build.py"), "--platform", "linux-x64", "--out", str(folder)]
+    built = subprocess.run(order, capture_output=True, text=True, timeout=600, check=False)
+    if "Could not find a version" in built.stderr or "No matching distribution" in built.stderr:
+        pytest.skip("the wheels cannot be downloaded")
+    assert built.returncode == 0, built.stderr
+    return Path(built.stdout.strip())
+
+
+@pytest.fixture(scope="module")
+def found(bpy_python, archive, tmp_path_factory):
+    """What tests/support/blender_extension.py writes."""
+    folder = tmp_path_factory.mktemp("blender")
+    turned, scratch = folder / "turned.jpg", folder / "scratch"
+    scratch.mkdir()
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    photo = Image.open(ROOT / "examples" / "table.png").convert("RGB")
+    photo.transpose(Image.Transpose.ROTATE_90).save(turned, quality=95, exif=exif)
+    (folder / "broken.jpg").write_bytes(b"no photo at all" * 100)
+    order = {
+        "photo": str(PHOTO),
+        "turned": str(turned),
+        "movie": str(ROOT / "examples" / "table.mp4"),
+        "broken": str(folder / "broken.jpg"),
+        "missing": str(folder / "nothing.jpg"),
+        "scratch": str(scratch),
+        "normals": N.tolist(),
+    }
+    (folder / "order.json").write_text(json.dumps(order))
+    script = Path(support.__path__[0]) / "blender_extension.py"
+    names = [str(archive), str(folder / "order.json"), str(folder / "answer.json")]
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "resources")}
+    environment.pop("PYTHONPATH", None)  # the extension's own library is tested
+    ran = subprocess.run(
+        [bpy_python, str(script), *names], capture_output=True, text=True, timeout=1800, check=False, env=environment
+    )
+    assert (folder / "answer.json").is_file(), ran.stdout[-3000:] + ran.stderr[-3000:]
+    return json.loads((folder / "answer.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def light():
+    return anyprobe.estimate(PHOTO)
+
+
+def test_zip_lacks_what_blender_or_an_estimate_needs(archive, bpy_python):
+    with zipfile.ZipFile(archive) as file:
+        names = set(file.namelist())
+        said = tomllib.loads(file.read("blender_manifest.toml").decode())
+        library = next(name for name in names if name.startswith("wheels/anyprobe-"))
+        (archive.parent / "anyprobe.whl").write_bytes(file.read(library))
+    assert {"__init__.py", "worker.py", "LICENSE"} <= names
+    assert sorted(said["wheels"]) == sorted(f"./{name}" for name in names if name.startswith("wheels/"))
+    assert said["license"] == ["SPDX:GPL-3.0-or-later"]
+    assert set(said["permissions"]) == {"files"}
+    with zipfile.ZipFile(archive.parent / "anyprobe.whl") as wheel:
+        assert {"anyprobe/weights/lift/light.onnx", "anyprobe/weights/mask/mask.onnx"} <= set(wheel.namelist())
+    where = [bpy_python, "-c", "import bpy, sys; sys.stdout.write(bpy.utils.system_resource('SCRIPTS'))"]
+    scripts = subprocess.run(where, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    tool = Path(scripts) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+    subprocess.run([bpy_python, str(tool), "validate", str(archive)], check=True, capture_output=True)
+
+
+def test_failed_estimate_changes_the_scene_or_says_nothing(found):
+    assert "Error: " in found["broken"]
+    assert "expected an image" in found["broken"]
+    assert "no such file" in found["missing"]
+    assert found["after_failures"] == found["before"]
+    assert found["left_behind"] == []
+
+
+def test_users_world_and_camera_are_lost(found):
+    assert found["estimate"] == ["FINISHED"]
+    assert found["made"]["world"] != found["before"]["world"]
+    assert set(found["before"]["worlds"]) < set(found["made"]["worlds"])
+    assert set(found["before"]["objects"]) < set(found["made"]["objects"])
+    assert found["old_world_kept"]
+    assert found["made"]["camera"] != found["before"]["camera"]
+
+
+def test_undo_takes_more_than_a_step_or_leaves_something(found):
+    assert found["undone"] == found["before"]
+    assert found["redone"] == found["made"]
+
+
+def test_second_estimate_doubles_the_lights(found):
+    assert found["again"] == ["FINISHED"]
+    assert found["made_again"]["objects"] == found["made"]["objects"]
+
+
+def test_saved_file_depends_on_the_temporary_folder(found):
+    assert found["reopened"]["world"] == found["made_again"]["world"]
+    for lights in found["lit"].values():
+        assert np.min(lights) > 0.01  # a lost picture is black
+
+
+def test_camera_is_not_the_photos(found, light):
+    photo = anyprobe.load_photo(PHOTO)
+    view, pitch_deg = view_of(photo)
+    assert found["fov_deg"] == pytest.approx(view.long_fov_deg, abs=0.01)
+    assert found["made"]["size"][:2] == [view.width, view.height]
+    assert found["background"] == "vase.png"
+    forward = np.array(found["turn"]) @ [0, 0, -1]
+    assert np.degrees(np.arcsin(-forward[2])) == pytest.approx(pitch_deg, abs=0.05)
+    assert found["place"][2] == pytest.approx(1.5, abs=1e-4)  # the default height above the ground
+
+
+def test_sun_stands_elsewhere_than_the_estimates_light(found, light):
+    main = light.dominant_light()
+    (sun,) = found["suns"]
+    assert sun["type"] == "SUN"
+    towards = np.array(found["turn"]) @ main.direction
+    assert np.degrees(np.arccos(np.clip(towards @ sun["towards"], -1, 1))) < 0.2
+    np.testing.assert_allclose(sun["irradiance"], main.irradiance, rtol=0.02)
+    name, turn = found["kept_camera"]
+    assert name == "Camera"
+    (kept,) = found["kept_camera_suns"]
+    assert np.degrees(np.arccos(np.clip(np.array(turn) @ main.direction @ kept["towards"], -1, 1))) < 2.0
+
+
+@pytest.mark.parametrize("lights", ["SUN", "AREA", "WORLD"])
+def test_light_counts_twice_or_is_tinted(lights, found, light):
+    """A white sphere over the catcher, by Cycles, beside the sum over Python's map."""
+    d = pixel_directions(light.radiance.shape[0]).astype(np.float64)
+    cosine = np.maximum(np.einsum("nc,hwc->nhw", N, d), 0) * pixel_solid_angles(light.radiance.shape[0])
+    expected = np.einsum("nhw,hwc->nc", cosine, light.radiance) / np.pi
+    np.testing.assert_allclose(found["lit"][lights], expected, rtol=0.03)
+
+
+def test_catcher_darkens_the_ground_alone_or_catches_nothing(found):
+    alone, under = found["shadow"]
+    assert alone < 0.02
+    assert under > 0.15
+
+
+def test_photo_lies_on_its_side(found):
+    assert found["turned"] == ["FINISHED"]
+    assert found["upright"] == ["turned.jpg upright", [640, 480]]
+
+
+def test_marks_are_off_the_photo(found):
+    marks = found["marks"]
+    width, height = marks["size"]
+    (x, y, beside), (x1, y1, other) = marks["marks"]
+    np.testing.assert_allclose([x, y, x1, y1], [width / 2, height / 2, width * 0.8, height * 0.9], atol=0.01)
+    assert (beside, other) == (False, True)
+    np.testing.assert_allclose(marks["box"], [width / 2, height / 2, width * 0.8, height * 0.9], atol=0.01)
+    assert marks["after_esc"] == [0, False]
+
+
+def test_movie_has_no_frames(found):
+    assert found["movie"] == ["FINISHED"]
+    assert "expected a frame from 1 to 159, got 4000" in found["movie_beyond"]
+
+
+def test_process_outlives_its_end(found):
+    assert found["cancelled"] == [False, False]
+
+
+def test_disabling_leaves_something_or_it_cannot_return(found):
+    assert found["disabled"] == [False, False]
+    assert found["enabled"] == [True, True]
+    assert found["after_reload"] == ["FINISHED"]

@@ -1,0 +1,31 @@
+/** How dark the shadow of the dominant light is on the ground, for planes that show shadows alone. */
+
+import { luminance } from "../core/color.js";
+import { inverseResponse, response } from "../core/response.js";
+import { irradiance } from "./harmonics.js";
+
+/** No shadow takes all light away. */
+const MOST_SHARE = 0.95;
+
+/**
+ * How opaque black must be laid over a display value so that its light is less by a share.
+ *
+ * Exact at middle grey; the curve is close enough to a power that other greys hardly differ.
+ */
+export function shadowOpacity(share) {
+  const grey = 0.5;
+  return 1 - response(inverseResponse(grey) * (1 - share)) / grey;
+}
+
+/**
+ * Opacity of black where the dominant light is hidden: as dark as its share of the ground's light is.
+ *
+ * @param {import("./light.js").Light} light
+ * @param {number[]} up the ground's normal, in the light's frame
+ */
+export function groundShadowOpacity({ dominant, sh9 }, up) {
+  const cosine = Math.max(dominant.direction.reduce((sum, value, i) => sum + value * up[i], 0), 0);
+  const ofDominant = luminance(...dominant.irradiance) * cosine;
+  const ofAll = Math.max(luminance(...irradiance(sh9, up)), ofDominant, 1e-6);
+  return shadowOpacity(Math.min(ofDominant / ofAll, MOST_SHARE));
+}

@@ -1,0 +1,337 @@
+/**
+ * Which object of a picture is meant, as anyprobe.masks.search: looks of a network at windows of it, and the part that the
+ * prompts choose.
+ *
+ * @typedef {number[]} Window x0, y0, x1, y1 in whole pixels
+ *
+ * @typedef {object} Finding an object in a window
+ * @property {Window} window
+ * @property {Float32Array} cover GRID * GRID in [0, 1], without other parts
+ * @property {Uint8Array} part of it that it is, 1 inside
+ * @property {number} agreed IoU of what two looks found, 1 after one
+ * @property {number} whole its share of all that the first found, 1 by clicks
+ */
+
+import { CONTRACT } from "../core/contract.js";
+import { fillHoles, grow, labelParts, shrink } from "./parts.js";
+import { resize } from "./resize.js";
+
+const { inside: INSIDE, search: NUMBERS } = CONTRACT.mask;
+const { grid: GRID, margin: MARGIN, edge_cells: EDGE_CELLS, split: SPLIT } = NUMBERS;
+const CELLS = GRID * GRID;
+const NO_HINTS = { on: [], off: [], box: null };
+
+/**
+ * @param {import("./maskNetworks.js").U2NetP | import("./maskNetworks.js").SmallNetwork} network
+ * @param {import("./picture.js").Picture} picture
+ * @param {import("./picture.js").Hints} hints
+ * @returns {Promise<Finding | null>} null where nothing is there
+ */
+export async function findObject(network, picture, hints) {
+  const photo = [0, 0, picture.width, picture.height];
+  const start = hints.box ? around(photo, hints.box, MARGIN) : photo;
+  const cover = await look(network, picture, start, hints);
+  let found = choose(start, cover, hints);
+  if (!found && hints.on.length) found = await besideClicks(network, picture, photo, hints);
+  if (!found && hints.off.length) found = cut(picture, start, cover, hints);
+  return found && lookCloser(network, picture, found, hints);
+}
+
+/** One look at the whole picture, for video. */
+export async function glance(network, picture, hints) {
+  const photo = [0, 0, picture.width, picture.height];
+  return choose(photo, await look(network, picture, photo, hints), NO_HINTS);
+}
+
+/** A finding as a mask of the whole picture, with the soft edge that the network gives. */
+export function maskOf({ window: [x0, y0, x1, y1], cover, part }, width, height) {
+  const near = grow(part, GRID, EDGE_CELLS);
+  const soft = cover.map((value, i) => (part[i] ? Math.max(value, 0.51) : near[i] ? Math.min(value, 0.49) : 0));
+  const placed = resize(soft, 1, [GRID, GRID], [x1 - x0, y1 - y0]);
+  const mask = new Float32Array(width * height);
+  for (let y = y0; y < y1; y++) {
+    const from = (y - y0) * (x1 - x0);
+    mask.set(placed.subarray(from, from + x1 - x0), y * width + x0);
+  }
+  return mask;
+}
+
+/** IoU to expect of a finding if the cover of each cell is a probability: of the part and what is beside it. */
+export function expectedOf({ cover, part }) {
+  const near = grow(part, GRID, 2 * EDGE_CELLS);
+  let [inside, count, beside] = [0, 0, 0];
+  for (let i = 0; i < CELLS; i++) {
+    if (part[i]) {
+      inside += cover[i];
+      count++;
+    } else if (near[i]) beside += cover[i];
+  }
+  return inside / Math.max(count + beside, 1e-6);
+}
+
+/** 1 where a finding stays one when it is shrunk, less where two pieces hang together by a neck. */
+export function singleOf({ part }) {
+  const cells = Math.max(1, Math.floor(NUMBERS.neck * Math.sqrt(countOf(part))));
+  const sizes = labelParts(shrink(part, GRID, cells), GRID).sizes.slice(1).sort((a, b) => b - a);
+  return sizes.length < 2 ? 1 : 1 - sizes[1] / sizes[0];
+}
+
+/** Cells of a part on each side of its window whose border is, or is not, the photo's; over the sides of its box. */
+export function borderShare({ window, part }, photo, isPhotos) {
+  let total = 0;
+  const sides = [(i) => i * GRID, (i) => i, (i) => i * GRID + GRID - 1, (i) => (GRID - 1) * GRID + i];
+  sides.forEach((cell, side) => {
+    if ((window[side] === photo[side]) !== isPhotos) return;
+    for (let i = 0; i < GRID; i++) total += part[cell(i)];
+  });
+  const [left, top, right, bottom] = extentOf(part);
+  return total / (2 * (occupied(part, left, right, true) + occupied(part, top, bottom, false)));
+}
+
+/** Columns, or rows, of a part that hold some of it. */
+function occupied(part, from, to, isColumn) {
+  let count = 0;
+  for (let line = from; line < to; line++) {
+    for (let i = 0; i < GRID; i++) {
+      if (!part[isColumn ? i * GRID + line : line * GRID + i]) continue;
+      count++;
+      break;
+    }
+  }
+  return count;
+}
+
+/** Cover of a window, zero outside the box. */
+async function look(network, picture, window, hints, isMirrored = false) {
+  const [x0, y0, x1] = window;
+  const seen = cropOf(picture, window, isMirrored);
+  if (rangeOf(seen.rgba) < 255 * NUMBERS.blank) return new Float32Array(CELLS);
+  const place = ([x, y]) => [isMirrored ? x1 - x : x - x0, y - y0];
+  const corners = hints.box && [...place(hints.box.slice(0, 2)), ...place(hints.box.slice(2))];
+  const box = corners && [Math.min(corners[0], corners[2]), corners[1], Math.max(corners[0], corners[2]), corners[3]];
+  const answer = await network.cover(seen, { on: hints.on.map(place), off: hints.off.map(place), box });
+  const values = isMirrored ? mirrored(answer.values, answer.width) : answer.values;
+  const cover = resize(values, 1, [answer.width, answer.height], [GRID, GRID]);
+  if (!hints.box) return cover;
+  const isIn = insideOf(window, hints.box);
+  return cover.map((value, i) => value * isIn[i]);
+}
+
+/**
+ * The parts under the clicks, or without any the one that weighs most; null where there is none, or where it holds a click
+ * beside the object and no other part can be meant.
+ */
+export function choose(window, cover, { on, off }) {
+  const { labels, sizes } = labelParts(Uint8Array.from(cover, (value) => (value > INSIDE ? 1 : 0)), GRID);
+  const weights = new Float64Array(sizes.length);
+  labels.forEach((label, i) => (weights[label] += cover[i]));
+  weights[0] = 0;
+  const under = (points) => new Set(cellsOf(window, points).map(([x, y]) => labels[y * GRID + x]).filter((label) => label > 0));
+  const [wanted, taken] = [under(on), under(off)];
+  let chosen = new Set();
+  if (on.length) {
+    if (![...wanted].some((label) => taken.has(label))) chosen = wanted;
+  } else {
+    const left = weights.map((weight, label) => (taken.has(label) ? 0 : weight));
+    const most = left.indexOf(Math.max(...left));
+    const largest = Math.max(0, ...[...taken].map((label) => weights[label]));
+    if (left[most] > NUMBERS.part_share * largest) chosen.add(most);
+  }
+  if (!chosen.size) return null;
+  const part = fillHoles(Uint8Array.from(labels, (label) => (chosen.has(label) ? 1 : 0)), GRID);
+  const total = weights.reduce((sum, weight) => sum + weight, 0);
+  const whole = on.length ? 1 : [...chosen].reduce((sum, label) => sum + weights[label], 0) / total;
+  return { window, cover: cover.map((value, i) => (labels[i] && !part[i] ? 0 : value)), part, agreed: 1, whole };
+}
+
+/** The mean of a finding and a mirrored look at its window alone. */
+async function lookCloser(network, picture, found, hints) {
+  const box = boxOf(found.window, found.part);
+  const window = around(found.window, box, MARGIN);
+  const again = await look(network, picture, window, hints.box || hints.on.length ? hints : { ...hints, box }, true);
+  const cells = cellBox(window, found.window);
+  const before = resize(found.cover, 1, [GRID, GRID], [GRID, GRID], cells);
+  const kept = resize(Float32Array.from(found.part), 1, [GRID, GRID], [GRID, GRID], cells);
+  const known = { ...found, window, cover: before, part: Uint8Array.from(kept, (value) => (value > INSIDE ? 1 : 0)) };
+  const second = choose(window, again, hints);
+  const agreed = second ? iou(known.part, second.part) : 0;
+  const mean = choose(window, before.map((value, i) => (value + again[i]) / 2), hints);
+  return { ...(mean ?? known), agreed, whole: found.whole };
+}
+
+/** What stands out in windows around the clicks: the likeliest that a window's border does not cut. */
+async function besideClicks(network, picture, photo, hints) {
+  let [best, most] = [null, 0];
+  for (const share of NUMBERS.windows) {
+    const window = squareAround(photo, hints.on, share * Math.max(photo[2], photo[3]));
+    const found = choose(window, await look(network, picture, window, hints), hints);
+    if (!found) continue;
+    const touch = borderShare(found, photo, false);
+    const likely = expectedOf(found) * (1 - Math.min(1, touch / NUMBERS.border_touch));
+    if (likely > most) [best, most] = [found, likely];
+    if (most > NUMBERS.sure) break;
+  }
+  return best;
+}
+
+/**
+ * The part that holds clicks beside the object, without what is nearer to them than to the clicks on it: along the
+ * picture's colours. Without a click on it, the cell of the part that is farthest from them is on it.
+ */
+function cut(picture, window, cover, hints) {
+  const plain = choose(window, cover, { ...hints, off: [] });
+  if (!plain) return null;
+  const { grid } = SPLIT;
+  const { width, height, rgba } = cropOf(picture, window, false);
+  const colors = resize(rgba, 4, [width, height], [grid, grid]);
+  const part = resize(Float32Array.from(plain.part), 1, [GRID, GRID], [grid, grid]).map((value) => (value > INSIDE ? 1 : 0));
+  const coarse = (points) => cellsOf(window, points).map((cell) => cell.map((at) => Math.floor((at * grid) / GRID)));
+  let [on, off] = [coarse(hints.on), coarse(hints.off)];
+  if (!on.length) {
+    let [farthest, most] = [0, -1];
+    part.forEach((value, i) => {
+      const away = value ? Math.min(...off.map(([x, y]) => Math.hypot((i % grid) - x, Math.floor(i / grid) - y))) : -1;
+      if (away > most) [farthest, most] = [i, away];
+    });
+    on = [[farthest % grid, Math.floor(farthest / grid)]];
+  }
+  const [mine, others] = [distance(colors, part, on), distance(colors, part, off)];
+  const nearer = resize(mine.map((length, i) => (length < others[i] ? 1 : 0)), 1, [grid, grid], [GRID, GRID]);
+  const kept = plain.part.map((value, i) => (value && nearer[i] > INSIDE ? 1 : 0));
+  if (!kept.includes(1)) return null;
+  return { ...plain, part: kept, cover: plain.cover.map((value, i) => (plain.part[i] && !kept[i] ? 0 : value)) };
+}
+
+/** Shortest way from the seeds within a part, counting steps and changes of colour; infinite beside it. */
+function distance(colors, part, seeds) {
+  const { grid, step, click_cells: reach } = SPLIT;
+  const isNear = (i) => seeds.some(([x, y]) => Math.max(Math.abs((i % grid) - x), Math.abs(Math.floor(i / grid) - y)) < reach);
+  const length = Float64Array.from(part, (value, i) => (value && isNear(i) ? 0 : Infinity));
+  const change = (a, b) => step + Math.hypot(...[0, 1, 2].map((c) => (colors[4 * a + c] - colors[4 * b + c]) / 255));
+  const across = Float64Array.from(length, (_, i) => (i % grid ? change(i, i - 1) : Infinity));
+  const down = Float64Array.from(length, (_, i) => (i >= grid ? change(i, i - grid) : Infinity));
+  let isMoving = true;
+  const pass = (i, from, cost) => {
+    if (!part[i] || !(length[from] + cost < length[i])) return;
+    length[i] = length[from] + cost;
+    isMoving = true;
+  };
+  while (isMoving) {
+    isMoving = false;
+    for (let i = 1; i < length.length; i++) {
+      pass(i, i - 1, across[i]);
+      if (i >= grid) pass(i, i - grid, down[i]);
+    }
+    for (let i = length.length - 2; i >= 0; i--) {
+      pass(i, i + 1, across[i + 1]);
+      if (i + grid < length.length) pass(i, i + grid, down[i + grid]);
+    }
+  }
+  return length;
+}
+
+/** A box and a margin in its longer sides, as far as they are in a window. */
+function around([x0, y0, x1, y1], box, margin) {
+  const more = margin * Math.max(box[2] - box[0], box[3] - box[1]);
+  return [
+    Math.max(x0, Math.floor(box[0] - more)),
+    Math.max(y0, Math.floor(box[1] - more)),
+    Math.min(x1, Math.ceil(box[2] + more)),
+    Math.min(y1, Math.ceil(box[3] + more)),
+  ];
+}
+
+/** A square of that side around the middle of points, moved into a photo. */
+function squareAround(photo, points, side) {
+  const spans = [0, 1].map((axis) => {
+    const [low, high] = [photo[axis], photo[axis + 2]];
+    const middle = points.reduce((sum, point) => sum + point[axis], 0) / points.length;
+    const extent = Math.min(high - low, Math.max(1, Math.round(side)));
+    const start = Math.min(Math.max(Math.floor(middle - extent / 2), low), high - extent);
+    return [start, start + extent];
+  });
+  return [spans[0][0], spans[1][0], spans[0][1], spans[1][1]];
+}
+
+/** Column and row of the points that are in a window. */
+function cellsOf([x0, y0, x1, y1], points) {
+  return points
+    .map(([x, y]) => [Math.floor(((x - x0) * GRID) / (x1 - x0)), Math.floor(((y - y0) * GRID) / (y1 - y0))])
+    .filter(([x, y]) => x >= 0 && x < GRID && y >= 0 && y < GRID);
+}
+
+/** A window in the cells of one that holds it. */
+function cellBox([x0, y0, x1, y1], [left, top, right, bottom]) {
+  const [across, down] = [GRID / (right - left), GRID / (bottom - top)];
+  return [(x0 - left) * across, (y0 - top) * down, (x1 - left) * across, (y1 - top) * down];
+}
+
+/** First column and row of a part that is not empty, and those after the last. */
+function extentOf(part) {
+  let [x0, y0, x1, y1] = [GRID, GRID, 0, 0];
+  for (let i = 0; i < CELLS; i++) {
+    if (!part[i]) continue;
+    const [x, y] = [i % GRID, Math.floor(i / GRID)];
+    [x0, y0, x1, y1] = [Math.min(x0, x), Math.min(y0, y), Math.max(x1, x + 1), Math.max(y1, y + 1)];
+  }
+  return [x0, y0, x1, y1];
+}
+
+/** Box of a part in pixels of the picture. */
+function boxOf([x0, y0, x1, y1], part) {
+  const [across, down] = [(x1 - x0) / GRID, (y1 - y0) / GRID];
+  const [left, top, right, bottom] = extentOf(part);
+  return [x0 + left * across, y0 + top * down, x0 + right * across, y0 + bottom * down];
+}
+
+/** Which cells of a window have their centres in a box. */
+function insideOf([x0, y0, x1, y1], box) {
+  const centre = (i, low, high) => low + ((i + 0.5) * (high - low)) / GRID;
+  return Uint8Array.from({ length: CELLS }, (_, i) => {
+    const [x, y] = [centre(i % GRID, x0, x1), centre(Math.floor(i / GRID), y0, y1)];
+    return x >= box[0] && x < box[2] && y >= box[1] && y < box[3] ? 1 : 0;
+  });
+}
+
+/** A window of a picture as one of its own. */
+function cropOf({ width, rgba }, [x0, y0, x1, y1], isMirrored) {
+  const [w, h] = [x1 - x0, y1 - y0];
+  const part = new rgba.constructor(4 * w * h);
+  for (let y = 0; y < h; y++) {
+    const from = 4 * ((y0 + y) * width + x0);
+    part.set(rgba.subarray(from, from + 4 * w), 4 * y * w);
+  }
+  return { width: w, height: h, rgba: isMirrored ? mirrored(part, w, 4) : part };
+}
+
+/** Values row by row, right to left. */
+function mirrored(values, width, channels = 1) {
+  const out = new values.constructor(values.length);
+  const line = width * channels;
+  for (let at = 0; at < values.length; at++) {
+    const column = at % line;
+    out[at] = values[at - column + (width - 1 - Math.floor(column / channels)) * channels + (column % channels)];
+  }
+  return out;
+}
+
+function rangeOf(rgba) {
+  let [least, most] = [Infinity, -Infinity];
+  for (let i = 0; i < rgba.length; i++) {
+    if (i % 4 === 3) continue;
+    if (rgba[i] < least) least = rgba[i];
+    if (rgba[i] > most) most = rgba[i];
+  }
+  return most - least;
+}
+
+const countOf = (part) => part.reduce((sum, value) => sum + value, 0);
+
+function iou(one, other) {
+  let [both, either] = [0, 0];
+  for (let i = 0; i < one.length; i++) {
+    if (one[i] && other[i]) both++;
+    if (one[i] || other[i]) either++;
+  }
+  return both / Math.max(either, 1);
+}

@@ -1,0 +1,81 @@
+/** Which object is meant, with a network that is drawn: what is red stands out. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { doubts, examine, expectedIou } from "../src/photo/quality.js";
+import { resize } from "../src/photo/resize.js";
+import { findObject, maskOf } from "../src/photo/search.js";
+
+const [WIDTH, HEIGHT] = [320, 240];
+const NOTHING = { on: [], off: [], box: null };
+
+/** @param {number} [least] share of the picture that must be red */
+const redness = (least = 0) => ({
+  name: "u2netp",
+  async cover({ width, height, rgba }) {
+    const small = resize(rgba, 4, [width, height], [320, 320]);
+    const values = Float32Array.from({ length: 320 * 320 }, (_, i) => Math.min(Math.max((small[4 * i] - small[4 * i + 2]) / 127, 0), 1));
+    const share = values.reduce((sum, value) => sum + (value > 0.5 ? 1 : 0), 0) / values.length;
+    return { values: share > least ? values : values.fill(0), width: 320, height: 320 };
+  },
+});
+
+const disc = (x, y, radius) =>
+  Uint8Array.from({ length: WIDTH * HEIGHT }, (_, i) => (Math.hypot((i % WIDTH) + 0.5 - x, Math.floor(i / WIDTH) + 0.5 - y) < radius ? 1 : 0));
+
+function photo(...objects) {
+  const rgba = new Uint8ClampedArray(4 * WIDTH * HEIGHT);
+  for (let i = 0; i < WIDTH * HEIGHT; i++) {
+    const which = objects.findIndex((object) => object[i]);
+    rgba.set(which < 0 ? [77, 90, 102, 255] : which ? [240, 130, 26, 255] : [230, 51, 26, 255], 4 * i);
+  }
+  return { width: WIDTH, height: HEIGHT, rgba };
+}
+
+function iou(mask, object) {
+  let [both, either] = [0, 0];
+  mask.forEach((value, i) => {
+    if (value > 0.5 && object[i]) both++;
+    if (value > 0.5 || object[i]) either++;
+  });
+  return both / either;
+}
+
+async function found(picture, hints, network = redness()) {
+  const finding = await findObject(network, picture, { ...NOTHING, ...hints });
+  return finding && maskOf(finding, WIDTH, HEIGHT);
+}
+
+const [LARGE, LITTLE] = [disc(100, 110, 60), disc(250, 150, 30)];
+
+test("without hints the largest part is the object, clicks choose and take away, a box clips", async () => {
+  const picture = photo(LARGE, LITTLE);
+  assert.ok(iou(await found(picture, {}), LARGE) > 0.97);
+  assert.ok(iou(await found(picture, { on: [[250, 150]] }), LITTLE) > 0.95);
+  assert.ok(iou(await found(picture, { off: [[100, 110]] }), LITTLE) > 0.95);
+  const boxed = await found(picture, { box: [30, 40, 140, 200] });
+  assert.ok(boxed[110 * WIDTH + 138] > 0.5 && boxed[110 * WIDTH + 143] < 0.5);
+});
+
+test("a click finds what stands out in a window around it alone", async () => {
+  const picture = photo(LITTLE);
+  assert.equal(await found(picture, {}, redness(0.1)), null);
+  assert.ok(iou(await found(picture, { on: [[250, 150]] }, redness(0.1)), LITTLE) > 0.95);
+});
+
+test("an excluding click on the one part cuts it along colours", async () => {
+  const [left, right] = [disc(110, 120, 50), disc(200, 120, 45)];
+  const picture = photo(left, right);
+  assert.ok(iou(await found(picture, { on: [[100, 120]], off: [[215, 120]] }), left) > 0.9);
+  assert.ok(iou(await found(picture, { off: [[215, 120]] }), left) > 0.9);
+});
+
+test("what speaks against a mask lowers what to expect, and is named", async () => {
+  const finding = await findObject(redness(), photo(LARGE), NOTHING);
+  const good = examine(finding, WIDTH, HEIGHT);
+  const bad = { ...good, agreed: 0.1, expected: 0.5 };
+  assert.ok(expectedIou(good, "u2netp") > expectedIou(bad, "u2netp") + 0.2);
+  assert.deepEqual(doubts(good), []);
+  assert.match(doubts(bad)[0], /second look/);
+});
