@@ -44,6 +44,7 @@ ARRAYS = (".png", ".tif", ".tiff", ".exr", ".npy")
 MAX_NUMBER = 1e6
 """No number that a text gives is as large."""
 
+About = Literal["place", "camera", "light"]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -57,7 +58,6 @@ class Hint:
         name: of its option, form field and query parameter; "": the field's.
         metavar: the form of its text.
         numbers: how many numbers its text may hold, with commas between; none: it is a word or a file.
-        range: least and largest of a single number.
         repeated: whether it may be given several times.
         example: a text that is right.
         words: that stand in place of its file.
@@ -66,12 +66,11 @@ class Hint:
         in_web: the option of the JavaScript package that takes it; "" where none does.
     """
 
-    about: Literal["place", "camera", "light"]
+    about: About
     help: str
     name: str = ""
     metavar: str | None = None
     numbers: tuple[int, ...] = ()
-    range: tuple[float | None, float | None] = (None, None)
     repeated: bool = False
     example: str = ""
     words: tuple[str, ...] = ()
@@ -104,7 +103,7 @@ class Hint:
     def read_word(self, text: str) -> str:
         """One of the words that stand in place of a file that comes otherwise; InputError for another."""
         if text not in self.words:
-            raise InputError(f"{self.name}: expected a file part{_or(self.words)}, got {text[:60]!r}")
+            raise InputError(f"{self.name}: expected {' or '.join(('a file part', *self.words))}, got {text[:60]!r}")
         return text
 
     def read_path(self, text: str) -> str | Path:
@@ -112,11 +111,7 @@ class Hint:
         return text if text in self.words else Path(text)
 
 
-def _or(words: Sequence[str]) -> str:
-    return "".join(f" or {word}" for word in words)
-
-
-def _hint(about: Literal["place", "camera", "light"], help: str, **more: Any) -> Any:
+def _hint(about: About, help: str, **more: Any) -> Any:
     return field(default=None, metadata={"hint": Hint(about=about, help=help, **more)})
 
 
@@ -229,11 +224,7 @@ class Hints:
         in_web="material",
     )
     roughness: float | None = _hint(
-        "light",
-        "Its roughness as in glTF, 0.1 to 1: the square root of GGX alpha.",
-        numbers=(1,),
-        range=(0.1, 1.0),
-        in_web="material",
+        "light", "Its roughness as in glTF, 0.1 to 1: the square root of GGX alpha.", numbers=(1,), in_web="material"
     )
     surroundings: SurroundingsSource | None = _hint(
         "light",

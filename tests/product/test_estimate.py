@@ -154,7 +154,7 @@ def test_confidence_falls_in_proportion_where_less_than_half_of_the_object_is_we
 
 
 def test_errors_are_the_callers_value_errors(estimator):
-    with pytest.raises(ValueError, match="--mask") as caught:
+    with pytest.raises(ValueError, match="mask=") as caught:
         estimator(np.full((96, 128, 3), 128, np.uint8))
     assert isinstance(caught.value, anyprobe.AnyprobeError)
     with pytest.raises(anyprobe.ModelError, match="paper"):

@@ -3,6 +3,7 @@ JavaScript, and comes from one place."""
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import re
@@ -150,6 +151,20 @@ def test_a_line_names_what_its_reader_can_give():
         renamed(line, lambda hint: hint.name)
         == "a.png: pass click on it, or box, or (mask); mask=3.png stays; roughness"
     )
+
+
+def test_the_library_names_no_option():
+    """Its lines are read in Python and by HTTP clients too."""
+    source = Path(anyprobe.__file__).parent
+    options = re.compile(rf"--({'|'.join(hint.name for hint in HINTS.values())})\b")
+    found = [
+        f"{path.relative_to(source)}: {node.value}"
+        for path in sorted(source.rglob("*.py"))
+        if path.parent.name != "cli"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and options.search(node.value)
+    ]
+    assert found == []
 
 
 def test_box_and_clicks_go_together():

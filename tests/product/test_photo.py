@@ -46,7 +46,7 @@ def assert_one_line(caught, *words: str) -> None:
 def test_no_mask_names_the_three_ways():
     with pytest.raises(InvalidMask) as caught:
         load_photo(np.zeros((64, 64, 3), dtype=np.uint8))
-    assert_one_line(caught, "--mask FILE", "--box X0,Y0,X1,Y1", "alpha")
+    assert_one_line(caught, "mask=", "box=", "alpha")
 
 
 def test_mask_goes_before_alpha():
@@ -218,7 +218,7 @@ def test_box_finds_the_object(scale):
 def test_box_on_a_blank_photo_finds_nothing(box):
     with pytest.raises(InvalidMask) as caught:
         find_mask(read_image(np.full((120, 200, 3), 0.5, np.float32)), box=box)
-    assert_one_line(caught, "box", "--mask FILE")
+    assert_one_line(caught, "box", "mask=")
 
 
 # Field of view and exposure

@@ -52,8 +52,7 @@ def _hint_option(hint: Hint) -> Any:
         )
     elif hint.numbers == (1,):
         kind = float
-    low, high = hint.range
-    option = typer.Option(f"--{hint.name}", metavar=metavar, help=text, min=low, max=high)
+    option = typer.Option(f"--{hint.name}", metavar=metavar, help=text)
     return Annotated[list[kind] | None if hint.repeated else kind | None, option]
 
 
@@ -124,7 +123,7 @@ def _read(hint: Hint, given: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ObjectOptions(MaskOptions, _Others):
+class ObjectOptions(_Others, MaskOptions):
     """Where the object is and what is given of it, of its surroundings and of the camera."""
 
     normals_from: Annotated[

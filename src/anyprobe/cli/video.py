@@ -22,6 +22,7 @@ from anyprobe.cli.options import (
     ObjectOptions,
     QuietOption,
     line_of,
+    said_of_hints,
     with_bundles,
 )
 from anyprobe.cli.relight import SHAPES, InsertOptions, Renderer, placing, progress
@@ -96,7 +97,8 @@ def video(
     every_frame = {key: getattr(hints, key) for key in ("fov_deg", "pitch_deg", "near", "far")}
     if hints.normals is not None and "normals" not in folders:
         every_frame["normals"] = hints.normals
-    follower = MaskFollower(folders, first, every_frame, hints.surroundings)
+    with said_of_hints():
+        follower = MaskFollower(folders, first, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
         estimator, library = by.estimator(), fine.library()
     settings = {

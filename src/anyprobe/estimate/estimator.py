@@ -27,7 +27,7 @@ from anyprobe.estimate.surroundings import use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
-from anyprobe.masks.segmenters import Segmenter, load_segmenter
+from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
 from anyprobe.scatter.materials import Albedo, Material, as_material
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
@@ -41,7 +41,7 @@ class SettingsDict(TypedDict, total=False):
     threads: int | None
     engine: str
     emitters: str
-    segmenter: str | Segmenter | None
+    segmenter: SegmenterSource | None
     detail: str
     size: int
     detail_library: str | Path | None
@@ -71,7 +71,7 @@ class Settings:
     threads: int | None = None
     engine: str = DEFAULT_ENGINE
     emitters: str = MODE
-    segmenter: str | Segmenter | None = None
+    segmenter: SegmenterSource | None = None
     detail: str = DETAILS[0]
     size: int = ROWS
     detail_library: str | Path | None = None

@@ -20,7 +20,7 @@ from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.hints import PHOTO, SPHERE, Hints, HintsDict, NormalsEstimator, NormalsSource, as_hints, spread
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import find_mask
-from anyprobe.masks.segmenters import Segmenter
+from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.scatter.materials import Material
 
 DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
@@ -119,7 +119,7 @@ def load_photo(
     hints: Hints | None = None,
     *,
     name: str | None = None,
-    segmenter: str | Segmenter | None = None,
+    segmenter: SegmenterSource | None = None,
     **more: Unpack[HintsDict],
 ) -> Photo:
     """Read a photo, find its object, and keep what else is given of it.

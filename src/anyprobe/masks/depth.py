@@ -72,7 +72,7 @@ def mask_from_depth(
     """
     if near is None and far is None:
         raise InvalidMask(
-            "depth: expected where to cut, got neither near nor far; pass --near and --far in the depth image's unit"
+            "depth: expected where to cut, got neither near nor far; pass near= and far= in the depth image's unit"
         )
     low, high = 0.0 if near is None else float(near), np.inf if far is None else float(far)
     if not 0.0 <= low < high:

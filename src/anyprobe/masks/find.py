@@ -16,7 +16,7 @@ from anyprobe.masks.networks import Network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
 from anyprobe.masks.search import Finding, Prompts, find_object, finding_of, look_closer
-from anyprobe.masks.segmenters import Segmenter, load_segmenter
+from anyprobe.masks.segmenters import Segmenter, SegmenterSource, load_segmenter
 from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, mask_from_function
 
 
@@ -49,7 +49,7 @@ def find_mask(
     click: Clicks | None = None,
     exclude: Clicks | None = None,
     box: Sequence[float] | None = None,
-    segmenter: str | Network | Segmenter | None = None,
+    segmenter: SegmenterSource | None = None,
 ) -> FoundMask:
     """The object's mask: by the first given of mask, depth, click or box, alpha that cuts; else by what stands out.
 
@@ -68,7 +68,7 @@ def find_mask(
     if depth is not None:
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
     if near is not None or far is not None:
-        raise InvalidMask("near, far: expected a depth image to cut, got none; pass --depth FILE too")
+        raise InvalidMask("near, far: expected a depth image to cut, got none; pass depth= too")
     prompts = check_prompts(click, exclude, box, *shape[::-1])
     source = source_of(prompts)
     if source == "network":
@@ -146,12 +146,12 @@ def _nothing(name: str, prompts: Prompts) -> str:
     if source == "network":
         return (
             f"{name}: expected an object that can be told from its surroundings, but nothing stands out; "
-            "pass --click X,Y, --box X0,Y0,X1,Y1 or --mask FILE, or a photo with an alpha channel"
+            "pass click=, box= or mask=, or a photo with an alpha channel"
         )
     shown = f"the {source}" if prompts.on or prompts.box is not None else "the clicks beside it"
     return (
         f"{name}: expected an object at {shown}, found none that stands out; "
-        "click elsewhere on it, draw --box X0,Y0,X1,Y1, or pass --mask FILE"
+        "click elsewhere on it, draw box=, or pass mask="
     )
 
 
@@ -159,5 +159,5 @@ def _doubt(name: str, confidence: float, doubts: list[str]) -> str:
     because = f": {doubts[0]}" if doubts else ""
     return (
         f"{name}: the mask may be wrong (expected IoU {confidence:.2f}{because}); look at it, then pass "
-        "--box X0,Y0,X1,Y1 around the object, --click X,Y on it, --exclude X,Y beside it, or --mask FILE"
+        "box= around the object, click= on it, exclude= beside it, or mask="
     )

@@ -41,6 +41,10 @@ class Segmenter(Protocol):
         ...
 
 
+SegmenterSource = str | Network | Segmenter
+"""What finds an object: a name of load_segmenter, or what that returns."""
+
+
 def load_segmenter(name: str) -> Network | Segmenter:
     """The segmenter called NAME or NAME:ARGUMENT; u2netp and small are networks that masks.search asks itself.
 
@@ -119,7 +123,7 @@ def _clicked_parts(found: np.ndarray, on: Sequence[Point], off: Sequence[Point])
     kept[sorted((clicked if on else set(range(1, len(sizes)))) - taken)] = 1.0
     if not kept.any():
         raise InvalidMask(
-            "segmenter: expected something that stands out at the clicks, found none; draw --box, or try sam"
+            "segmenter: expected something that stands out at the clicks, found none; draw box=, or try sam"
         )
     return kept[labels]
 

@@ -56,11 +56,11 @@ class MaskFollower:
         given = {kind: folder for kind, folder in folders.items() if folder is not None}
         for kind, folder in given.items():
             if not folder.is_dir():
-                raise InputError(f"--{kind}: expected a folder with one file for each frame, got {folder}")
+                raise InputError(f"{kind}: expected a folder with one file for each frame, got {folder}")
         self._files = {kind: visible_files(folder, SUFFIXES[kind]) for kind, folder in given.items()}
         self.finds = not {"mask", "depth"} & self._files.keys()
         if hints and not self.finds:
-            raise InputError("--mask or --depth, and a box or clicks: expected one of them, got both")
+            raise InputError("mask= or depth=, and a box or clicks: expected one of them, got both")
         self.hints = hints
         shown = isinstance(surroundings, str) and surroundings == PHOTO
         self._every = {**every_frame, "surroundings": PHOTO if shown else None}
@@ -97,7 +97,7 @@ class MaskFollower:
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
             raise InvalidMask(
                 f"{name}: expected the object of about {self.last[2]:.0f} pixels at {self.last[0]:.0f},"
-                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass --mask FOLDER"
+                f"{self.last[1]:.0f}, got {pixels:.0f} pixels; pass mask=, one file a frame"
             )
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
