@@ -3,7 +3,7 @@
     python examples/draw_inputs.py
 
 Our own figures under our own maps, with seeds that no training used. Each row: photo, true light, then the
-estimate from the photo alone and with each input of evaluate.methods.PRIORS; each light as environment map and as
+estimate from the photo alone and with each input of evaluate.methods.GIVEN_HINTS; each light as environment map and as
 a white and a silver sphere.
 """
 
@@ -21,11 +21,11 @@ from anyprobe.dataset.catalog import ShapeAsset
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import PRIORS, run_with_priors
+from anyprobe.evaluate.methods import GIVEN_HINTS, run_with_hints
 from anyprobe.render.shapes import figure
 from anyprobe.render.spheres import diffuse, silver
 
-TITLES = ("photo", "true light", "photo alone", *PRIORS)
+TITLES = ("photo", "true light", "photo alone", *GIVEN_HINTS)
 ROWS, CELL, GAP, TOP = 5, 64, 10, 16
 SEED = 2_000_011
 
@@ -46,7 +46,7 @@ def main(path: Path) -> None:
         pair = render_pair(recipe, store)
         lights = [
             pair.radiance,
-            *(run_with_priors(models, pair, given).radiance for given in (set(), *PRIORS.values())),
+            *(run_with_hints(models, pair, given).radiance for given in (set(), *GIVEN_HINTS.values())),
         ]
         photo = pair.photo[..., :3].reshape(CELL, 2, CELL, 2, 3).mean(axis=(1, 3)) / 255
         rows.append([photo, *(look(radiance) for radiance in lights)])

@@ -21,8 +21,17 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "blender"
 SIZE = 320, 240
 FOV_DEG, PITCH_DEG, HEIGHT = 45.0, 20.0, 0.5
-SCENES = {"outdoors": 15, "room": 22}
-"""Seeds of the project's own skies and rooms."""
+PARTS = {
+    "photo": "photo",
+    "true": "objects truly there",
+    "inserted": "inserted by the extension",
+    "known": "inserted, the vase's albedo given",
+}
+SEED = 15
+"""Of the project's own skies."""
+
+VASE = 0.42, 0.36, 0.30
+"""Base colour of the photo's object."""
 
 OBJECTS = {  # place, half its height, base colour, metallic, roughness
     "grey": ((-0.27, -0.16), 0.07, (0.5, 0.5, 0.5), 0.0, 0.9),
@@ -38,40 +47,38 @@ def main(archive: Path, python: str) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
     from anyprobe.core.color import luminance
-    from anyprobe.dataset.asset_store import room, sky
+    from anyprobe.dataset.asset_store import sky
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.files.radiance import write_exr
     from anyprobe.light.dominant_light import find_dominant_light
     from anyprobe.render.shapes import lathe
 
-    rows, font = [], ImageFont.load_default(13)
-    for name, seed in SCENES.items():
-        with tempfile.TemporaryDirectory() as scratch:
-            folder = Path(scratch)
-            radiance = (sky if name == "outdoors" else room)(np.random.default_rng(seed), height=512)
-            gain = 0.9 / float(luminance(radiance).mean())
-            write_exr(folder / "map.exr", BLENDER.roll(radiance * np.float32(gain)), half=False)
-            mesh = lathe(np.random.default_rng(0), rows=160)
-            np.savez(folder / "vase.npz", positions=mesh.positions @ np.array(BLENDER.axes).T, faces=mesh.faces)
-            environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "resources")}
-            environment.pop("PYTHONPATH", None)
-            order = [python, __file__, "--in-blender", str(folder), "--zip", str(archive)]
-            subprocess.run(order, check=True, env=environment, stdout=subprocess.DEVNULL)
-            found = json.loads((folder / "found.json").read_text())
-            true_sun = np.array(BLENDER.axes) @ find_dominant_light(radiance).direction
-            off = math.degrees(math.acos(float(np.clip(true_sun @ found["sun"], -1, 1))))
-            print(f"{name}: source {off:.1f} degrees off; inserted over true, linear:")
-            for one in OBJECTS:
-                ratio = np.array(found["inserted"][one]) / found["true"][one]
-                print(f"  {one}: " + ", ".join(f"{value:.2f}" for value in ratio))
-            row = [Image.open(folder / f"{part}.png").convert("RGB") for part in ("photo", "inserted", "true")]
-            rows.append(row)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        radiance = sky(np.random.default_rng(SEED), height=512)
+        gain = 0.9 / float(luminance(radiance).mean())
+        write_exr(folder / "map.exr", BLENDER.roll(radiance * np.float32(gain)), half=False)
+        mesh = lathe(np.random.default_rng(0), rows=160)
+        np.savez(folder / "vase.npz", positions=mesh.positions @ np.array(BLENDER.axes).T, faces=mesh.faces)
+        environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "resources")}
+        environment.pop("PYTHONPATH", None)
+        order = [python, __file__, "--in-blender", str(folder), "--zip", str(archive)]
+        subprocess.run(order, check=True, env=environment, stdout=subprocess.DEVNULL)
+        found = json.loads((folder / "found.json").read_text())
+        pictures = [Image.open(folder / f"{part}.png").convert("RGB") for part in PARTS]
+    towards = np.array(BLENDER.axes) @ find_dominant_light(radiance).direction
+    off = math.degrees(math.acos(float(np.clip(towards @ found["sun"], -1, 1))))
+    print(f"source {off:.1f} degrees off; inserted over true, linear red, green, blue:")
+    for part in ("inserted", "known"):
+        for one in OBJECTS:
+            ratio = np.array(found[part][one]) / found["true"][one]
+            print(f"  {part}, {one}: " + ", ".join(f"{value:.2f}" for value in ratio))
     width, height = SIZE
-    page = Image.new("RGB", (3 * width + 16, len(rows) * (height + 8) + 22), "white")
-    for column, text in enumerate(("photo", "inserted by the extension", "truth")):
-        ImageDraw.Draw(page).text((column * (width + 8) + 4, 2), text, (40, 40, 40), font)
-        for index, row in enumerate(rows):
-            page.paste(row[column], (column * (width + 8), 22 + index * (height + 8)))
+    page = Image.new("RGB", (2 * width + 8, 2 * (height + 24)), "white")
+    for index, (text, picture) in enumerate(zip(PARTS.values(), pictures, strict=True)):
+        left, top = index % 2 * (width + 8), index // 2 * (height + 24)
+        ImageDraw.Draw(page).text((left + 4, top + 3), text, (40, 40, 40), ImageFont.load_default(13))
+        page.paste(picture, (left, top + 20))
     DOCS.mkdir(exist_ok=True)
     page.save(DOCS / "truth.webp", quality=82, method=6)
 
@@ -88,6 +95,16 @@ def draw(folder: Path, archive: str) -> None:
     render(folder / "true.png")
     true = colors(folder)
 
+    found = {"true": true}
+    for name, albedo in (("inserted", None), ("known", VASE)):
+        found[name], found["sun"] = insert(folder, archive, name, albedo)
+    (folder / "found.json").write_text(json.dumps(found))
+
+
+def insert(folder: Path, archive: str, name: str, albedo: tuple[float, float, float] | None):
+    """A new scene by the extension, with the objects in it: their colours, and the direction towards the Sun."""
+    import bpy
+
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.extensions.package_install_files(
         filepath=archive, repo="user_default", enable_on_install=True, overwrite=True
@@ -97,15 +114,15 @@ def draw(folder: Path, archive: str) -> None:
     settings.use_fov, settings.fov = True, math.radians(FOV_DEG)
     settings.use_pitch, settings.pitch = True, math.radians(PITCH_DEG)
     settings.height = HEIGHT
+    if albedo is not None:
+        settings.use_albedo, settings.albedo = True, albedo
     bpy.ops.light_from_photo.estimate()
     bpy.ops.light_from_photo.standard()
     set_render()
     put_objects()
-    render(folder / "inserted.png")
+    render(folder / f"{name}.png")
     sun = next((one for one in bpy.context.scene.objects if one.type == "LIGHT"), None)
-    towards = [0, 0, 1] if sun is None else [row[2] for row in sun.matrix_world.to_3x3()]
-    found = {"sun": towards, "true": true, "inserted": colors(folder)}
-    (folder / "found.json").write_text(json.dumps(found))
+    return colors(folder), [0, 0, 1] if sun is None else [row[2] for row in sun.matrix_world.to_3x3()]
 
 
 def true_scene(folder: Path) -> None:
@@ -131,7 +148,7 @@ def true_scene(folder: Path) -> None:
     mesh.from_pydata(points.tolist(), [], vase["faces"].tolist())
     mesh.shade_smooth()
     scene.collection.objects.link(bpy.data.objects.new("vase", mesh))
-    mesh.materials.append(principled("clay", (0.42, 0.36, 0.30), 0.0, 0.4))
+    mesh.materials.append(principled("clay", VASE, 0.0, 0.4))
 
     bpy.ops.mesh.primitive_plane_add(size=60)
     ground = principled("ground", (0.3, 0.28, 0.25), 0.0, 0.8)

@@ -16,7 +16,7 @@ from anyprobe.dataset.asset_store import load_asset_store
 from anyprobe.dataset.recipe import read_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.runtime import DEFAULT_MODEL, POSTERIOR, Models, model_id
-from anyprobe.evaluate.methods import PRIORS, mean_map, run_with_priors
+from anyprobe.evaluate.methods import GIVEN_HINTS, mean_map, run_with_hints
 from anyprobe.evaluate.scoring import ALPHA_EDGES
 from anyprobe.evaluate.scoring import FROZEN as LIST
 from research.export_weights.calibrate import true_errors
@@ -47,10 +47,10 @@ def limits(
     """Score a model by kind of material and alpha, with nothing, normals, material and both given."""
     chosen = _pairs(data, part, pairs, kept)
     models, title = Models(model), Path(model).name
-    maps = {MEAN_MAP: lambda pair: mean_map(), title: lambda pair: run_with_priors(models, pair, set()).radiance}
+    maps = {MEAN_MAP: lambda pair: mean_map(), title: lambda pair: run_with_hints(models, pair, set()).radiance}
     for name in GIVEN:
         maps[f"+ {name}"] = partial(
-            lambda pair, given: run_with_priors(models, pair, given).radiance, given=PRIORS[name]
+            lambda pair, given: run_with_hints(models, pair, given).radiance, given=GIVEN_HINTS[name]
         )
     spheres = _Spheres(data) if sphere else None
     scores, held = Limits(), {}

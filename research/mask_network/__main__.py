@@ -31,8 +31,7 @@ def train(
         Path | None, typer.Option(help="Weights to begin from, kept by export --keep; the same ones to resume.")
     ] = None,
     keep_every: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps."),
+        int | None, typer.Option(min=1, metavar="N", help="Keep the checkpoint after every N steps.")
     ] = None,
 ) -> None:
     """Train the network that proposes the object; resumes exactly."""

@@ -27,7 +27,7 @@ from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.occlusion import hidden_cells
 from anyprobe.dataset.pair import _draw, _look, is_painted, render_pair
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models
-from anyprobe.evaluate.methods import run_with_priors
+from anyprobe.evaluate.methods import run_with_hints
 from anyprobe.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
@@ -75,7 +75,7 @@ def cost(data: Path, kept: Path, scenes: int) -> None:
     for traced in islice(plain, scenes):
         for way, pair in {"paths": traced, "no shadows": render_pair(traced.recipe, store)}.items():
             for row, given in rows.items():
-                estimate = run_with_priors(models, pair, given).radiance
+                estimate = run_with_hints(models, pair, given).radiance
                 one = figures(estimate, pair.radiance)
                 main = [find_dominant_light(radiance).direction for radiance in (estimate, pair.radiance)]
                 errors.setdefault((row, way), []).append(

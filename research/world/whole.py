@@ -1,6 +1,9 @@
-"""python -m research.world.whole render: path trace the whole photos of a part that a folder lacks, one file each.
+"""Whole photos: render those that a folder lacks, score a model and baselines on them.
 
-Needs Mitsuba 3 (`.[judge]`) and an LLVM of 17 or newer.
+python -m research.world.whole render --data DATA --kept DIR [--part test]
+python -m research.world.whole score --data DATA --kept DIR [--part test]
+
+Rendering needs Mitsuba 3 (`.[judge]`) and an LLVM of 17 or newer.
 """
 
 from __future__ import annotations
@@ -10,7 +13,13 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
+from research.results import commit, write_result
 from research.world.whole_photos import COUNT, PARTS, whole_photos
+from research.world.whole_rows import rows_of
+from research.world.whole_scores import score as score_photo
+from research.world.whole_scores import summary
 
 app = typer.Typer(help=__doc__, no_args_is_help=True)
 Data = Annotated[Path, typer.Option(help="Folder with hdri and meshes.")]
@@ -27,6 +36,34 @@ def render(data: Data, kept: Kept, part: Part = "test", count: int = COUNT) -> N
             f"{number} {photo.recipe.key} {photo.map_name} {photo.shape_name} {width} x {height}, pitch "
             f"{photo.pitch_deg:.0f} deg {photo.cut_out}"
         )
+
+
+@app.command()
+def score(
+    data: Data,
+    kept: Kept,
+    part: Part = "test",
+    count: int = COUNT,
+    model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
+) -> None:
+    """Print the figures of every row, some with standard errors, for photos and for cut-outs."""
+    estimator = Estimator(model, threads=1)
+    scores: dict[str, dict[str, list[dict[str, float]]]] = {"photos": {}, "cut-outs": {}}
+    for number, photo in enumerate(whole_photos(data, part, kept, count), 1):
+        rows = score_photo(photo, rows_of(photo, estimator))
+        for name, row in rows.items():
+            scores["cut-outs" if photo.cut_out else "photos"].setdefault(name, []).append(row)
+        typer.echo(f"{number} {photo.recipe.key} LDR RMSE {rows['as shipped']['ldr_rmse']:.3f}", err=True)
+    groups = {group: {name: summary(rows) for name, rows in by_name.items()} for group, by_name in scores.items()}
+    for group, table in groups.items():
+        typer.echo(f"{group}: {len(next(iter(scores[group].values()), []))} of {part}")
+        for name, row in table.items():
+            figures = (f"{key} {value:.3f}" for key, value in row.items() if not key.endswith("_error"))
+            errors = (f"{key} {row[f'{key}_error']:.3f}" for key in ("ldr_rmse", "ssim", "dominant_deg", "vase"))
+            typer.echo(f"  {name}: {', '.join(figures)}; standard errors {', '.join(errors)}")
+    content = {"commit": commit(), "model": model_id(model), "groups": groups}
+    write_result(out or Path(f"runs/whole-{part}.json"), content)
 
 
 @app.callback()

@@ -144,8 +144,6 @@ def summary(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
         made[f"true_hardness_{third}"] = float(np.median(true_hard[which]))
     soft = true_hard < 0.08
     made["hardness_below_08"] = float(np.median(hard[soft])) if soft.any() else float("nan")
-    if "pitch_error" in columns:
-        made |= _with_error("pitch_error", columns["pitch_error"], np.median)
     return made
 
 

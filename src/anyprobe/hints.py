@@ -34,6 +34,9 @@ SPHERE = "sphere"
 """In place of a normal map: the object is a sphere, whose outline gives its normals."""
 PHOTO = "photo"
 """In place of a panorama: take the photo's own background."""
+AUTO, NONE = "auto", "none"
+"""In place of a panorama: the background unless the object is cut out, and below the horizon the ground's colour; and
+nothing but the object."""
 
 PICTURES = (
     *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
@@ -153,8 +156,9 @@ class Hints:
             scatter.materials. Level and colour of the light are fitted to it.
         albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
         roughness: as in glTF, 0.1 to 1, likewise.
-        surroundings: "photo", to use the photo's background; or a panorama in the camera's frame, transparent where
-            unknown.
+        surroundings: "auto", which is the default: the photo's background unless the object is cut out, and below the
+            horizon the ground's colour; "photo", the background alone; "none", neither; or a panorama in the camera's
+            frame, transparent where unknown.
     Raises:
         InputError: with one line, what does not go together, or a number out of its range.
     """
@@ -199,7 +203,8 @@ class Hints:
         in_web="longFovDeg",
     )
     pitch_deg: float | None = _hint(
-        "camera", "How far the camera looks down, degrees: 0 level, 90 straight down.", name="pitch", numbers=(1,)
+        "camera", "How far the camera looks down, degrees: 0 level, 90 straight down.", name="pitch", numbers=(1,),
+        in_web="pitchDeg",
     )
     normals: NormalsSource | NormalsEstimator | None = _hint(
         "light",
@@ -228,9 +233,10 @@ class Hints:
     )
     surroundings: SurroundingsSource | None = _hint(
         "light",
-        "What is known of the surroundings: photo, to use the photo's background; or a panorama in the camera's frame, "
+        "What is known of the surroundings: auto, the default, to use the photo's background and the ground's colour "
+        "unless the object is cut out; photo, the background alone; none; or a panorama in the camera's frame, "
         "transparent where unknown.",
-        words=(PHOTO,),
+        words=(AUTO, PHOTO, NONE),
         suffixes=(*PICTURES, ".hdr"),
         in_web="surroundings",
     )

@@ -71,10 +71,12 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
 
 def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, scored_quickly, monkeypatch):
     """Two of the five things that are: the others take as long again."""
-    monkeypatch.setattr(methods, "PRIORS", {name: methods.PRIORS[name] for name in ("normals", "surroundings")})
-    ended = command("evaluate", *ASSETS, "--priors", "--textured")
+    monkeypatch.setattr(
+        methods, "GIVEN_HINTS", {name: methods.GIVEN_HINTS[name] for name in ("normals", "surroundings")}
+    )
+    ended = command("evaluate", *ASSETS, "--hints", "--textured")
     assert [call["textured"] for call in rendered] == [True] * 4
-    given, alone = written(work)["confidence_with_priors"], written(work)["confidence"]
+    given, alone = written(work)["confidence_with_hints"], written(work)["confidence"]
     assert list(given) == ["lift, normals given", "lift, surroundings given"]
     assert given["lift, surroundings given"]["right"] > alone["right"] + 0.01
     assert given["lift, normals given"] != alone
@@ -88,7 +90,7 @@ def test_what_is_told_has_a_confidence_of_its_own(work, command, rendered, score
 
 def test_a_model_that_claims_nothing_has_no_confidence(work, command, rendered, scored_quickly):
     ended = command("evaluate", *ASSETS, "--model", "paper")
-    assert (written(work)["confidence"], written(work)["confidence_with_priors"]) == (None, {})
+    assert (written(work)["confidence"], written(work)["confidence_with_hints"]) == (None, {})
     assert "confidence" not in ended.out
     assert [call["textured"] for call in rendered] == [False] * 4
 

@@ -41,7 +41,7 @@ def test_a_guessed_camera_sees_the_ground_at_the_object_s_base(photo):
 
 
 def test_a_pitch_that_no_camera_over_a_ground_has_is_refused(photo):
-    with pytest.raises(InputError, match="pitch_deg: expected -60 to 90"):
+    with pytest.raises(InputError, match="pitch_deg: expected -90 to 90"):
         estimate_ground(photo, pitch_deg=120.0)
     with pytest.raises(InputError, match="roll_deg: expected -60 to 60"):
         estimate_ground(photo, roll_deg=90.0)

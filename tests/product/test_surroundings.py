@@ -244,7 +244,7 @@ def test_a_guess_takes_on_half_of_the_colour_that_it_misses():
 
 def test_surroundings_change_the_light_and_are_noted():
     photo, mask = room_photo(smooth_map())
-    alone = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG)
+    alone = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="none")
     hints = anyprobe.estimate(photo, mask=mask, fov_deg=FOV_DEG, surroundings="photo")
     assert alone.sidecar()["hints"] == {"normals": False}
     assert 0.02 < hints.sidecar()["hints"]["surroundings"] < 0.06

@@ -97,9 +97,9 @@ def test_command_uses_what_is_known_of_the_surroundings(command, work, made):
     panorama[...] = (180, 90, 45)
     Image.fromarray(panorama).save(work / "panorama.png")
     lights = {}
-    for name, given in (("alone", ()), ("photo", ("photo",)), ("panorama", ("panorama.png",))):
-        options = ("--surroundings", *given) if given else ()
-        done = command("video", made / "clip.mp4", "-o", name, "--mask", made / "masks", "--exr", "-q", *options)
+    for name, given in (("alone", "none"), ("photo", "photo"), ("panorama", "panorama.png")):
+        options = ("--mask", made / "masks", "--exr", "-q", "--surroundings", given)
+        done = command("video", made / "clip.mp4", "-o", name, *options)
         assert done.status == 0, done.err
         lights[name] = read_radiance(work / name / "lights" / "000003.exr")
     np.testing.assert_allclose(response(lights["panorama"]), panorama / 255, atol=0.02)

@@ -83,11 +83,12 @@ def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(comm
     frames = [{"transform_matrix": np.eye(4).tolist()}] * 2
     (work / "poses.json").write_text(json.dumps({"frames": frames, "camera_angle_x": 2 * np.arctan(0.3)}))
     order = ("video", "clip.mp4", "--mask", "masks", "--poses", "poses.json", "-q")
-    for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40), np.tan(np.radians(20)))):
+    for folder, given, tangent in (("a", (), 0.4), ("b", ("--fov", 40, "--pitch", 25), np.tan(np.radians(20)))):
         done = command(*order, "-o", folder, *given)
         assert done.status == 0, done.err
-        found = json.loads((work / folder / "track.json").read_text())["settings"]["fov_deg"]
-        assert np.tan(np.radians(found / 2)) == pytest.approx(tangent)
+        found = json.loads((work / folder / "track.json").read_text())["settings"]["every_frame"]
+        assert np.tan(np.radians(found["fov_deg"] / 2)) == pytest.approx(tangent)
+        assert found.get("pitch_deg") == (25 if given else None)
 
 
 # Going on

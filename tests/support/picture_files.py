@@ -122,22 +122,27 @@ def yc_exr(rgb: np.ndarray, sampling: int = 2) -> bytes:
     return head + table + rows
 
 
-def dng(linear: np.ndarray, gains: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> bytes:
+def dng(
+    linear: np.ndarray,
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    cast: tuple[float, float, float] = (1.0, 1.0, 1.0),
+) -> bytes:
     """A DNG of linear Rec. 709 [H, W, 3] up to 1 through an RGGB mosaic of a camera whose primaries are those.
 
-    Its first directory is a small preview, red all over; gains: by which the camera's red, green and blue are lower.
+    Its first directory is a small preview, red all over. gains: by which the camera's red, green and blue are lower;
+    cast: of the light, which the camera's white balance takes off.
     """
     height, width = linear.shape[:2]
     mosaic = np.empty((height, width), np.uint16)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
-        mosaic[row::2, column::2] = sixteen(linear[row::2, column::2, channel] / gains[channel])
+        mosaic[row::2, column::2] = sixteen(linear[row::2, column::2, channel] * cast[channel] / gains[channel])
     preview = np.tile(np.array([200, 0, 0], np.uint8), (24, 32, 1))
     xyz_d65 = np.array(
         [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
     )
     to_camera = np.linalg.inv(xyz_d65) / np.array(gains)[:, None]
     matrix = b"".join(struct.pack("<ii", round(float(v) * 10000), 10000) for v in to_camera.ravel())
-    neutral = b"".join(struct.pack("<II", round(10000 / g), 10000) for g in gains)
+    neutral = b"".join(struct.pack("<II", round(10000 * c / g), 10000) for g, c in zip(gains, cast, strict=True))
     data, entries = bytearray(b"II*\0\0\0\0\0"), {}
 
     def put(value: bytes) -> int:

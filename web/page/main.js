@@ -39,7 +39,7 @@ const soften = element("soften");
 const reflections = element("reflections");
 element("reflections-row").hidden = !config.server; // the library of places is the server's
 for (const row of ["surroundings-row", "soften-row"]) element(row).hidden = !config.weights.light; // not for the paper's chain
-const options = () => ({ surroundings: surroundings.checked, emitters: soften.checked ? "expected" : "mode" });
+const options = () => ({ surroundings: surroundings.checked ? "auto" : "none", emitters: soften.checked ? "expected" : "mode" });
 
 /** One line a file, and one where it stalls; lines of the camera stay. */
 function showDownload({ file, loaded, total, stalled }) {
@@ -150,15 +150,10 @@ async function estimate(found, isLate) {
   const probe = await networks.open();
   if (isLate()) return;
   setStatus("Estimating the lighting …");
-  const isWhole = maskFromAlpha(picture) === null; // else no canvas has what is hidden
-  const wanted = { ...options(), surroundings: surroundings.checked && isWhole };
-  const result = await probe.examine({ picture, mask, longFovDeg, options: wanted });
+  const result = await probe.examine({ picture, mask, longFovDeg, options: options() });
   if (isLate()) return;
   opened.result = result;
   showLight();
-  if (surroundings.checked && !result.light.hints.surroundings) {
-    return setStatus("The background of this photo is one colour or transparent: the lighting was estimated from the object alone.");
-  }
   if (found.warnings.length) {
     return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
   }
@@ -191,7 +186,7 @@ async function openExample() {
   const { picture, mask, longFovDeg, result } = await readExample();
   if (mine !== choice) return;
   put({ picture, longFovDeg, lensDeg: longFovDeg, name: "example", mask, box: objectBox(mask, picture.width), result });
-  if (surroundings.checked || soften.checked) return examine(async () => ({ mask, quality: null, warnings: [] }));
+  if (soften.checked) return examine(async () => ({ mask, quality: null, warnings: [] }));
   setStatus("This is an example. Choose a photo of an object of one material, or use the camera.");
 }
 

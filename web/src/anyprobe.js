@@ -64,7 +64,7 @@ export class AnyProbe {
   async estimate(image, options = {}) {
     checkNames("estimate", options);
     checkLight(options);
-    const { surroundings, emitters, signal } = options;
+    const { surroundings, pitchDeg, emitters, signal } = options;
     const material = describe(options.material);
     this.#client.check();
     const picture = await readSource(image, signal);
@@ -74,7 +74,7 @@ export class AnyProbe {
     checkHints(options, picture.fullWidth, picture.fullHeight);
     const given = options.mask ? await readMask(options.mask, picture, signal) : maskFromAlpha(picture);
     const { mask, quality, warnings } = given ? { mask: given, quality: null, warnings: [] } : await this.#findMask(picture, options);
-    const asked = { picture, mask, normals, longFovDeg, options: { surroundings, emitters, material } };
+    const asked = { picture, mask, normals, longFovDeg, options: { surroundings, pitchDeg, emitters, material } };
     const { light } = await this.#client.ask("estimate", asked, signal);
     return new Light({ ...light, mask: { data: mask, width, height, quality, warnings } });
   }
@@ -97,7 +97,7 @@ export class AnyProbe {
   track(video, onLight, options = {}) {
     checkNames("track", options);
     checkLight(options);
-    const { surroundings, emitters, onError, onLost, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, emitters, onError, onLost, signal, withViews = false } = options;
     const material = describe(options.material);
     this.#client.check();
     signal?.throwIfAborted();
@@ -109,7 +109,7 @@ export class AnyProbe {
     const { click, exclude, box, fovDeg, longFovDeg, projectionMatrix } = options;
     const given = { hints: { click, exclude, box }, lens: { fovDeg, longFovDeg, projectionMatrix } };
     tracker
-      .start({ ...given, options: { surroundings, emitters, material }, withViews })
+      .start({ ...given, options: { surroundings, pitchDeg, emitters, material }, withViews })
       .catch((error) => tracker.running && tracker.fail(error));
     signal?.addEventListener("abort", () => tracker.stop(), { once: true });
     return tracker;

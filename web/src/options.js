@@ -6,7 +6,8 @@ import { DEFAULT_LONG_FOV_DEG } from "./photo/crop.js";
 
 const HINTS = ["click", "exclude", "box"];
 const LENS = ["fovDeg", "longFovDeg", "projectionMatrix"];
-const LIGHT = ["surroundings", "emitters", "material"];
+const LIGHT = ["surroundings", "pitchDeg", "emitters", "material"];
+const SURROUNDINGS = ["auto", "photo", "none", true, false];
 
 /** Names of the options of each method. */
 export const OPTIONS = {
@@ -42,8 +43,9 @@ export function wrong(name, expected, got) {
 }
 
 /** The kind of light that is wanted. */
-export function checkLight({ surroundings, emitters }) {
-  if (surroundings !== undefined && typeof surroundings !== "boolean") throw wrong("surroundings", "true or false", surroundings);
+export function checkLight({ surroundings, pitchDeg, emitters }) {
+  if (surroundings !== undefined && !SURROUNDINGS.includes(surroundings)) throw wrong("surroundings", "auto, photo or none", surroundings);
+  if (pitchDeg !== undefined && !(typeof pitchDeg === "number" && Math.abs(pitchDeg) <= 90)) throw wrong("pitchDeg", "-90 to 90 degrees that the camera looks down", pitchDeg);
   if (emitters !== undefined && !EMITTERS.includes(emitters)) throw wrong("emitters", EMITTERS.join(" or "), emitters);
 }
 

@@ -54,9 +54,10 @@ test("clicks and boxes are pairs and fours of numbers in the picture", () => {
 });
 
 test("kinds of light are those there are", () => {
-  checkLight({ surroundings: true, emitters: "expected" });
+  for (const surroundings of ["auto", "photo", "none", true, false]) checkLight({ surroundings, pitchDeg: 20, emitters: "expected" });
   assert.throws(() => checkLight({ emitters: "soft" }), refused);
   assert.throws(() => checkLight({ surroundings: "yes" }), refused);
+  for (const pitchDeg of [91, NaN, "20"]) assert.throws(() => checkLight({ pitchDeg }), refused, String(pitchDeg));
 });
 
 /** A thread that answers when told to. */
@@ -117,4 +118,18 @@ test("a download says how much has come, and when nothing comes", async () => {
   }
   const about = { file: "light.onnx", loaded: 4, total: 10 };
   assert.deepEqual(said, [{ ...about, stalled: false }, { ...about, stalled: true }]);
+});
+
+test("a browser that lacks what is needed is told which it is", async () => {
+  const { AnyProbe } = await import("../src/plain.js");
+  const lacking = globalThis.createImageBitmap === undefined ? /no (OffscreenCanvas|Worker), which anyprobe needs/ : /no OffscreenCanvas/;
+  await assert.rejects(AnyProbe.load(), { code: "unsupported", message: lacking });
+  globalThis.Worker = globalThis.OffscreenCanvas = class {};
+  await assert.rejects(AnyProbe.load(), { code: "unsupported", message: /no createImageBitmap, which anyprobe needs; use a newer one \(Chrome 50/ });
+  globalThis.createImageBitmap = () => {};
+  for (const wrong of [{ threads: 0 }, { threads: "2" }, { engine: "webgl" }, { onProgress: 3 }, { weights: {} }, { weights: { light: 3 } }, { runtime: {} }, { worker: 3 }]) {
+    await assert.rejects(AnyProbe.load(wrong), refused, JSON.stringify(wrong));
+  }
+  const { AnyProbe: Bundled } = await import("../src/index.js");
+  await assert.rejects(Bundled.load({ engine: "webgpu" }), { ...refused, message: /import AnyProbe from anyprobe\/webgpu/ });
 });

@@ -18,10 +18,11 @@ import { cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { objectBox } from "../src/photo/picture.js";
 import { readMask } from "../src/photo/source.js";
+import { groundBelow } from "../src/photo/ground.js";
+import { isCutOut, seeSurroundings } from "../src/photo/surroundings.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
 import { findObject, maskOf } from "../src/photo/search.js";
-import { seeSurroundings } from "../src/photo/surroundings.js";
 import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { inverseResponse, response } from "../src/core/response.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
@@ -136,6 +137,28 @@ test("the background, and the map with it", { skip }, async (t) => {
   assertMostlyClose(radiance, floats("radiance_surroundings"), 3e-3, "radiance with surroundings");
   assertMostlyClose(confidence, floats("confidence_surroundings"), 3e-3, "confidence with surroundings");
   assertMostlyClose(stages.ldr, stages.radiance.map((value) => response(value)), 1e-6, "ldr with surroundings");
+});
+
+test("a cut-out is lit as its object alone", { skip }, async () => {
+  assert.ok(isCutOut(found.picture, found.crop.mask));
+  const { radiance, hints } = await lit({});
+  assert.deepEqual([hints.surroundings, hints.ground], [0, 0]);
+  assertMostlyClose(radiance, floats("radiance"), 3e-3, "radiance of the object alone");
+});
+
+test("the ground goes on below the horizon", { skip }, async (t) => {
+  if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
+  const { longFovDeg, crop, models } = found;
+  const picture = { ...found.picture, rgba: found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 : value)) };
+  assert.ok(!isCutOut(picture, crop.mask));
+  const seen = seeSurroundings(picture, longFovDeg, crop);
+  for (const [name, pitchDeg] of [["auto", undefined], ["auto_pitch", 35]]) {
+    assertClose(groundBelow(seen, picture, longFovDeg, crop, pitchDeg), floats(`below_${name}`), 5e-3, `ground, ${name}`);
+    const { radiance, confidence, hints } = await lightOfObject(models, picture, longFovDeg, crop, { pitchDeg });
+    assert.ok(hints.ground > 0.1);
+    assertMostlyClose(radiance, floats(`radiance_${name}`), 5e-3, `radiance, ${name}`);
+    assertMostlyClose(confidence, floats(`confidence_${name}`), 3e-3, `confidence, ${name}`);
+  }
 });
 
 test("the mean radiance of light sources", { skip }, async (t) => {

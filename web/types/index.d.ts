@@ -98,8 +98,13 @@ export interface Lens {
 }
 
 export interface LightOptions {
-  /** The picture's background becomes part of the environment map. */
-  surroundings?: boolean;
+  /**
+   * Whether the picture's background becomes part of the environment map, and below the horizon the colour of the ground:
+   * "auto", both unless the object is cut out; "photo" (or true), the background alone; "none" (or false). Default "auto".
+   */
+  surroundings?: "auto" | "photo" | "none" | boolean;
+  /** How far the camera looks down, degrees: 0 level, 90 straight down. Default: a guess. */
+  pitchDeg?: number;
   /** Light sources at their most likely positions (sharp shadows), or their mean radiance (soft). Default "mode". */
   emitters?: "mode" | "expected";
   /** What the object is made of: settles level and colour of the light, which a photo alone leaves open. */
@@ -166,8 +171,8 @@ export declare class Light {
   readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number } | null;
   /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
-  /** What was given: the share of the map that the background shows, and whether normals and material were. */
-  readonly hints: { surroundings: number; normals: boolean; material: boolean };
+  /** The shares of the map that the background shows and that the ground's colour fills; whether normals and material were given. */
+  readonly hints: { surroundings: number; ground: number; normals: boolean; material: boolean };
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */
   readonly mask: Mask | null;
 }
@@ -186,7 +191,7 @@ export interface Tracker {
   readonly running: boolean;
   /** The object is somewhere else, in the video's pixels. */
   mark(hints: Hints): Promise<void>;
-  set(options: Pick<LightOptions, "surroundings" | "emitters">): Promise<void>;
+  set(options: Pick<LightOptions, "surroundings" | "pitchDeg" | "emitters">): Promise<void>;
   /** Lights and frames a second. */
   rates(): { updates: number; frames: number };
   stop(): void;

@@ -53,8 +53,8 @@ def evaluate(
         bool, typer.Option("--path-traced", help="Photos by Mitsuba 3, with self-shadowing and interreflection.")
     ] = False,
     textured: Annotated[bool, typer.Option("--textured", help="Objects with mild texture or two materials.")] = False,
-    priors: Annotated[
-        bool, typer.Option("--priors", help="Also score with true normals, material and surroundings given.")
+    hints: Annotated[
+        bool, typer.Option("--hints", help="Also score with true normals, material and surroundings given.")
     ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
@@ -82,9 +82,9 @@ def evaluate(
         open_mitsuba()  # one clear line where it cannot run
         trace = partial(trace_mesh, num_paths=PATHS)
     runtime, title = Models(model, engine=engine), Path(model).name
-    if priors and runtime.stages != LIFT_STAGES:
-        raise InputError(f"--priors: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
-    methods = model_methods(runtime, title, priors) | baselines()
+    if hints and runtime.stages != LIFT_STAGES:
+        raise InputError(f"--hints: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
+    methods = model_methods(runtime, title, hints) | baselines()
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     recipes, store = _test_set(hdri, meshes, pairs, None if frozen else seed, conditions, talk)
     photos = (render_pair(recipe, store, trace, textured=textured) for recipe in recipes)
@@ -121,7 +121,7 @@ def evaluate(
     write_png(out / "pictures.png", np.concatenate(watch.rows).astype(np.float32))
     _print(result["scores"], result["irradiance"])
     if result["confidence"] is not None:
-        _print_confidence(title, result["confidence"], result["confidence_with_priors"])
+        _print_confidence(title, result["confidence"], result["confidence_with_hints"])
     talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
@@ -178,14 +178,14 @@ class Watch:
             self.rows.append(_cells(pair, estimates))
 
     def result(self) -> dict[str, Any]:
-        """Means of the irradiance image's figures, and the confidence of the model, alone and with priors."""
+        """Means of the irradiance image's figures, and the confidence of the model, alone and with hints."""
         found = {name: one.result() for name, one in self.calibrations.items()}
         irradiance = {
             name: round(sum(one[name] for one in self.irradiance) / len(self.irradiance), 5)
             for name in self.irradiance[0]
         }
         confidence = found.pop(self.title)
-        return {"irradiance": irradiance, "confidence": confidence, "confidence_with_priors": found}
+        return {"irradiance": irradiance, "confidence": confidence, "confidence_with_hints": found}
 
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
@@ -215,9 +215,9 @@ def _print(table: dict, irradiance: dict[str, float]) -> None:
     show.print("irradiance image: " + ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items()))
 
 
-def _print_confidence(title: str, confidence: dict, priors: dict[str, dict]) -> None:
+def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> None:
     """A row for all pixels, for each group and, of all pixels, for each prior."""
-    rows = {title: confidence, **confidence["groups"], **priors}
+    rows = {title: confidence, **confidence["groups"], **hints}
     sheet = Table(
         "confidence",
         *("claimed", "right", "ECE", "Brier", "log loss", "AUC"),

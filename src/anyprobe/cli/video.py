@@ -73,9 +73,9 @@ def video(
     out = out or Path(f"{clip.stem}_light")
     name, material, size = insert, placed.insert_material, placed.scale
     hints = taken.hints()
-    given, object_material = dict(hints.given()), hints.surface()
+    object_material = hints.surface()
     folders = {kind: path for kind, path in hints.files().items() if kind in SUFFIXES}
-    first: dict[str, Any] = {key: given[key] for key in ("click", "exclude", "box") if key in given}
+    first: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
     if taken.segmenter:
         first["segmenter"] = taken.segmenter
     foot = placed.foot()
@@ -94,9 +94,8 @@ def video(
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"
         place = Arrangement(size=size, at=foot)
         virtual = VirtualObject(mesh=mesh, material=material, arrangement=place, renderer=kind)
-    every_frame = {key: getattr(hints, key) for key in ("fov_deg", "pitch_deg", "near", "far")}
-    if hints.normals is not None and "normals" not in folders:
-        every_frame["normals"] = hints.normals
+    apart = {*first, *folders, "surroundings", "material", "albedo", "roughness"}
+    every_frame = {key: value for key, value in hints.given() if key not in apart}
     with said_of_hints():
         follower = MaskFollower(folders, first, every_frame, hints.surroundings)
     with progress("opening the model", quiet):
@@ -108,17 +107,16 @@ def video(
         "every": every,
         "exr": exr,
         "first_frame": first,
-        "fov_deg": hints.fov_deg,
+        "every_frame": {key: value for key, value in every_frame.items() if isinstance(value, float | str)},
+        "normals_from": None if taken.normals_from is None else str(taken.normals_from),
         "poses": None if turned is None else hashlib.sha256(turned.tobytes()).hexdigest()[:16],
         **follower.content(),
         "emitters": by.emitters,
-        "normals": str(taken.normals_from) if taken.normals_from else None if "normals" in folders else hints.normals,
         "object_material": None if object_material is None else repr(object_material),
         "insert": name,
         "insert_material": material if name else None,
         "at": foot,
         "scale": size,
-        "pitch_deg": hints.pitch_deg,
         "renderer": virtual.renderer if virtual else None,
         "detail": None if library is None else library.digest(),
     }

@@ -18,12 +18,13 @@ from anyprobe.core.contract import contract
 from anyprobe.detail.likeness import shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
+from anyprobe.estimate.below_horizon import ground_below
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LIFT_STAGES, MODE, PHOTO_SIZE, Models, model_id
-from anyprobe.estimate.surroundings import use_surroundings
+from anyprobe.estimate.surroundings import CONTINUED, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
@@ -206,6 +207,8 @@ class Estimator:
         loaded = time.perf_counter()
         start = loaded if start is None else start
         material = photo.material if material is None else as_material(material)
+        if photo.ground is not None and self.models.stages != LIFT_STAGES:
+            crop = replace(crop, surroundings_map=None)  # that nobody asked for
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         used: dict[str, Any] = {"normals": crop.normals is not None}
@@ -219,6 +222,11 @@ class Estimator:
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+            if photo.ground is not None and crop.foot is not None:
+                below = ground_below(surroundings_map, crop.camera_from_crop, photo.ground, crop.foot, crop.tan_half)
+                if below is not None:
+                    outputs = use_surroundings(outputs, below, tint=False, sure=CONTINUED)
+                    used["ground"] = round(float(integral(below[..., 3:])[0] / (4 * np.pi)), 4)
         estimated, sure = time.perf_counter(), photo.mask_confidence
         confidence = outputs.confidence
         if confidence is None:

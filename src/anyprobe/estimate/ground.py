@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.masks.check import object_box
 
@@ -17,14 +18,17 @@ if TYPE_CHECKING:
     from anyprobe.estimate.photo import Photo
 
 GIVEN, GUESSED = "given", "guessed"
-USUAL_PITCH_DEG, USUAL_ERROR_DEG = 22.0, 13.0
+_GROUND = contract("ground")
+USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]
+USUAL_ERROR_DEG = 13.0
 """Of photos of objects on tables and floors: 5 to 50 degrees downwards are common."""
 USUAL_ROLL_DEG = 0.0
 GIVEN_ERROR_DEG = 1.0
 """Of a pitch that was measured or set by eye."""
-LEAST_SLOPE_DEG = 12.0
+LEAST_SLOPE_DEG: float = _GROUND["least_slope_deg"]
 """The ground at the object's base is seen at least this far below the horizon."""
-LEAST_CONTACT, CONTACT_BAND = 0.03, 0.04
+LEAST_CONTACT: float = _GROUND["least_contact"]
+CONTACT_BAND: float = _GROUND["contact_band"]
 """Rows of the mask narrower than this, of the object's width, are not where it stands; and what counts as its lower
 border, of its height."""
 
@@ -63,17 +67,18 @@ def estimate_ground(photo: Photo, *, pitch_deg: float | None = None, roll_deg: f
     """The ground of a photo with its object marked.
 
     Args:
-        pitch_deg, roll_deg: where they are known.
+        pitch_deg, roll_deg: where they are known; of the pitch, what the photo says itself if it is None.
     Raises:
         InputError: a pitch or roll that no camera over a ground has.
     """
     x, row = contact_of(photo.mask)
+    pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
     if roll_deg is not None and not -60 <= roll_deg <= 60:
         raise InputError(f"roll_deg: expected -60 to 60 degrees, got {roll_deg:g}; turn the photo upright first")
     roll = USUAL_ROLL_DEG if roll_deg is None else float(roll_deg)
     if pitch_deg is not None:
-        if not -60 <= pitch_deg <= 90:
-            raise InputError(f"pitch_deg: expected -60 to 90 degrees downwards, got {pitch_deg:g}; give another")
+        if not -90 <= pitch_deg <= 90:
+            raise InputError(f"pitch_deg: expected -90 to 90 degrees downwards, got {pitch_deg:g}; give another")
         return Ground(
             pitch_deg=float(pitch_deg), pitch_error_deg=GIVEN_ERROR_DEG, roll_deg=roll, contact=(x, row), source=GIVEN
         )

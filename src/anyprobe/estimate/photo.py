@@ -12,12 +12,24 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
+from anyprobe.estimate.ground import Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
-from anyprobe.estimate.surroundings import at_rows, read_panorama, turned, visible_surroundings
+from anyprobe.estimate.surroundings import at_rows, is_cut_out, read_panorama, turned, visible_surroundings
 from anyprobe.files.images import ImageSource, Pixels, read_image
-from anyprobe.hints import PHOTO, SPHERE, Hints, HintsDict, NormalsEstimator, NormalsSource, as_hints, spread
+from anyprobe.hints import (
+    AUTO,
+    NONE,
+    PHOTO,
+    SPHERE,
+    Hints,
+    HintsDict,
+    NormalsEstimator,
+    NormalsSource,
+    as_hints,
+    spread,
+)
 from anyprobe.masks.check import object_box
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import SegmenterSource
@@ -48,6 +60,7 @@ class Photo:
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
         use_background: whether what the photo shows beside the object is known of the map.
+        ground: whose colour goes on below the horizon; None where the object is cut out, or something else was asked.
         surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
@@ -67,6 +80,7 @@ class Photo:
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
     use_background: bool = False
+    ground: Ground | None = None
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
     exposure: float | None = None
@@ -101,6 +115,8 @@ class Crop:
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
         radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
+        foot: [3] unit direction to where the object touches the ground, in the camera's frame; None where no ground
+            goes on below the horizon.
     """
 
     image: np.ndarray
@@ -111,6 +127,7 @@ class Crop:
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | None = None
     radiance: np.ndarray | None = None
+    foot: np.ndarray | None = None
 
 
 @spread(Hints)
@@ -134,10 +151,9 @@ def load_photo(
     """
     hints = as_hints(hints, more)
     pixels = read_image(source, name)
-    use_background = isinstance(hints.surroundings, str) and hints.surroundings == PHOTO
-    surroundings_map, panorama = None, None
-    if hints.surroundings is not None and not use_background:
-        surroundings_map, panorama = read_panorama(hints.surroundings)
+    asked = AUTO if hints.surroundings is None else hints.surroundings
+    word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
+    surroundings_map, panorama = (None, None) if word else read_panorama(asked)
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     if hints.fov_deg is not None:
         long_fov_deg, fov_source = float(hints.fov_deg), "given"
@@ -145,7 +161,7 @@ def load_photo(
         long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
     else:
         long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
-    return Photo(
+    photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
         long_fov_deg=long_fov_deg,
@@ -155,7 +171,7 @@ def load_photo(
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg),
-        use_background=use_background,
+        use_background=word == PHOTO,
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
@@ -163,6 +179,9 @@ def load_photo(
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
     )
+    if word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha):
+        return photo
+    return replace(photo, use_background=True, ground=estimate_ground(photo))
 
 
 def _known_normals(
@@ -207,13 +226,16 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         surroundings_map = visible_surroundings(
             photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
         )
-        if surroundings_map is None:
+        if surroundings_map is None and photo.ground is None:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"
             )
     elif photo.surroundings_map is not None:
         surroundings_map = turned(photo.surroundings_map, camera_from_crop)
+    foot = None
+    if photo.ground is not None:
+        foot = _pixel_direction(photo.ground.contact, width, height, photo.long_fov_deg)
     return Crop(
         image=image,
         camera_from_crop=camera_from_crop,
@@ -223,6 +245,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         normals=normals,
         surroundings_map=surroundings_map,
         radiance=radiance,
+        foot=foot,
     )
 
 

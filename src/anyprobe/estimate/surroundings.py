@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image, ImageFilter
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError
@@ -28,18 +29,19 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-GROW_PX = 4
+CONTRACT = contract("surroundings")
+GROW_PX: int = CONTRACT["grow_px"]
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
-FINE = 2.0
+FINE: float = CONTRACT["fine"]
 """Pixels of the shrunk photo on one of the map's."""
-CLIPPED = 0.97
+CLIPPED: float = CONTRACT["clipped"]
 """Display value from which on a place is at least as bright as it looks."""
-SEEN = 0.9
+SEEN: float = CONTRACT["seen"]
 """How sure a place is that the photo shows."""
-TINT = 0.5
+TINT: float = CONTRACT["tint"]
 """How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
 chosen on pairs that no run learns from."""
-TINT_FLOOR = 0.05
+TINT_FLOOR: float = CONTRACT["tint_floor"]
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
@@ -47,7 +49,14 @@ PANORAMA_ROWS = 512
 """At which a panorama is kept for maps with detail."""
 LINEAR = 5
 """Channels of surroundings that hold values above white."""
-PLAIN = 2.0 / 255.0
+PLAIN_STEP: float = contract("ground")["plain_step"]
+PLAIN_SHARE: float = contract("ground")["plain_share"]
+"""A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
+SAMPLES: int = contract("ground")["samples"]
+"""Pixels along the longer side that are looked at for that, at least."""
+CONTINUED: float = contract("ground")["continued"]
+"""How sure a place is in which ground is taken to go on; right on so many of the left-out whole photos."""
+PLAIN: float = CONTRACT["plain"]
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
@@ -184,11 +193,27 @@ def visible_surroundings(
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 
-def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True) -> Outputs:
+def is_cut_out(
+    rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"], alpha: Float[np.ndarray, "H W"] | None = None
+) -> bool:
+    """Whether a photo shows nothing beside its object: it is transparent there, or of one colour but for flaws."""
+    step = max(1, max(mask.shape) // SAMPLES)
+    beside = mask[::step, ::step] < 0.5
+    if not beside.any():
+        return True
+    if alpha is not None and (alpha[::step, ::step][beside] < 0.5).mean() >= 0.5:
+        return True
+    display = rgb[::step, ::step][beside]
+    off = np.abs(display - np.median(display, axis=0)).max(axis=-1)
+    return bool((off <= PLAIN_STEP).mean() >= PLAIN_SHARE)
+
+
+def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
     Display values mean radiance by the mean camera's curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
+    sure: confidence of what is known.
     """
     shown, clipped, cover = radiance_of(surroundings)
     guessed = outputs.radiance * _tint(outputs.radiance, shown, cover) if tint else outputs.radiance
@@ -196,7 +221,7 @@ def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool =
     radiance = (guessed + cover * (seen - guessed)).astype(np.float32)
     confidence = outputs.confidence
     if confidence is not None:
-        confidence = (confidence + cover[..., 0] * (SEEN - confidence)).astype(np.float32)
+        confidence = (confidence + cover[..., 0] * (sure - confidence)).astype(np.float32)
     return outputs.with_map(radiance, confidence)
 
 

@@ -1,4 +1,4 @@
-"""What is scored: a model, the same model given priors, and two baselines that need no network."""
+"""What is scored: a model, the same model given hints, and two baselines that need no network."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from anyprobe.estimate.surroundings import use_surroundings, visible_surrounding
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import MAP_HEIGHT
 
-PRIORS = {
+GIVEN_HINTS = {
     "normals": {"normals"},
     "material": {"material"},
     "normals and material": {"normals", "material"},
     "surroundings": {"surroundings"},
     "all three": {"normals", "material", "surroundings"},
 }
-"""Priors that a model may be given beside the object's crop, by the name of the row."""
+"""Hints that a model may be given beside the object's crop, by the name of the row."""
 PHONE_FOV_DEG = 65.0
 PHONE_PX = (256, 192)
 """The photo that shows the surroundings of a pair: a phone's, the object in its middle; width, height."""
@@ -56,14 +56,14 @@ class Estimate:
 Method = Callable[[Pair], Estimate]
 
 
-def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, Method]:
-    """A model from the photo alone, with expected emitters where it has them and, if asked, with priors: by row.
+def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, Method]:
+    """A model from the photo alone, with expected emitters where it has them and, if asked, with hints: by row.
 
-    priors: also a row for each of PRIORS.
+    hints: also a row for each of GIVEN_HINTS.
     """
 
-    def method(pair: Pair, models: Models = models, priors: frozenset[str] | set[str] = frozenset()) -> Estimate:
-        outputs = run_with_priors(models, pair, priors)
+    def method(pair: Pair, models: Models = models, hints: frozenset[str] | set[str] = frozenset()) -> Estimate:
+        outputs = run_with_hints(models, pair, hints)
         return Estimate(
             ldr=outputs.ldr.clip(0.0, 1.0),
             radiance=outputs.radiance,
@@ -74,8 +74,8 @@ def model_methods(models: Models, name: str, priors: bool = False) -> dict[str, 
     methods: dict[str, Method] = {name: method}
     if models.stages == LIFT_STAGES:
         methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
-    rows = PRIORS if priors else {}
-    return methods | {f"{name}, {what} given": partial(method, priors=priors) for what, priors in rows.items()}
+    rows = GIVEN_HINTS if hints else {}
+    return methods | {f"{name}, {what} given": partial(method, hints=hints) for what, hints in rows.items()}
 
 
 def baselines() -> dict[str, Method]:
@@ -115,16 +115,16 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
     return np.where(mask[y, x][..., None], radiance[y, x], mean).astype(np.float32)
 
 
-def run_with_priors(models: Models, pair: Pair, priors: set[str]) -> Outputs:
+def run_with_hints(models: Models, pair: Pair, hints: set[str]) -> Outputs:
     """A model's outputs given the pair's true normals, true material or surroundings."""
-    normals = true_normals(pair) if "normals" in priors else None
-    surroundings_map = surroundings(pair) if "surroundings" in priors else None
-    material = pair.material if "material" in priors else None
+    normals = true_normals(pair) if "normals" in hints else None
+    surroundings_map = surroundings(pair) if "surroundings" in hints else None
+    material = pair.material if "material" in hints else None
     outputs = models(pair.crop, pair.tan_half, normals, surroundings_map, material)
-    if "material" in priors:
+    if "material" in hints:
         outputs, _ = use_material(outputs, pair.crop, pair.tan_half, pair.material, normals)
     if surroundings_map is not None:
-        outputs = use_surroundings(outputs, surroundings_map, tint="material" not in priors)
+        outputs = use_surroundings(outputs, surroundings_map, tint="material" not in hints)
     return outputs
 
 

@@ -6,6 +6,7 @@ import io
 import struct
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -132,8 +133,10 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
     try:
         kept = {tag: entries[tag] for tag in KEPT if tag in entries}
         made = _as_bytes(data, order, kept, row * pieces, row if tile else 0)
-        with TiffImageFile(io.BytesIO(made), "") as image:
-            raw = np.asarray(image).reshape(height * pieces, row)
+        image = TiffImageFile(io.BytesIO(made), "")
+        with suppress(Exception):  # damaged; and it cannot be read any more when the pixels are
+            image.getexif().get_ifd(EXIF)
+        raw = np.asarray(image).reshape(height * pieces, row)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         raise _damaged(name) from error
     values = _unpredicted(raw, predictor, samples, size, order).reshape(height, -1, samples)[:, :width]

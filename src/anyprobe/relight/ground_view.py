@@ -13,7 +13,7 @@ import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import LEAST_SLOPE_DEG, contact_of
+from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, estimate_ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 
@@ -117,19 +117,20 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     """The photo's camera over its ground, and the pitch taken.
 
     Args:
-        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is level, or looks
-            down just enough to see the ground at the object's base LEAST_SLOPE_DEG below the horizon.
+        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is what
+            estimate_ground finds, or just enough to see the ground at the base LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
     height, width = photo.mask.shape
     long_fov_deg = UNKNOWN_LENS_DEG if photo.fov_source == "default" else photo.long_fov_deg
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
-    base = contact_of(photo.mask)[1]
+    ground = estimate_ground(photo, pitch_deg=pitch_deg)
+    base = ground.contact[1]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
-    pitch_deg = photo.pitch_deg if pitch_deg is None else pitch_deg
-    if pitch_deg is None:
-        pitch_deg = float(max(0.0, LEAST_SLOPE_DEG - below_axis))
+    pitch_deg = ground.pitch_deg
+    if ground.source != GIVEN:
+        pitch_deg = float(max(pitch_deg, LEAST_SLOPE_DEG - below_axis))
     if not (-60 <= pitch_deg <= 90 and below_axis + pitch_deg > 1.0):
         raise InputError(
             f"pitch_deg: expected the object's base below the horizon, got a camera that looks "

@@ -15,8 +15,9 @@ import numpy as np
 
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
-from anyprobe.estimate.surroundings import PHOTO, SurroundingsSource, read_surroundings
+from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.paths import visible_files
+from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -62,15 +63,15 @@ class MaskFollower:
         if hints and not self.finds:
             raise InputError("mask= or depth=, and a box or clicks: expected one of them, got both")
         self.hints = hints
-        shown = isinstance(surroundings, str) and surroundings == PHOTO
-        self._every = {**every_frame, "surroundings": PHOTO if shown else None}
+        is_word = surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE))
+        self._every = {**every_frame, "surroundings": (surroundings or AUTO) if is_word else NONE}
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
-        if surroundings is not None and not shown:
+        if not is_word:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None
 
     def content(self) -> dict[str, Any]:
-        """What files and surroundings hold, wherever they lie: a digest each, or "photo"; None for none."""
+        """What files and surroundings hold, wherever they lie: a digest each, or a word."""
         surroundings = self._every["surroundings"]
         if self._panorama is not None:
             surroundings = _digest([self._panorama.tobytes()])

@@ -22,14 +22,6 @@ const TRIES = 24;
 const LEAST_STEP = 0.5;
 const CLOSE_PX = 0.5;
 
-/** Of the object's width: rows of its mask that are narrower are not where it stands. */
-const LEAST_CONTACT = 0.03;
-/** Of its height: what counts as its lower border. */
-const CONTACT_BAND = 0.04;
-
-/** The ground at the real object's base is seen at least this far below the horizon. */
-const LEAST_SLOPE_DEG = 12;
-
 /** Ground is used up to this far below the horizon, of the photo's height. */
 const LEAST_ABOVE = 0.02;
 
@@ -42,46 +34,6 @@ const LEAST_ABOVE = 0.02;
  */
 export function farthestRow(height, focal, pitchDeg) {
   return height / 2 - focal * Math.tan((pitchDeg * Math.PI) / 180) + LEAST_ABOVE * height;
-}
-
-/**
- * Where an object touches the ground: the middle of its mask's lower border.
- *
- * @param {Float32Array} mask
- * @param {number} width of the picture
- * @param {number[]} box x0, y0, x1, y1 of mask > 0.5
- * @returns {number[]} x, y in pixels
- */
-export function contactOf(mask, width, [x0, y0, x1, y1]) {
-  const least = LEAST_CONTACT * (x1 - x0);
-  let row = y1;
-  const countIn = (y) => {
-    let count = 0;
-    for (let x = x0; x < x1; x++) if (mask[y * width + x] > 0.5) count++;
-    return count;
-  };
-  while (row > y0 + 1 && countIn(row - 1) < least) row--;
-  let [sum, count] = [0, 0];
-  for (let y = Math.max(Math.floor(row - CONTACT_BAND * (y1 - y0)), y0); y < row; y++) {
-    for (let x = x0; x < x1; x++) {
-      if (mask[y * width + x] <= 0.5) continue;
-      sum += x + 0.5;
-      count++;
-    }
-  }
-  return [count ? sum / count : (x0 + x1) / 2, row];
-}
-
-/**
- * How far a camera of unknown pitch is taken to look down [degrees]: level, or just far enough to see the ground at a row
- * LEAST_SLOPE_DEG below the horizon.
- *
- * @param {number} row of the real object's base
- * @param {number} height of the picture
- * @param {number} focal pixels
- */
-export function likelyPitchDeg(row, height, focal) {
-  return Math.max(0, LEAST_SLOPE_DEG - (Math.atan2(row - height / 2, focal) * 180) / Math.PI);
 }
 
 /**

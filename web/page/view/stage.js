@@ -23,11 +23,12 @@ import {
   WebGLRenderer,
 } from "three";
 import { pixelDirection } from "../../src/photo/crop.js";
+import { contactOf, likelyPitchDeg } from "../../src/photo/ground.js";
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
 import { SHARP_FACE_SIZES } from "../../src/light/prefilter.js";
 import { extentOf, outlineOf } from "./outline.js";
-import { Silhouette, contactOf, farthestRow, findSpot, likelyPitchDeg } from "./placement.js";
+import { Silhouette, farthestRow, findSpot } from "./placement.js";
 import { dispose } from "./virtualObjects.js";
 import { findWebgl } from "./webgl.js";
 
@@ -37,7 +38,7 @@ const UP = new Vector3(0, 1, 0);
 /** Height of the object over the real one's, at size 1 and where there is room. */
 const OF_REAL = 0.5;
 /**
- * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground: the one
+ * Field of view of the longer side [degrees] to draw with where the photo's is unknown, as anyprobe.relight.ground_view: the one
  * that estimates take would draw spheres near the border of a cropped photo as eggs; too narrow a guess shows far less.
  */
 const UNKNOWN_LENS_DEG = 38;

@@ -88,6 +88,21 @@ export const CONTRACT = {
     "least_fov_deg": 1,
     "most_fov_deg": 170
   },
+  "ground": {
+    "usual_pitch_deg": 22,
+    "least_slope_deg": 12,
+    "least_contact": 0.03,
+    "contact_band": 0.04,
+    "near": 4,
+    "least_pixels": 12,
+    "begins_deg": 2,
+    "full_deg": 20,
+    "weight": 0.85,
+    "continued": 0.75,
+    "plain_step": 0.012,
+    "plain_share": 0.9,
+    "samples": 128
+  },
   "exposure": {
     "black": 0.02,
     "white": 0.98,
@@ -967,5 +982,14 @@ export const CONTRACT = {
     "blur_deg": 5,
     "lobe_level": 0.5,
     "ring_px": 3
+  },
+  "surroundings": {
+    "grow_px": 4,
+    "fine": 2,
+    "clipped": 0.97,
+    "seen": 0.9,
+    "tint": 0.5,
+    "tint_floor": 0.05,
+    "plain": 0.00784313725490196
   }
 };

@@ -5,7 +5,8 @@ import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { CROP_SIZE } from "../photo/crop.js";
-import { coverageOf, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
+import { groundBelow } from "../photo/ground.js";
+import { coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
 
 /**
  * Luminance of display values between which a pixel says something of the light, and the share of such pixels from which
@@ -15,7 +16,9 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
 
 /**
  * @typedef {object} LightOptions
- * @property {boolean} [surroundings] the picture's background becomes part of the map
+ * @property {"auto" | "photo" | "none" | boolean} [surroundings] whether the picture's background becomes part of the map,
+ *   and below the horizon the ground's colour: "auto", both unless the object is cut out; "photo" or true, the background
+ * @property {number} [pitchDeg] how far the camera looks down, where it is known
  * @property {"mode" | "expected"} [emitters] light sources at their most likely positions, or their mean radiance
  * @property {Float32Array} [material] of photo/material.js, where it is known
  */
@@ -27,16 +30,21 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
  * @param {ReturnType<typeof import("../photo/crop.js").cropObject>} crop
  * @param {LightOptions & {withStages?: boolean, normals?: Float32Array | null}} options
  */
-export async function lightOfObject(models, picture, longFovDeg, crop, { surroundings, emitters = "mode", ...options }) {
-  const seen = surroundings && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
-  if (options.material && !models.takesMaterial) {
+export async function lightOfObject(models, picture, longFovDeg, crop, options) {
+  const { surroundings = "auto", pitchDeg, emitters = "mode", ...given } = options;
+  const isAuto = surroundings === "auto" && !isCutOut(picture, crop.mask);
+  const isShown = isAuto || surroundings === "photo" || surroundings === true;
+  const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
+  const below = seen && isAuto ? groundBelow(seen, picture, longFovDeg, crop, pitchDeg) : null;
+  if (given.material && !models.takesMaterial) {
     throw new Error("material: expected a network that takes it, got one that does not; use the weights of this version");
   }
-  const prediction = await models.light(crop.image, crop.tanHalf, { ...options, emitters, surroundings: seen });
+  const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen });
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
   if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
-  const stages = seen ? useSurroundings(prediction, seen) : prediction;
+  let stages = seen ? useSurroundings(prediction, seen) : prediction;
+  if (below) stages = useSurroundings(stages, below, false, CONTRACT.ground.continued);
   const confidence = cameraConfidence(stages, crop.cameraFromCrop, wellExposed);
   return {
     stages,
@@ -49,8 +57,9 @@ export async function lightOfObject(models, picture, longFovDeg, crop, { surroun
     emitters: models.lifts ? emitters : "mode",
     hints: {
       surroundings: seen ? coverageOf(seen) : 0,
-      normals: Boolean(options.normals),
-      material: Boolean(options.material),
+      ground: below ? coverageOf(below) : 0,
+      normals: Boolean(given.normals),
+      material: Boolean(given.material),
     },
   };
 }

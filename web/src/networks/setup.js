@@ -27,7 +27,7 @@ export function requireBrowser() {
  */
 export function checkSetup({ engine = "wasm", threads, onProgress = () => {}, ...options }, files) {
   if (!ENGINES.includes(engine)) throw wrong("engine", ENGINES.join(" or "), engine);
-  const least = threads ?? (navigator.hardwareConcurrency || 1);
+  const least = threads ?? (globalThis.navigator?.hardwareConcurrency || 1);
   if (!(Number.isInteger(least) && least >= 1)) throw wrong("threads", "a whole number from 1 on", threads);
   if (typeof onProgress !== "function") throw wrong("onProgress", "a function", onProgress);
   const bundles = files.engines ?? ENGINES;

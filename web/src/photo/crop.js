@@ -29,10 +29,10 @@ const MARGIN = CONTRACT.sizes.crop_margin;
  * @param {number} longFovDeg field of view of the longer side
  * @param {number[]} [box] of the mask's object, where it is known already
  * @returns {{image: Float32Array, cameraFromCrop: number[], sidePx: number, centerPx: number[],
- *   tanHalf: number}}
+ *   tanHalf: number, mask: Float32Array, box: number[]}}
  *   image is [4, 128, 128] channel first, red, green, blue, mask in [0, 1]; cameraFromCrop turns
  *   the frame that looks at the window's centre along -Z to the camera's; tanHalf is the tangent of
- *   half the angle that the window's side takes in
+ *   half the angle that the window's side takes in; mask and box are the picture's
  */
 export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_LONG_FOV_DEG, box = objectBox(mask, width)) {
   const [x0, y0, x1, y1] = box;
@@ -79,7 +79,7 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
   const ray = pixelDirection(centerPx, width, height, longFovDeg);
   // away from the picture's centre a pixel takes in less: by cos^2 along the radius, by cos across it
   const tanHalf = (sidePx / 2 / focalPx(width, height, longFovDeg)) * Math.hypot(...ray) ** -1.5;
-  return { image, cameraFromCrop: turnTowards(ray), sidePx, centerPx, tanHalf };
+  return { image, cameraFromCrop: turnTowards(ray), sidePx, centerPx, tanHalf, mask, box };
 }
 
 /**

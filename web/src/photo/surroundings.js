@@ -1,35 +1,37 @@
 /** What a picture shows beside its object, as a part of the map, as anyprobe.estimate.surroundings. */
 
+import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelDirections, pixelSolidAngles } from "../core/latlong.js";
 import { inverseResponse, response } from "../core/response.js";
 import { CROP_SIZE, focalPx } from "./crop.js";
+import { median } from "./ground.js";
 
 const PIXELS = 2 * MAP_HEIGHT * MAP_HEIGHT;
 
 /** Samples of the crop around the object that are left out: its edge is not where the mask says. */
-const GROW = 4;
+const GROW = CONTRACT.surroundings.grow_px;
 
 /** Pixels of the shrunk picture on one of the map's. */
-const FINE = 2;
+const FINE = CONTRACT.surroundings.fine;
 
 /** Display value from which on a place is at least as bright as it looks. */
-const CLIPPED = 0.97;
+const CLIPPED = CONTRACT.surroundings.clipped;
 
 /** The radiance that looks so. */
 const WHITE = inverseResponse(CLIPPED);
 
 /** Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place. */
-const PLAIN = 2 / 255;
+const PLAIN = CONTRACT.surroundings.plain;
 
 /** How much of the colour by which what is seen differs from the prediction there is taken for the light's own. */
-const TINT = 0.5;
+const TINT = CONTRACT.surroundings.tint;
 
 /** Added to radiance before its logarithm is compared. */
-const TINT_FLOOR = 0.05;
+const TINT_FLOOR = CONTRACT.surroundings.tint_floor;
 
 /** Confidence of a place that is seen. */
-const SEEN = 0.9;
+const SEEN = CONTRACT.surroundings.seen;
 
 /** Shallowest -z of a direction that still meets the picture's plane. */
 const AHEAD = 0.05;
@@ -76,14 +78,44 @@ export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, ta
 }
 
 /**
+ * Whether a picture shows nothing beside its object: it is transparent there, or of one colour but for flaws.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {Float32Array} mask
+ */
+export function isCutOut({ width, height, rgba }, mask) {
+  const step = Math.max(1, Math.floor(Math.max(width, height) / CONTRACT.ground.samples));
+  const beside = [[], [], []];
+  let transparent = 0;
+  for (let y = 0; y < height; y += step) {
+    for (let x = 0; x < width; x += step) {
+      const pixel = y * width + x;
+      if (mask[pixel] >= 0.5) continue;
+      if (rgba[4 * pixel + 3] < 128) transparent++;
+      for (let channel = 0; channel < 3; channel++) beside[channel].push(rgba[4 * pixel + channel] / 255);
+    }
+  }
+  const count = beside[0].length;
+  if (transparent >= 0.5 * count) return true;
+  const middle = beside.map(median);
+  let plain = 0;
+  for (let i = 0; i < count; i++) {
+    if (beside.every((values, channel) => Math.abs(values[i] - middle[channel]) <= CONTRACT.ground.plain_step)) plain++;
+  }
+  return plain >= CONTRACT.ground.plain_share * count;
+}
+
+/**
  * A model's answer with what is known of the map in the place of its prediction, which takes on some of the colour that it
  * misses there.
  *
  * @param {object} stages of Models.light
  * @param {Float32Array} surroundings of seeSurroundings
+ * @param {boolean} [tints] whether the prediction takes on that colour
+ * @param {number} [sure] confidence of what is known
  */
-export function useSurroundings(stages, surroundings) {
-  const tint = tintOf(stages.radiance, surroundings);
+export function useSurroundings(stages, surroundings, tints = true, sure = SEEN) {
+  const tint = tints ? tintOf(stages.radiance, surroundings) : [1, 1, 1];
   const radiance = new Float32Array(stages.radiance.length);
   const predicted = new Float64Array(3);
   const display = new Float64Array(3);
@@ -100,7 +132,7 @@ export function useSurroundings(stages, surroundings) {
       radiance[to + channel] = predicted[channel] + cover * (seen[channel] * gain - predicted[channel]);
     }
   }
-  const confidence = stages.confidence?.map((value, i) => value + surroundings[3 * PIXELS + i] * (SEEN - value)) ?? null;
+  const confidence = stages.confidence?.map((value, i) => value + surroundings[3 * PIXELS + i] * (sure - value)) ?? null;
   if (!stages.lnRadiance) return { ...stages, radiance, confidence };
   const lnRadiance = radiance.map((value) => Math.log(Math.max(value, 1e-6)));
   return { ...stages, radiance, confidence, ldr: radiance.map((value) => response(value)), lnRadiance };

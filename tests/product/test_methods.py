@@ -9,7 +9,7 @@ from support.some_pair import sphere_pair
 from anyprobe.core.response import response
 from anyprobe.estimate.material_hint import TRUST, fit_gain
 from anyprobe.estimate.runtime import Models
-from anyprobe.evaluate.methods import PRIORS, model_methods, run_with_priors, true_normals
+from anyprobe.evaluate.methods import GIVEN_HINTS, model_methods, run_with_hints, true_normals
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +31,8 @@ def test_true_normals_are_means_of_four_made_unit():
 def test_what_is_told_is_all_that_differs(models):
     pair = sphere_pair(2)
     plain = models(pair.crop, pair.tan_half)
-    answers = {name: run_with_priors(models, pair, hints) for name, hints in PRIORS.items()}
-    np.testing.assert_array_equal(run_with_priors(models, pair, set()).radiance, plain.radiance)
+    answers = {name: run_with_hints(models, pair, hints) for name, hints in GIVEN_HINTS.items()}
+    np.testing.assert_array_equal(run_with_hints(models, pair, set()).radiance, plain.radiance)
     normals = models(pair.crop, pair.tan_half, true_normals(pair))
     np.testing.assert_array_equal(answers["normals"].radiance, normals.radiance)
     np.testing.assert_allclose(answers["normals"].normals[20:40, 20:40], true_normals(pair)[20:40, 20:40], atol=1e-4)
@@ -49,9 +49,9 @@ def test_what_is_told_is_all_that_differs(models):
 
 def test_only_a_model_that_lifts_is_given_normals():
     rows = {name: list(model_methods(Models(name), name, hints)) for name, hints in (("lift", True), ("paper", False))}
-    assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in PRIORS)]
+    assert rows["lift"] == ["lift", "lift, emitters expected", *(f"lift, {what} given" for what in GIVEN_HINTS)]
     assert rows["paper"] == ["paper"]
-    pair, methods = sphere_pair(3), model_methods(Models(), "lift", priors=True)
+    pair, methods = sphere_pair(3), model_methods(Models(), "lift", hints=True)
     alone, given, spread = (methods[f"lift{row}"](pair) for row in ("", ", normals given", ", emitters expected"))
     assert (alone.radiance != given.radiance).any()
     assert spread.radiance.max() < alone.radiance.max()
