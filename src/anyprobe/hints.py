@@ -203,7 +203,10 @@ class Hints:
         in_web="longFovDeg",
     )
     pitch_deg: float | None = _hint(
-        "camera", "How far the camera looks down, degrees: 0 level, 90 straight down.", name="pitch", numbers=(1,),
+        "camera",
+        "How far the camera looks down, degrees: 0 level, 90 straight down.",
+        name="pitch",
+        numbers=(1,),
         in_web="pitchDeg",
     )
     normals: NormalsSource | NormalsEstimator | None = _hint(

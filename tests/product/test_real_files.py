@@ -219,9 +219,13 @@ def test_normals_and_masks_are_numbers_not_colours():
     data = png(stored, (b"gAMA", struct.pack(">I", 100000)))
     np.testing.assert_allclose(read_image(data, as_data=True).rgb, stored / 255, atol=1e-6)
     mask = np.zeros((64, 96), np.uint8)
-    mask[16:48, 32:64] = 128
-    marked = load_photo(eight(DISPLAY), mask=png(mask, (b"gAMA", struct.pack(">I", 100000)))).mask
-    assert marked[20, 40] == pytest.approx(0.5, abs=0.01)
+    mask[10:54, 26:70] = 90
+    mask[16:48, 32:64] = 255
+    plain, marked = (
+        load_photo(eight(DISPLAY), mask=png(mask, *chunks)).mask
+        for chunks in ((), ((b"gAMA", struct.pack(">I", 100000)),))
+    )
+    np.testing.assert_array_equal(marked, plain)
 
 
 # Range
@@ -411,8 +415,8 @@ def test_a_layer_of_an_exr_is_the_picture():
 def test_radiance_far_above_white_says_by_what_to_multiply():
     mask = np.zeros((64, 96), np.float32)
     mask[16:48, 32:64] = 1
-    warning = load_photo(exr(500 + 100 * scene().astype(np.float32)), mask=mask).warnings[0]
-    assert "multiply its radiance by 0.0007" in warning
+    warnings = load_photo(exr(500 + 100 * scene().astype(np.float32)), mask=mask).warnings
+    assert any("multiply its radiance by 0.0007" in one for one in warnings)
 
 
 @pytest.mark.parametrize("aspect", [0.5, 1.5, 2.0])

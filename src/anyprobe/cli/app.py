@@ -40,13 +40,13 @@ MAKERS = (evaluate, train, weights)
 class Sections(TyperGroup):
     """Lists users' commands first, then those for training and evaluation."""
 
-    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
         names = {command.__name__ for command in USERS}
         sections: dict[str, list[tuple[str, str]]] = {"Commands": [], "Training and evaluation": []}
         for name in self.list_commands(ctx):
-            command = self.get_command(ctx, name)
             title = "Commands" if name in names else "Training and evaluation"
-            sections[title].append((name, command.get_short_help_str(formatter.width - 20)))
+            if (command := self.get_command(ctx, name)) is not None:
+                sections[title].append((name, command.get_short_help_str(formatter.width - 20)))
         for title, rows in sections.items():
             with formatter.section(title):
                 formatter.write_dl(rows)

@@ -133,9 +133,17 @@ def _clock(seconds: float) -> str:
 
 
 def _progress(talk: Console) -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    columns += (TextColumn("{task.fields[rate]}"), TimeRemainingColumn())
-    return Progress(*columns, console=talk, transient=True, disable=not talk.is_terminal, speed_estimate_period=120)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+        console=talk,
+        transient=True,
+        disable=not talk.is_terminal,
+        speed_estimate_period=120,
+    )
 
 
 class _Watch:

@@ -9,7 +9,7 @@ import socket
 import sys
 import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -72,9 +72,11 @@ def serve(
         only_here = is_loopback(host)
         token = _token(token, only_here)
         hosts = [host.lower(), *LOOPBACK, *names, *([] if only_here else [shown, socket.gethostname().lower()])]
-        options = {"hosts": hosts, "addresses": not only_here, "origins": allow_origin or [], "token": token}
-        app = create_app(estimator, limits, page=page, **options)
-        encrypted = {}
+        origins = allow_origin or []
+        app = create_app(
+            estimator, limits, page=page, hosts=hosts, addresses=not only_here, origins=origins, token=token
+        )
+        encrypted: dict[str, Any] = {}
         if https:
             certified = ["localhost", "127.0.0.1", shown, *names]
             certificate, key = write_certificate(Path(folder), list(dict.fromkeys(certified)))

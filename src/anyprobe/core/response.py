@@ -7,6 +7,7 @@ f(x) = (1 + sigma) x^n / (x^n + sigma), so that f(0) = 0 and f(1) = 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 # array_namespace would import it at the first call: a process forked while a thread imports hangs
 import array_api_compat.numpy  # noqa: F401
@@ -17,10 +18,10 @@ from anyprobe.core.contract import contract
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraCurve:
-    """The curve's two numbers; the defaults are the means of the fitted family."""
+    """The curve's two numbers, or an array of each, one a photo; the defaults are the means of the fitted family."""
 
-    exponent: float = contract("curve")["exponent"]
-    sigma: float = contract("curve")["sigma"]
+    exponent: Any = contract("curve")["exponent"]
+    sigma: Any = contract("curve")["sigma"]
 
 
 MEAN_CURVE = CameraCurve()

@@ -78,8 +78,13 @@ def draw_shot(rng: np.random.Generator, conditions: int = 1) -> Shot:
     subsampling = SUBSAMPLINGS[rng.integers(len(SUBSAMPLINGS))]
     if conditions == 0:
         return shot
-    flaws = {"blur_px": 0.0 if sharp else blur_px, "jpeg_quality": quality if jpeg else None}
-    return replace(shot, noise=noise, jpeg_subsampling=subsampling, **flaws)
+    return replace(
+        shot,
+        noise=noise,
+        blur_px=0.0 if sharp else blur_px,
+        jpeg_quality=quality if jpeg else None,
+        jpeg_subsampling=subsampling,
+    )
 
 
 def phone_shot(shot: Shot, ambient: np.ndarray, rng: np.random.Generator) -> Shot:

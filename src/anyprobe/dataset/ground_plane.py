@@ -80,7 +80,7 @@ def draw_ground(rng: np.random.Generator) -> Grounds:
     contrast = 0.02 if pattern == "plain" else np.exp(rng.normal(np.log(0.15), 0.5))
     shares = np.sqrt(2 * rng.dirichlet(np.ones(WAVES)))[:, None] * contrast
     amplitudes = shares * (1 + np.outer(rng.normal(0.0, 1.0, WAVES), [0.0, 0.2, 0.4]))
-    half = np.exp(rng.uniform(*np.log(HALF_SIDES), 2))
+    half = np.exp(rng.uniform(np.log(HALF_SIDES[0]), np.log(HALF_SIDES[1]), 2))
     middle = rng.uniform(-1, 1, 2) * np.maximum(half - LEAST_TO_EDGE, 0.0)
     if rng.random() < ENDLESS:
         half, middle = np.full(2, 1e6), np.zeros(2)

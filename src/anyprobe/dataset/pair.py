@@ -136,7 +136,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
     bright = luminance(light)
     # a camera that meters the whole scene sees exp(mean ln luminance)
     log_mean = float(np.exp(np.log(np.maximum(bright, 1e-4)).mean()))
-    seen = distributions.frame_level(bright) if shot.meters_frame else log_mean
+    seen = float(distributions.frame_level(bright)) if shot.meters_frame else log_mean
     gain = exposure(shot, float(luminance(reflected).mean()), seen)
     picture = np.zeros((*surface.mask.shape, 3), np.float32)
     picture[surface.mask] = reflected * gain

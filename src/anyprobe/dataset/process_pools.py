@@ -48,7 +48,8 @@ def run_local(
     Raises:
         AnyprobeError: what a task raised, at once; its other exceptions and three deaths as WorkerFailed.
     """
-    waiting, results, deaths = deque(tasks), {}, Counter()
+    waiting, results = deque(tasks), {}
+    deaths: Counter[Any] = Counter()
     crew: list[_Worker] = []
     try:
         while waiting or any(one.task is not None for one in crew):
@@ -209,7 +210,8 @@ def run_ray(
     try:
         remote = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1, scheduling_strategy="SPREAD")(_call)
         shared = ray.put(work)
-        waiting, running, results = list(reversed(tasks)), {}, {}
+        waiting, results = list(reversed(tasks)), {}
+        running: dict[Any, Any] = {}
         nodes = _alive(ray)
         while waiting or running:
             cpus = int(ray.cluster_resources().get("CPU", 1))
@@ -264,7 +266,7 @@ def _connect(address: str | None, workers: int):
     except ImportError as error:
         raise MissingExtra("ray", "ray", "--engine ray") from error
     if address is None:
-        where = {"num_cpus": workers, "include_dashboard": False}
+        where: dict[str, Any] = {"num_cpus": workers, "include_dashboard": False}
     else:
         _knock(address)
         where = {"address": address}

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def choose(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, t
 
 
 NAME = "dataset.json"
-SETTINGS = {
+SETTINGS: dict[str, Any] = {
     "kind": "object",
     "split": "train",
     "conditions": "clean",
@@ -345,7 +346,9 @@ class Status:
 
 def status(folder: Path) -> Status:
     """Count what is there, by the indices."""
-    plan, groups, pairs, size, missing = read_plan(folder), Counter(), 0, 0, []
+    plan, pairs, size = read_plan(folder), 0, 0
+    groups: Counter[str] = Counter()
+    missing: list[int] = []
     for shard in range(num_shards(plan)):
         if not shards.is_done(folder, shard):
             missing.append(shard)

@@ -129,8 +129,8 @@ def patch_points(half: np.ndarray, patches: int = PATCHES) -> Points:
         position[wall, ..., wall // 2] = half[wall // 2] * (2 * (wall % 2) - 1)
         position[wall, ..., u], position[wall, ..., v] = np.meshgrid(middle * half[u], middle * half[v], indexing="ij")
         side[wall] = 2 * half[[u, v]] / patches
-    wall = np.repeat(np.arange(6), patches**2)
-    return Points(wall=wall, position=position.reshape(-1, 3), side=side.reshape(-1, 2))
+    walls = np.repeat(np.arange(6), patches**2)
+    return Points(wall=walls, position=position.reshape(-1, 3), side=side.reshape(-1, 2))
 
 
 def seen_points(half: np.ndarray, eye: np.ndarray, d: np.ndarray, texel: float) -> Points:

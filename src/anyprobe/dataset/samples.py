@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -136,7 +137,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
     )
 
 
-def decode(name: str, data: bytes) -> np.ndarray | dict:
+def decode(name: str, data: bytes) -> Any:
     """A part as it was before encoding, by the end of its name; InputError if it is none."""
     try:
         if name.endswith(".npy"):

@@ -140,7 +140,7 @@ def _waves(rng: np.random.Generator, speeds: tuple[float, float], most: float) -
     angle = rng.uniform(0, 2 * np.pi, 3)
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     slope = rng.dirichlet(np.ones(3)) * rng.uniform(0.0, most)
-    speed = np.exp(rng.uniform(*np.log(speeds), 3))
+    speed = np.exp(rng.uniform(np.log(speeds[0]), np.log(speeds[1]), 3))
     return np.stack([along * slope[:, None], along * speed[:, None]], axis=1)
 
 

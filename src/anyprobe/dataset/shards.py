@@ -214,8 +214,9 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
     Raises:
         InputError: not such a tar.
     """
-    key, parts = None, {}
-    seen = set()
+    key: str | None = None
+    parts: dict[str, bytes] = {}
+    seen: set[str] = set()
     try:
         with tarfile.open(path, "r:") as tar:
             for member in tar:
@@ -227,9 +228,10 @@ def read_samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
                         raise InputError(f"{path.name}: expected the parts of {prefix} together, got them apart")
                     seen.add(prefix)
                     key, parts = prefix, {}
-                if not member.isfile() or not name or name in parts:
+                file = tar.extractfile(member) if member.isfile() else None
+                if file is None or not name or name in parts:
                     raise InputError(f"{path.name}: expected files <key>.<part>, got {member.name!r}")
-                parts[name] = tar.extractfile(member).read()
+                parts[name] = file.read()
     except (OSError, tarfile.TarError) as error:
         raise InputError(f"{path.name}: expected a tar, got damage ({error})") from error
     if key is not None:

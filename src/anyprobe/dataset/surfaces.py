@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -105,7 +106,8 @@ def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> V
     waves = matrix = None
     if config.bend > 0 or config.relief > 0:
         slow, fast = _waves(rng, 3, (0.8, 3.0), config.bend), _waves(rng, 3, (5.0, 18.0), config.relief)
-        waves = tuple(np.concatenate(pair) for pair in zip(slow, fast, strict=True))
+        pushes, lengths, phases = (np.concatenate(pair) for pair in zip(slow, fast, strict=True))
+        waves = pushes, lengths, phases
     if any((config.stretch, config.tilt_deg, config.bend, config.relief)):
         matrix = _stretch_and_lean(config, rng)
     return View(
@@ -131,7 +133,9 @@ def _waves(
     rng: np.random.Generator, count: int, speed: tuple[float, float], most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pushes, waves [count, 3] and phases [count] of waved, whose slopes sum to between none and `most`."""
-    waves = normalize(rng.normal(size=(count, 3))) * np.exp(rng.uniform(*np.log(speed), size=(count, 1)))
+    waves = normalize(rng.normal(size=(count, 3))) * np.exp(
+        rng.uniform(np.log(speed[0]), np.log(speed[1]), size=(count, 1))
+    )
     slopes = rng.dirichlet(np.ones(count)) * rng.uniform(0.0, most)
     pushes = normalize(rng.normal(size=(count, 3))) * (slopes / np.linalg.norm(waves, axis=1))[:, None]
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
@@ -185,25 +189,25 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     meshes += [figure(rng) for _ in range(config.figures)]
     for number, mesh in enumerate(meshes):
-        own = number >= len(shapes) and config.own_views is not None
-        yield mesh, draw_views(config.own_views if own else config.views, config, rng)
+        own = config.own_views if number >= len(shapes) else None
+        yield mesh, draw_views(config.views if own is None else own, config, rng)
     for number in range(config.parts):
         yield drawn_part(number, config)
 
 
 def _seen(jobs: Iterator[tuple[Mesh, list[View]]], config: SurfaceConfig, workers: int) -> Iterator[list[Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
-    wanted = config.size, config.shadows, config.points
+    see = partial(see_views, size=config.size, shadows=config.shadows, points=config.points)
     if workers == 0:
         for job in jobs:
-            yield see_views(*job, *wanted)
+            yield see(*job)
         return
     asked: deque = deque()
     spawn, quiet = get_context("spawn"), (signal.SIGINT, signal.SIG_IGN)
     with one_thread(), ProcessPoolExecutor(workers, spawn, signal.signal, quiet) as pool:
         try:
             for job in jobs:
-                asked.append(pool.submit(see_views, *job, *wanted))
+                asked.append(pool.submit(see, *job))
                 if len(asked) > 4 * workers:
                     yield asked.popleft().result()
             while asked:

@@ -130,7 +130,7 @@ def locate(normals: np.ndarray) -> np.ndarray:
         normals: [S, S, 3], camera frame, zero off the object.
     """
     size = normals.shape[0]
-    mask = normals.any(axis=-1)
+    mask = np.asarray(normals.any(axis=-1))
     slope = -normals[..., :2] / np.maximum(normals[..., 2:], STEEPEST)
     mean = slope[mask].mean(axis=0)  # which no sum of waves has
     slope = np.where(mask[..., None], slope - mean, 0.0)
@@ -156,7 +156,7 @@ def lay(pattern: np.ndarray, points: np.ndarray, normals: np.ndarray, rng: np.ra
     extent = float(np.exp(rng.uniform(*np.log(EXTENT))))
     starts = rng.uniform(0, 2, (3, 2)).astype(np.float32)
     channels = range(pattern.shape[-1])
-    result = 0.0
+    result = np.zeros((*points.shape[:-1], len(channels)), np.float32)
     for axis in range(3):
         along = np.delete(points, axis, axis=-1) / extent + starts[axis]
         xy = 1 - 2 * np.abs(1 - along % 2)
@@ -242,7 +242,7 @@ def paint_some(
         The materials; the f0 and albedo of those that are changed are [S, S, 3].
     """
     chosen = rng.random((len(materials), 2)) < (textured, two_materials)
-    chosen &= normals.any(axis=(1, 2, 3))[:, None]  # a thin object, reshaped, may have left its picture
+    chosen &= np.asarray(normals.any(axis=(1, 2, 3)))[:, None]  # a thin object, reshaped, may have left its picture
     result = list(materials)
     for k in np.flatnonzero(chosen.any(axis=1)):
         n = np.moveaxis(normals[k], 0, -1)

@@ -169,7 +169,12 @@ def write_library(
     Raises:
         InputError: no maps. OutputError: cannot be written.
     """
-    names, features, richness, lights, levels, digests = [], [], [], [], [], []
+    names: list[str] = []
+    features: list[np.ndarray] = []
+    richness: list[float] = []
+    lights: list[np.ndarray] = []
+    levels: list[float] = []
+    digests: list[str] = []
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
         for given in entries:
             one = Entry(*given)

@@ -106,7 +106,8 @@ def _level_from_camera(pitch_deg: float) -> np.ndarray:
 def _spectra(library: Library) -> tuple[np.ndarray, np.ndarray]:
     """Fourier transforms along the columns of the features and of their squares, [N, 16, 17, 4]."""
     features = library.features
-    return tuple(np.fft.rfft(values, axis=2).astype(np.complex64) for values in (features, features**2))
+    plain, squares = (np.fft.rfft(values, axis=2).astype(np.complex64) for values in (features, features**2))
+    return plain, squares
 
 
 def _compare(

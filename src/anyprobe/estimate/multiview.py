@@ -101,7 +101,7 @@ def cut_photos(photos: Iterable[Photo], start: float | None = None) -> tuple[lis
 def estimate_crops(
     from_crop: Callable[..., Light],
     taken: list[tuple[Photo, Crop]],
-    world_from_camera: Sequence[np.ndarray],
+    world_from_camera: Sequence[np.ndarray] | np.ndarray,
     spent: Sequence[float],
     material: Material | None = None,
 ) -> Light:
@@ -139,7 +139,7 @@ def _merged(crops: list[Crop], to_first: list[np.ndarray], gains: list[float]) -
     ]
 
 
-def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]) -> Light:
+def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray] | np.ndarray) -> Light:
     """One light, in the camera's frame and the exposure units of the first photo.
 
     What the object does not face in one photo it does in another; where all guess, their errors average out. Each
@@ -171,7 +171,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     )
 
 
-def _turns(count: int, world_from_camera: Sequence[np.ndarray]) -> list[np.ndarray]:
+def _turns(count: int, world_from_camera: Sequence[np.ndarray] | np.ndarray) -> list[np.ndarray]:
     """first_from_camera [3, 3] of each photo."""
     if not count or count != len(world_from_camera):
         raise InputError(f"poses: expected one a light, got {len(world_from_camera)} for {count} lights")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import resources
@@ -62,7 +62,7 @@ def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, M
     hints: also a row for each of GIVEN_HINTS.
     """
 
-    def method(pair: Pair, models: Models = models, hints: frozenset[str] | set[str] = frozenset()) -> Estimate:
+    def method(pair: Pair, models: Models = models, hints: Collection[str] = frozenset()) -> Estimate:
         outputs = run_with_hints(models, pair, hints)
         return Estimate(
             ldr=outputs.ldr.clip(0.0, 1.0),
@@ -115,7 +115,7 @@ def chrome_sphere(photo: np.ndarray) -> np.ndarray:
     return np.where(mask[y, x][..., None], radiance[y, x], mean).astype(np.float32)
 
 
-def run_with_hints(models: Models, pair: Pair, hints: set[str]) -> Outputs:
+def run_with_hints(models: Models, pair: Pair, hints: Collection[str]) -> Outputs:
     """A model's outputs given the pair's true normals, true material or surroundings."""
     normals = true_normals(pair) if "normals" in hints else None
     surroundings_map = surroundings(pair) if "surroundings" in hints else None

@@ -38,6 +38,10 @@ def dominant_light_share(radiance: np.ndarray) -> float:
     return float(luminance(find_dominant_light(radiance).irradiance)) / max(whole, 1e-9)
 
 
+def _alpha_within(low: float, high: float) -> Group:
+    return lambda pair, single: low <= pair.material.alpha < high
+
+
 GROUPS: dict[str, Group] = {
     "all": lambda pair, single: True,
     "specular": lambda pair, single: pair.specular,
@@ -45,9 +49,7 @@ GROUPS: dict[str, Group] = {
     "indoor": lambda pair, single: pair.indoor,
     "outdoor": lambda pair, single: not pair.indoor,
     **{
-        f"alpha {low:g}-{min(high, 1.0):g}": (
-            lambda pair, single, low=low, high=high: low <= pair.material.alpha < high
-        )
+        f"alpha {low:g}-{min(high, 1.0):g}": _alpha_within(low, high)
         for low, high in zip(ALPHA_EDGES[:-1], ALPHA_EDGES[1:], strict=True)
     },
     "one light": lambda pair, single: single,

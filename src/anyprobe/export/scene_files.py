@@ -188,10 +188,10 @@ def asset_path(path: str) -> str:
 
 def pack_usdz(path: Path, files: list[Path]) -> None:
     """A .usdz: a zip of stored files, the stage first, each at a multiple of 64 bytes."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+    with path.open("wb") as stream, zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for file in files:
             entry = zipfile.ZipInfo(file.name, date_time=(1980, 1, 1, 0, 0, 0))
-            start = archive.fp.tell() + 30 + len(file.name.encode()) + 4  # local header, name, field header
+            start = stream.tell() + 30 + len(file.name.encode()) + 4  # local header, name, field header
             padding = -start % USDZ_ALIGNMENT
             entry.extra = b"\x86\x19" + padding.to_bytes(2, "little") + b"\0" * padding
             archive.writestr(entry, file.read_bytes())

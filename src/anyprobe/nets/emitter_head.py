@@ -44,6 +44,10 @@ def worth_matrix() -> torch.Tensor:
 class EmitterHead(nn.Module):
     """code [N, C] -> ln(power + POWER_FLOOR) [N, 3] in sr of white; then `expected` and `mode` place it."""
 
+    solid_angles: torch.Tensor
+    directions: torch.Tensor
+    worth: torch.Tensor
+
     def __init__(self, code: int) -> None:
         super().__init__()
         self.power = nn.Sequential(nn.Linear(code, 64), nn.LeakyReLU(0.1), nn.Linear(64, 3))

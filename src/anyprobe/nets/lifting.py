@@ -24,6 +24,8 @@ class CameraRays(nn.Module):
     wo: unit directions from each pixel's surface point to the camera, camera frame; slope: their x / z and y / z.
     """
 
+    slope: torch.Tensor
+
     def __init__(self) -> None:
         super().__init__()
         unit = torch.from_numpy(pixel_rays(1.0, SIZE)).permute(2, 0, 1)

@@ -42,6 +42,8 @@ class SphereNet(nn.Module):
     that gaps are filled from coarser ones; the pixels' directions give it up and forward.
     """
 
+    directions: torch.Tensor
+
     def __init__(
         self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
     ) -> None:
@@ -62,8 +64,8 @@ class SphereNet(nn.Module):
     def forward(self, scales: list[torch.Tensor], code: torch.Tensor, surroundings: torch.Tensor) -> torch.Tensor:
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
-        seen = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
-        x = torch.cat([wrap(seen, MARGIN), directions], dim=1)
+        inputs = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
+        x = torch.cat([wrap(inputs, MARGIN), directions], dim=1)
         levels = [self.first(x)]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):

@@ -43,7 +43,7 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
     pyramid, u = build_pyramid(reduced(radiance), side=64, emitters=NUM_EMITTERS), hammersley(64)
     n, _ = sphere_normals(SPHERE)
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
-    best, least = None, np.inf
+    best, least = Material(albedo=0.0, f0=0.0, alpha=1.0), np.inf
     for alpha in ALPHAS:
         sphere = shade(pyramid, n, wo, alpha, u)
         for material in _candidates(sphere, mean, alpha):

@@ -128,7 +128,7 @@ def _ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part]
             ((side.start - c) * n / s, (side.stop - c) * n / s)
             for side, c, n, s in zip(strip, corner, count, size, strict=True)
         )
-        shape = tuple(int(side.stop - side.start) for side in strip[::-1])
+        shape = int(strip[1].stop - strip[1].start), int(strip[0].stop - strip[0].start)
         box = (left, top, min(right, count[1]), min(bottom, count[0]))  # rounding may lead out of the picture
         found = [one.resize(shape, Image.Resampling.BILINEAR, box=box) for one in channels]
         return np.stack([np.asarray(one) for one in found], axis=-1)
@@ -282,7 +282,8 @@ class Stage:
         def shaded() -> tuple[Part, np.ndarray]:
             cast = shadow or self.shadow(radiance)
             both = self.view.part_around(cast.foot, cast.reach), self.window.part(*self.photo.mask.shape)
-            part = tuple(slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True))
+            rows, columns = (slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(*both, strict=True))
+            part = rows, columns
             return part, cast_shadow(self.photo, self.view, cast, part)
 
         with ThreadPoolExecutor(1) as pool:  # while the object is drawn

@@ -9,6 +9,7 @@ import sys
 from dataclasses import dataclass
 from functools import lru_cache
 from glob import glob
+from typing import Any
 
 import numpy as np
 
@@ -210,7 +211,7 @@ def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
 def _bsdf(material: Material) -> dict:
     f0 = [float(c) for c in np.broadcast_to(material.f0, 3)]
     if np.ndim(material.albedo) == 3:
-        albedo = {"type": "mesh_attribute", "name": ALBEDO}
+        albedo: Any = {"type": "mesh_attribute", "name": ALBEDO}
     else:
         albedo = [float(c) for c in np.broadcast_to(material.albedo, 3)]
     return {"type": NAME, "albedo": albedo, "f0": f0, "alpha": float(material.alpha)}

@@ -97,10 +97,10 @@ class GroundShadow:
             shadow = np.zeros(self.grid * self.grid, bool)
             shadow[hidden] = True
             left[shadow] -= weight
-        left = left.reshape(self.grid, self.grid, 3)
+        unshadowed = left.reshape(self.grid, self.grid, 3)
         at = np.abs((np.arange(self.grid) + 0.5) / self.grid * 2 - 1)
         inward = np.clip((1 - np.maximum.outer(at, at)) / (1 - FADE), 0.0, 1.0)[..., None]
-        return 1.0 - (1.0 - np.clip(left, 0.0, 1.0)) * inward
+        return 1.0 - (1.0 - np.clip(unshadowed, 0.0, 1.0)) * inward
 
     def _cells(self, relative: np.ndarray) -> np.ndarray:
         """Column and row on the grid [..., 2] of points relative to the foot."""

@@ -75,7 +75,7 @@ def lathe(rng: np.random.Generator, rows: int = 72) -> Mesh:
     profile = rng.uniform(0.2, 0.9, size=knots)
     s = np.linspace(0, 1, rows)
     smooth = np.interp(s, np.linspace(0, 1, knots), profile)
-    kernel = np.hanning(max(5, rows // knots))
+    kernel = np.hanning(max(5, int(rows // knots)))
     smooth = np.convolve(np.pad(smooth, rows, mode="edge"), kernel / kernel.sum(), mode="same")[rows:-rows]
     rounding = rng.uniform(0.02, 0.2)
     smooth = smooth * np.clip(np.minimum(s, 1 - s) / rounding, 0.0, 1.0) ** 0.5
@@ -103,8 +103,8 @@ def _solid(rng: np.random.Generator) -> np.ndarray:
     elif kind == 2:
         planes = dodecahedron
     elif kind == 3:  # a prism or a pyramid's stump over 3 to 8 sides
-        turn = np.arange(rng.integers(3, 9))
-        turn = turn * 2 * np.pi / len(turn)
+        count = int(rng.integers(3, 9))
+        turn = np.arange(count) * 2 * np.pi / count
         side = np.stack([np.sin(turn), np.full(len(turn), rng.uniform(0.0, 0.6)), np.cos(turn)], axis=-1)
         planes = np.concatenate([normalize(side), cube[[1, 4]] / rng.uniform(0.6, 1.8)])
     else:  # a pebble of random cuts; the box keeps it closed

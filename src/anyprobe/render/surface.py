@@ -178,4 +178,5 @@ def cover(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.nd
         side *= 2
     if not found:
         return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64)
-    return tuple(np.concatenate(part) for part in zip(*found, strict=True))
+    face, weights, pixel = (np.concatenate(part) for part in zip(*found, strict=True))
+    return face, weights, pixel

@@ -29,12 +29,12 @@ class DoorProtocol(H11Protocol):
     head_s = limits.HEAD_S
     read_s = limits.READ_S
 
-    def connection_made(self, transport: asyncio.Transport) -> None:
+    def connection_made(self, transport: Any) -> None:
         self._waits_since: float | None = None
         self._head: asyncio.TimerHandle | None = None
         self._unread: asyncio.TimerHandle | None = None
         if len(self.connections) >= self.max_connections:
-            waiting = [one for one in self.connections if getattr(one, "_waits_since", None) is not None]
+            waiting: list[Any] = [one for one in self.connections if getattr(one, "_waits_since", None) is not None]
             if not waiting:  # all of them are being answered
                 super().connection_made(transport)
                 transport.abort()

@@ -146,9 +146,9 @@ class HeadAsGet:
             return await self._app(scope, receive, send)
 
         async def headers_only(message: Message) -> None:
-            await send(message | {"body": b""} if message["type"] == "http.response.body" else message)
+            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
 
-        return await self._app(scope | {"method": "GET"}, receive, headers_only)
+        return await self._app({**scope, "method": "GET"}, receive, headers_only)
 
 
 class OwnPagesOnly:

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from starlette.exceptions import HTTPException
 
@@ -160,9 +160,9 @@ class WorkerPool:
         """
         cancellation = Cancellation()
         future = asyncio.get_running_loop().run_in_executor(self._threads[kind], _run, work, cancellation)
-        leaving = asyncio.ensure_future(gone())
+        leaving: asyncio.Future[Any] = asyncio.ensure_future(gone())
         try:
-            await asyncio.wait({future, leaving}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait([future, leaving], return_when=asyncio.FIRST_COMPLETED)
         finally:
             leaving.cancel()
             if not future.done():

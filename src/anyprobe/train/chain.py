@@ -50,7 +50,7 @@ class Chain:
     def __init__(self, config: RunConfig, device: str) -> None:
         self.config, self.device = config, device
         self.nets = self.networks()
-        self.nets.to(device, memory_format=torch.channels_last)
+        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         weights = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
 

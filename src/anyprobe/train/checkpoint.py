@@ -100,7 +100,7 @@ def _default(setting: Field, now: Any) -> Any:
         value = setting.default
     elif setting.default_factory is not MISSING:
         value = setting.default_factory()
-    return asdict(value) if is_dataclass(value) else value
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
 def _another_run(path: Path, name: str, then: Any, now: Any) -> InputError:

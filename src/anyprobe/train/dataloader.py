@@ -77,7 +77,7 @@ def stream(open_source: Callable[[], PairSource], steps: range, workers: int) ->
         return iter(batches)
 
 
-def _as_it_is(batch: Batch) -> Batch:
+def _as_it_is(batch: Any) -> Any:
     return batch
 
 
@@ -251,7 +251,7 @@ class ShardSource:
             "normals": normals,
         }
         rows = {name: np.ascontiguousarray(value.transpose(2, 0, 1), np.float32) for name, value in images.items()}
-        return rows | {name: np.float32(fields[name]) for name in ("alpha", "tan_half")}
+        return rows | {name: np.asarray(fields[name], np.float32) for name in ("alpha", "tan_half")}
 
     def _turned_map(self, map_id: str, map_from_camera: str) -> np.ndarray:
         """A map in a pair's camera frame, [64, 128, 3]."""

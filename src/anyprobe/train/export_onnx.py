@@ -199,7 +199,9 @@ def store_half(model) -> None:
     import onnx
     from onnx import numpy_helper
 
-    casts, kept, renamed = [], {}, {}
+    casts: list[Any] = []
+    kept: dict[Any, str] = {}
+    renamed: dict[str, str] = {}
     for tensor in list(model.graph.initializer):
         values = numpy_helper.to_array(tensor)
         if values.dtype != np.float32 or values.size < 1024:
