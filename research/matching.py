@@ -3,9 +3,8 @@
     python -m research.matching DATA              # 100 photos by the 30 test maps, among them and 109 of training
     python -m research.matching DATA --left-out   # by the maps that no shipped weights learn from: to choose by
 
-Each photo is judged twice: with the camera's pitch unknown, and given. Also: the true map in place of the photo, as far
-as an estimate holds it, ranked by detail.match; and a vase relit by the estimate, by the map found, and by the photo's
-own map as it was placed.
+Each photo is judged twice: with the camera's pitch unknown, and given. Also a vase relit by the estimate, by the map
+ranked first, and by the photo's own map as it was placed.
 """
 
 from __future__ import annotations
