@@ -6,7 +6,8 @@ import { BoxGeometry, Group, Matrix4, Mesh, PerspectiveCamera, SphereGeometry } 
 
 import { objectBox } from "../src/photo/picture.js";
 import { extentOf, outlineOf } from "../page/view/outline.js";
-import { Silhouette, contactOf, farthestRow, findSpot, likelyPitchDeg } from "../page/view/placement.js";
+import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
+import { contactOf, likelyPitchDeg } from "../src/photo/ground.js";
 
 const [WIDTH, HEIGHT] = [600, 400];
 
