@@ -20,6 +20,7 @@ from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
+from anyprobe.light.light_sources import LightSource, find_light_sources
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -191,6 +192,11 @@ class Light:
     def dominant_light(self) -> DominantLight:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
+
+    def sources(self) -> tuple[LightSource, ...]:
+        """The map's light sources, the brightest place first: direction, irradiance, angular size; none under an even
+        sky."""
+        return find_light_sources(self.radiance)
 
     def rotate(self, rotation: np.ndarray) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).

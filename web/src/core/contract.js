@@ -51,24 +51,24 @@ export const CONTRACT = {
       }
     },
     "quality": {
-      "doubtful": 0.81,
+      "doubtful": 0.88,
       "refused": 0.05,
       "u2netp": {
-        "offset": -4,
+        "offset": -12.94,
         "weights": {
-          "expected": 3,
-          "agreed": 4,
-          "whole": 1,
-          "border": 0
+          "expected": 6,
+          "agreed": 2.5,
+          "whole": 4.41,
+          "single": 3.05
         }
       },
       "small": {
-        "offset": -4,
+        "offset": -12.11,
         "weights": {
-          "expected": 3,
-          "agreed": 4,
-          "whole": 1,
-          "border": 0
+          "expected": 8.75,
+          "agreed": 0.42,
+          "whole": 4.95,
+          "single": 0
         }
       }
     }
