@@ -145,7 +145,8 @@ class MaskFollower:
     def _load(self, frame: Frame, name: str, own: Mapping[str, Path], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
         try:
-            return load_photo(frame.rgb, name=name, **self._every, **own, **where)
+            photo = load_photo(frame.rgb, name=name, **self._every, **own, **where)
+            return photo if frame.radiance is None else replace(photo, radiance=frame.radiance)
         except InputError as error:
             if not own or any(path.name in str(error) for path in own.values()):
                 raise
