@@ -75,7 +75,7 @@ def draw_sources(height: int, sources: Iterable[Source]) -> Float[np.ndarray, "H
     d, angles = _grid(height)
     drawn = np.zeros((2 * height * height, 3), np.float32)
     for source in sources:
-        shape = d @ source.direction.astype(np.float32) - np.float32(np.cos(source.radius))
+        shape = d @ source.direction - np.cos(source.radius)
         pixels = np.flatnonzero(shape > 0.0)
         part = shape[pixels]
         drawn[pixels] += (part / (part @ angles[pixels, 0]))[:, None] * source.power
