@@ -271,7 +271,7 @@ def test_exif_rotation_is_honoured(work, command, photo_rgba):
     assert np.abs(ignored - plain).max() > 1e-3
 
 
-@pytest.mark.parametrize(("value", "word"), [(0, "black"), (255, "white")])
+@pytest.mark.parametrize(("value", "word"), [(0, "nearly black"), (255, "is clipped")])
 def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_rgba, value, word):
     photo_rgba[..., :3] = value
     Image.fromarray(photo_rgba).save("a rather long name of a photo, so that the line is long, too.png")
@@ -279,7 +279,7 @@ def test_black_or_white_object_is_accepted_with_a_warning(work, command, photo_r
     assert outcome.status == 0
     warned = [line for line in outcome.err.splitlines() if line.startswith("warning: ")]
     assert len(warned) == 1
-    assert f"{word} almost everywhere" in warned[0]
+    assert word in warned[0]
     (sidecar,) = (work / "out").glob("*.json")
     written = json.loads(sidecar.read_text())
     assert written["well_exposed_fraction"] < 0.05

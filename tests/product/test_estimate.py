@@ -91,7 +91,7 @@ def test_path_bytes_pillow_and_array_give_the_same_map(photo_path, photo_rgba, e
 def test_mask_counts_as_alpha_does(photo_rgba, photo_mask, mask_path, estimator):
     expected = estimator(photo_rgba).radiance
     for mask in (photo_mask, mask_path, Image.fromarray(photo_mask), photo_mask > 0):
-        found = estimator(np.ascontiguousarray(photo_rgba[..., :3]), mask=mask).radiance
+        found = estimator(np.ascontiguousarray(photo_rgba[..., :3]), mask=mask, surroundings="none").radiance
         np.testing.assert_array_equal(found, expected)
 
 

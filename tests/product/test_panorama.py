@@ -152,7 +152,7 @@ def test_what_one_photo_shows_all_know(estimator):
 
 
 def test_photos_without_surroundings_are_fused_as_ever(estimator):
-    photos = [take(pose, surroundings=None) for pose in POSES[:2]]
+    photos = [take(pose, surroundings="none") for pose in POSES[:2]]
     together = estimator.multiview(photos, POSES[:2])
     apart = fuse_lights([estimator.from_photo(photo) for photo in photos], POSES[:2])
     np.testing.assert_array_equal(together.radiance, apart.radiance)

@@ -247,7 +247,7 @@ def test_senseless_field_of_view(fov_deg):
 
 
 @pytest.mark.parametrize(
-    ("color", "word"), [((0.0, 0.01, 0.0), "black"), ((1.0, 0.99, 1.0), "white"), ((1.0, 0.5, 1.0), None)]
+    ("color", "word"), [((0.0, 0.01, 0.0), "black"), ((1.0, 0.99, 1.0), "clipped"), ((1.0, 0.5, 1.0), None)]
 )
 def test_clipped_or_black_object_warns(color, word):
     photo = rgba_photo(color=color)

@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { maskFromAlpha } from "../src/photo/picture.js";
+import { readMask, readNormals } from "../src/photo/source.js";
 
 /** A picture of 8 x 4 grey pixels of this alpha, but for its first. */
 function pictureOf(alpha, first = alpha) {
@@ -25,4 +26,20 @@ test("alpha that cuts something away is the mask as it is", () => {
     assert.equal(mask[0], Math.fround(first / 255));
     assert.ok(mask.slice(1).every((cover) => cover === Math.fround(alpha / 255)));
   }
+});
+
+test("masks and normals of a photo's own size are shrunk as the photo was", async () => {
+  const picture = { width: 8, height: 4, fullWidth: 16, fullHeight: 8 };
+  const left = Float32Array.from({ length: 128 }, (_, i) => (i % 16 < 8 ? 1 : 0));
+  const mask = await readMask(left, picture);
+  assert.equal(mask.length, 32);
+  assert.ok(mask[0] === 1 && mask[7] === 0);
+  assert.equal(await readMask(mask, picture), mask);
+  const normals = readNormals(Float32Array.from({ length: 384 }, (_, i) => (i % 3 === 2 ? 1 : 0)), picture);
+  assert.equal(normals.length, 96);
+  assert.ok(Math.abs(normals[2] - 1) < 1e-6 && normals[0] === 0);
+  for (const wrong of [new Float32Array(9), Float32Array.of(NaN), new Float32Array(32).fill(255)]) {
+    await assert.rejects(readMask(wrong, picture), { code: "invalid-option" });
+  }
+  assert.throws(() => readNormals([0, 0, 1], picture), { code: "invalid-option" });
 });

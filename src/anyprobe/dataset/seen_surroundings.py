@@ -25,6 +25,8 @@ PLACE_ERROR = 0.12
 """Of the logarithm of the object's distance in heights of its centre, and of that centre in such heights."""
 LEAST_SINE = 0.02
 """Of the angle below the horizon from which on a direction is taken to meet the ground."""
+FAR = 0.7
+"""Share of photos of which the ground is shown as if it were as far as the light, as the estimator does it."""
 FILLED = 0.8
 """Share of photos in which what is not seen of the ground is given its middle colour."""
 MOST_OTHERS = 7
@@ -90,6 +92,8 @@ def ground_surroundings(
     down = -torch.einsum("hwi,bi->bhw", d, up)
     below = down > LEAST_SINE
     point = center[:, None, None] + d / down.clip(min=LEAST_SINE)[..., None]
+    far = torch.from_numpy(rng.random(count) < FAR).to(device)
+    below &= ~far[:, None, None]
     rays = F.normalize(torch.where(below[..., None], point, d.expand(count, -1, -1, -1)), dim=-1)
     cover = inside_frame(rays, frames)[:, None] * (1 - _hidden(rays, mask, tan_half))
     display = (shown(scenes.see(rays)).clip(0.0, 1.0) * 255).round() / 255

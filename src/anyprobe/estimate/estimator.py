@@ -15,9 +15,11 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
+from anyprobe.detail.likeness import shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.below_horizon import ground_below
+from anyprobe.estimate.doubts import light_doubts
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
@@ -231,11 +233,14 @@ class Estimator:
         if confidence is None:
             confidence = np.full(outputs.radiance.shape[:2], exposed, np.float32)
         found = rotate(np.dstack([outputs.radiance, confidence]), crop.camera_from_crop)
+        radiance, doubts = np.maximum(found[..., :3], 0.0), ()
+        if exposed >= ENOUGH_EXPOSED:  # else that is said already
+            doubts = light_doubts(radiance, photo.ground, photo.pitch_deg, photo.name)
         return Light(
-            radiance=np.maximum(found[..., :3], 0.0),
+            radiance=radiance,
             confidence=found[..., 3].clip(0.0, 1.0),
             well_exposed_fraction=exposed,
-            warnings=photo.warnings,
+            warnings=photo.warnings + doubts,
             stages={
                 "photo": crop.image,
                 "irradiance": outputs.irradiance,
@@ -243,6 +248,9 @@ class Estimator:
                 "ln_radiance": outputs.ln_radiance,
             },
             camera_from_crop=crop.camera_from_crop,
+            shown=None
+            if outputs.normals is None
+            else shown_by(crop.image, outputs.normals, crop.tan_half, crop.camera_from_crop),
             info={
                 "photo": photo.name,
                 "model": self.model_id,

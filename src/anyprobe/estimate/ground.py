@@ -43,6 +43,7 @@ class Ground:
         roll_deg: how far the camera is turned to the left about its axis, so that the picture turns to the right.
         contact: x, y [px] where the object touches the ground.
         source: "given" or "guessed".
+        is_doubtful: whether the object's place in the photo contradicts the usual guess.
     """
 
     pitch_deg: float
@@ -50,6 +51,7 @@ class Ground:
     roll_deg: float
     contact: tuple[float, float]
     source: str
+    is_doubtful: bool = False
 
     @property
     def up(self) -> np.ndarray:
@@ -85,8 +87,10 @@ def estimate_ground(photo: Photo, *, pitch_deg: float | None = None, roll_deg: f
     height, width = photo.mask.shape
     focal = max(width, height) / 2 / np.tan(np.radians(photo.long_fov_deg) / 2)
     below_axis = float(np.degrees(np.arctan2(row - height / 2, focal)))
+    least_deg = LEAST_SLOPE_DEG - below_axis
     return Ground(
-        pitch_deg=max(USUAL_PITCH_DEG, LEAST_SLOPE_DEG - below_axis),
+        pitch_deg=max(USUAL_PITCH_DEG, least_deg),
+        is_doubtful=least_deg > USUAL_PITCH_DEG,
         pitch_error_deg=USUAL_ERROR_DEG,
         roll_deg=roll,
         contact=(x, row),

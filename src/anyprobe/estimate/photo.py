@@ -7,17 +7,17 @@ from typing import Unpack
 
 import numpy as np
 
-from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
+from anyprobe.estimate.doubts import exposure_doubts, ground_doubts
 from anyprobe.estimate.ground import Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import at_rows, is_cut_out, read_panorama, turned, visible_surroundings
-from anyprobe.files.images import ImageSource, Pixels, read_image
+from anyprobe.files.images import ImageSource, read_image
 from anyprobe.hints import (
     AUTO,
     NONE,
@@ -40,9 +40,6 @@ DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
 """Side of the crop over the longer side of the object's bounding box."""
-
-CLIPPED_SHARE = 0.98
-"""An object with this share of black or of white pixels gets a warning."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -161,13 +158,16 @@ def load_photo(
         long_fov_deg, fov_source = pixels.long_fov_deg, "exif"
     else:
         long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
+    on = found.mask > 0.5
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
         long_fov_deg=long_fov_deg,
         fov_source=fov_source,
         name=pixels.name,
-        warnings=pixels.warnings + found.warnings + _exposure_warnings(pixels, found.mask > 0.5),
+        warnings=pixels.warnings
+        + found.warnings
+        + exposure_doubts(pixels.rgb[on], pixels.name, None if pixels.radiance is None else pixels.radiance[on]),
         mask_source=found.source,
         mask_confidence=found.confidence,
         normals=_known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg),
@@ -181,7 +181,9 @@ def load_photo(
     )
     if word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha):
         return photo
-    return replace(photo, use_background=True, ground=estimate_ground(photo))
+    ground = estimate_ground(photo)
+    warnings = photo.warnings + ground_doubts(ground, photo.name)
+    return replace(photo, use_background=True, ground=ground, warnings=warnings)
 
 
 def _known_normals(
@@ -284,19 +286,3 @@ def _resampling(start: float, side: float, size: int, length: int) -> tuple[slic
     else:
         weights = np.clip(1.0 - np.abs(low + step / 2.0 - (pixel + 0.5)), 0.0, None)
     return slice(first, last), weights.astype(np.float32)
-
-
-def _exposure_warnings(pixels: Pixels, on: np.ndarray) -> tuple[str, ...]:
-    """An object [H, W] bool that is nearly all black or all white carries no shading."""
-    red, green, blue = pixels.rgb[on].T
-    little = "almost everywhere; little can be estimated from it"
-    if np.mean((red <= 0.01) & (green <= 0.01) & (blue <= 0.01)) >= CLIPPED_SHARE:
-        return (f"{pixels.name}: the object is black {little}; expose longer",)
-    if np.mean((red >= 0.99) & (green >= 0.99) & (blue >= 0.99)) >= CLIPPED_SHARE:
-        advice = "expose shorter"
-        if pixels.radiance is not None:
-            advice = (
-                f"multiply its radiance by {0.4 / np.median(luminance(pixels.radiance[on])):.2g}, so that white is 1"
-            )
-        return (f"{pixels.name}: the object is white {little}; {advice}",)
-    return ()

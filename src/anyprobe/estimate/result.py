@@ -20,11 +20,14 @@ from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, find_dominant_light
 from anyprobe.light.environment import check_radiance, integral, rotate
 from anyprobe.light.harmonics import project
+from anyprobe.light.light_sources import LightSource, find_light_sources
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
     from anyprobe.detail.library import Library
+    from anyprobe.detail.likeness import Shown
+    from anyprobe.detail.matching import MatchedMap
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -125,6 +128,7 @@ class Light:
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         info: how the estimate came about.
+        shown: what the photo shows of its object, for match; None where that is not known.
     """
 
     radiance: np.ndarray
@@ -135,6 +139,7 @@ class Light:
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
     map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
     info: Info = field(default_factory=Info)
+    shown: Shown | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("radiance", check_radiance(self.radiance, "light")), ("confidence", self.confidence)):
@@ -188,6 +193,11 @@ class Light:
         """The lobe that a directional light stands for: direction, irradiance, colour."""
         return find_dominant_light(self.radiance)
 
+    def sources(self) -> tuple[LightSource, ...]:
+        """The map's light sources, the brightest place first: direction, irradiance, angular size; none under an even
+        sky."""
+        return find_light_sources(self.radiance)
+
     def rotate(self, rotation: np.ndarray) -> Light:
         """The light after the world is turned by rotation [3, 3]: new(d) = old(rotation^T d).
 
@@ -234,6 +244,23 @@ class Light:
             raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+
+    def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
+        """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
+
+        Each with the rotation, exposure and tint that bring it into this light's frame; see detail.matching. A light
+        that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain.
+
+        Args:
+            best: how many are returned; None: all.
+        Raises:
+            InputError: no such folder, or no panoramas in it.
+        """
+        from anyprobe.detail.matching import rank_maps
+
+        return rank_maps(
+            self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.info.get("pitch_deg")
+        )[:best]
 
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any

@@ -9,6 +9,8 @@ likely as it is.
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -27,6 +29,8 @@ COMPONENTS = 4
 """Of the mixture on the sphere that the context adds to where light may come from."""
 EDGE_DEG = 3.0
 """Width of the soft edge of a disc that is drawn, all of it inside."""
+SHARPEST = 10.0
+"""Factor of a component's concentration, so that a trained one can be sharp."""
 LEAST_DENSITY = 1e-3
 """Of the mixture, in shares of an even one: no direction is ruled out."""
 
@@ -45,9 +49,9 @@ class SourceHead(nn.Module):
 
     def profiles(self, code: torch.Tensor) -> torch.Tensor:
         """Shares of the map's total power, growing with the radius."""
-        part = torch.sigmoid(self.profile(code).float().unflatten(1, (SOURCES, len(RADII_DEG))))
+        logit = self.profile(code).float().reshape(-1, SOURCES, len(RADII_DEG))
         # the widest disc first, then of each the part in the next smaller one
-        return torch.cumprod(part, dim=2).flip(2)
+        return torch.exp(torch.cumsum(F.logsigmoid(logit), dim=2)).flip(2)
 
     def ln_density(self, code: torch.Tensor, present: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
         """ln of a mixture of von Mises-Fisher distributions in shares of an even one, [N, P]; zero where present [N, 1]
@@ -56,7 +60,7 @@ class SourceHead(nn.Module):
         directions: unit, [P, 3].
         """
         numbers = self.direction(code).float().unflatten(1, (COMPONENTS, 4))
-        vector, weight = 30.0 * numbers[..., :3] * present[:, :, None], torch.log_softmax(numbers[..., 3], dim=1)
+        vector, weight = SHARPEST * numbers[..., :3] * present[:, :, None], torch.log_softmax(numbers[..., 3], dim=1)
         kappa = vector.square().sum(dim=2).clamp(min=1e-6).sqrt()  # [N, K]
         # of an even one: kappa / sinh(kappa) exp(kappa cos)
         ln_constant = torch.log(2.0 * kappa) - kappa - torch.log1p(-torch.exp(-2.0 * kappa) + 1e-9)
@@ -103,7 +107,7 @@ class SourceMap(nn.Module):
         """How much of each pixel lies in the disc of RADII_DEG[0] around each place [N, S, 3], and in the rings up to
         each further radius, [N, S, R, P]; their edges are soft."""
         cosine = (places @ self.directions.T).clamp(-1 + 1e-6, 1 - 1e-6)
-        degrees = torch.rad2deg(torch.acos(cosine))
+        degrees = torch.acos(cosine) * (180.0 / math.pi)
         discs = [((r - degrees) / EDGE_DEG).clamp(0.0, 1.0) for r in RADII_DEG]
         return torch.stack([discs[0], *(b - a for a, b in zip(discs, discs[1:], strict=False))], dim=2)
 
@@ -123,9 +127,11 @@ class SourceMap(nn.Module):
         for r in range(len(RADII_DEG)):  # no ring brighter than what it surrounds
             falling.append(density[..., r] if r == 0 else torch.minimum(density[..., r], falling[-1]))
         power = torch.stack(falling, dim=2) * size
-        asked = power.sum(dim=(1, 2))
-        share = (above @ self.luminance) / asked.clamp(min=1e-9)
-        return power * share.clamp(max=1.0)[:, None, None]
+        # the smallest discs first, of these the brightest source's, until there is no more
+        inward = power.transpose(1, 2).flatten(1)
+        before = torch.cumsum(inward, dim=1) - inward
+        left = ((above @ self.luminance)[:, None] - before).clamp(min=0.0)
+        return torch.minimum(inward, left).unflatten(1, (len(RADII_DEG), SOURCES)).transpose(1, 2)
 
     def forward(self, shown: torch.Tensor, above: torch.Tensor, spread: torch.Tensor, places, profiles):
         """Radiance without the sources [N, 3, H, 2H], the whole of it, and the sources' powers [N, S, R] in luminance.

@@ -127,7 +127,7 @@ class Heads:
     def __init__(self, config: LiftConfig, device: str) -> None:
         self.config, self.device = config, device
         self.nets = self.networks()
-        self.nets.to(device)
+        self.nets.to(device, memory_format=torch.channels_last)
         self._light = self.nets["light"].eval().requires_grad_(False)
         self._light.sources.train().requires_grad_(True)
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
@@ -171,7 +171,9 @@ class Heads:
 
     def losses(self, one: Features, progress: float) -> dict[str, torch.Tensor]:
         """The same whatever the progress."""
-        code, posture = self.nets["context"](one.context / 255, one.tan_half[:, None])
+        context = (one.context / 255).contiguous(memory_format=torch.channels_last)
+        with autocast(self.device):
+            code, posture = self.nets["context"](context, one.tan_half[:, None])
         present = (one.context[:, 4].amax(dim=(1, 2)) > 0).float()
         whole = torch.cat([one.code, code], dim=1)
         ln = self._light.ln_context(whole, code)

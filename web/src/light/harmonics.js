@@ -2,8 +2,8 @@
  * Real spherical harmonics to order 2 of radiance, nine numbers a channel.
  *
  * Order and constants of WebXR and three.js: 1, y, z, x, xy, yz, 3z^2 - 1, xz, x^2 - y^2. Not by three.js's
- * LightProbeGenerator: it reads a cube back from a renderer, which this thread has none of, sums over samples (0.5 % off this
- * with faces of 64), and mirrors x and z as cubes do.
+ * LightProbeGenerator: it sums samples of a cube that a renderer has drawn, which this thread has none of, where this is the
+ * integral over the map.
  */
 
 const { PI, sqrt } = Math;

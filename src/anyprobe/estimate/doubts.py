@@ -1,0 +1,70 @@
+"""What makes an estimate doubtful though nothing failed: one line each, with what to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.estimate.ground import GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
+from anyprobe.light.dominant_light import find_dominant_light
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+CLIPPED, CLIPPED_SHARE = 0.99, 0.85
+DARK, DARK_SHARE = 0.05, 0.8
+"""Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
+BELOW_DEG = 12.0
+"""So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
+DIRECTIONAL = 0.25
+"""Share of light from one side from which on its direction matters."""
+
+
+def exposure_doubts(
+    rgb: Float[np.ndarray, "N 3"], name: str, radiance: Float[np.ndarray, "N 3"] | None = None
+) -> tuple[str, ...]:
+    """Of an object's pixels [N, 3] that are mostly black or mostly clipped; radiance: theirs, where that is known."""
+    dark = float((luminance(rgb) <= DARK).mean())
+    if dark >= DARK_SHARE:
+        return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; expose longer",)
+    clipped = float((rgb >= CLIPPED).all(axis=-1).mean())
+    if clipped < CLIPPED_SHARE:
+        return ()
+    advice = "expose shorter"
+    if radiance is not None:
+        advice = f"multiply its radiance by {0.4 / np.median(luminance(radiance)):.2g}, so that white is 1"
+    return (f"{name}: {clipped:.0%} of the object is clipped; little can be estimated from it; {advice}",)
+
+
+def ground_doubts(ground: Ground | None, name: str) -> tuple[str, ...]:
+    """Of a guessed pitch that the object's place in the photo contradicts."""
+    if ground is None or not ground.is_doubtful:
+        return ()
+    return (
+        f"{name}: the object stands so high in the photo that the ground was guessed from that alone, of a camera "
+        f"that looks {ground.pitch_deg:.0f} degrees down; give the pitch",
+    )
+
+
+def light_doubts(
+    radiance: Float[np.ndarray, "H 2*H 3"], ground: Ground | None, pitch_deg: float | None, name: str
+) -> tuple[str, ...]:
+    """Of a dominant light from below the horizon, in the camera's frame.
+
+    ground: None for a cut-out, of which pitch_deg may be given.
+    """
+    if ground is not None:
+        up, error = ground.up, ground.pitch_error_deg
+    else:
+        up = up_of(USUAL_PITCH_DEG if pitch_deg is None else pitch_deg)
+        error = USUAL_ERROR_DEG if pitch_deg is None else GIVEN_ERROR_DEG
+    main = find_dominant_light(radiance)
+    below = -float(np.degrees(np.arcsin(np.clip(main.direction @ up, -1.0, 1.0))))
+    if below < BELOW_DEG + error or main.directionality < DIRECTIONAL:
+        return ()
+    return (
+        f"{name}: the dominant light comes from {below:.0f} degrees below the horizon, which is rare; "
+        "check the mask and the exposure, or give the pitch",
+    )

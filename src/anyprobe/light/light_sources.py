@@ -1,0 +1,100 @@
+"""Light sources of a map, soft to hard: a few, of direction, power and angular size; under an even sky there are none.
+
+A source lies where the mean luminance over a cap of PLACE_DEG is greatest, the next where it is greatest further than
+APART_DEG from all before and off their discs. It is what its disc sends beyond the ring around it; its disc is the
+smallest of RADII_DEG that has SIZED of what the widest has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.light.environment import reduced
+from anyprobe.light.filtering import blur_cap
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+PLACE_DEG, APART_DEG = 8.0, 16.0
+RADII_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 16.0)
+SETTLED_DEG = (16.0, 16.0)
+"""Discs to whose centre of light a place moves, one after the other."""
+RING_DEG = 22.0
+"""Outer radius of the ring around the widest disc."""
+SIZED = 0.8
+LEAST_SHARE = 0.04
+"""Of the map's power: less is no source."""
+LEAST_CONTRAST = 3.0
+"""Times the luminance of the ring: duller is no source."""
+MOST = 4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LightSource:
+    """A round light source far away, in the map's frame.
+
+    direction: [3] unit vector towards it. irradiance: [3] E on a plane that faces it, linear Rec. 709. radius_deg: of
+    its disc. share: of the map's power, the integral of luminance over all directions.
+    """
+
+    direction: np.ndarray
+    irradiance: np.ndarray
+    radius_deg: float
+    share: float
+
+
+def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSource, ...]:
+    """The light sources of a map [H, 2H, 3], the one with the brightest place first; at most MOST, perhaps none."""
+    small = reduced(np.asarray(radiance, np.float32))
+    d = pixel_directions(len(small)).reshape(-1, 3)
+    angles = np.broadcast_to(pixel_solid_angles(len(small)), small.shape[:2]).ravel()
+    bright = luminance(small)
+    left = blur_cap(bright[..., None], np.radians(PLACE_DEG)).ravel().copy()
+    colors, bright = small.reshape(-1, 3), bright.ravel()
+    total = float(bright @ angles)
+    found: list[LightSource] = []
+    while len(found) < MOST and total > 0 and left.max() > 0:
+        peak = d[int(np.argmax(left))]
+        near = d @ peak > np.cos(np.radians(PLACE_DEG))
+        center = peak
+        for radius in (PLACE_DEG, *SETTLED_DEG):
+            disc = d @ center > np.cos(np.radians(radius))
+            center = ((bright - bright[disc].min()) * angles * disc) @ d + 1e-9 * center
+            center = center / np.linalg.norm(center)
+        if any(center @ one.direction > np.cos(np.radians(APART_DEG)) for one in found):
+            left[near] = 0.0  # the rim of one that is found
+            continue
+        cosine = d @ center
+        source = _source(colors, bright, angles, cosine, total)
+        if source is None:
+            break
+        apart = max(APART_DEG, source[0] + PLACE_DEG + 2.0)  # where the cap holds none of it
+        left[(cosine > np.cos(np.radians(apart))) | near] = 0.0
+        radius, irradiance, share = source
+        found.append(
+            LightSource(direction=center.astype(np.float32), irradiance=irradiance, radius_deg=radius, share=share)
+        )
+    return tuple(found)
+
+
+def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float] | None:
+    """Radius, irradiance [3] and share of what lies around a direction; None where that is no source."""
+    degrees = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    ring = (degrees > RADII_DEG[-1]) & (degrees < RING_DEG)
+    around = np.average(colors[ring], axis=0, weights=angles[ring])
+    beyond = np.maximum(colors - around, 0.0) * angles[:, None]
+    within = np.array([luminance(beyond[degrees <= r].sum(axis=0)) for r in RADII_DEG])
+    share = float(within[-1] / total)
+    size = int(np.argmax(within >= SIZED * within[-1]))
+    disc = degrees <= RADII_DEG[size]
+    mean = float(np.average(bright[disc], weights=angles[disc])) if disc.any() else 0.0
+    if share < LEAST_SHARE or mean < LEAST_CONTRAST * float(luminance(around)):
+        return None
+    whole = degrees <= RADII_DEG[-1]
+    irradiance = (beyond[whole] * np.maximum(cosine[whole], 0.0)[:, None]).sum(axis=0)
+    return RADII_DEG[size], irradiance.astype(np.float32), share

@@ -1,0 +1,60 @@
+"""Light sources of a map: how many, where, how large and how strong."""
+
+import numpy as np
+import pytest
+
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_y
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.environment import rotate
+from anyprobe.light.light_sources import find_light_sources
+
+
+def disc(direction, radius_deg, height=128):
+    toward = np.float32(direction) / np.float32(np.linalg.norm(direction))
+    return (pixel_directions(height) @ toward > np.cos(np.radians(radius_deg))).astype(np.float32)[..., None]
+
+
+@pytest.mark.parametrize("radius", [3.0, 6.0, 11.0])
+def test_disc_is_of_another_size_or_power(radius):
+    """E of an even disc that faces the plane = pi L sin^2 of its radius."""
+    toward = np.array([0.5, 0.6, -0.7]) / np.linalg.norm([0.5, 0.6, -0.7])
+    color = np.float32([40.0, 30.0, 20.0])
+    (source,) = find_light_sources(0.05 + disc(toward, radius) * color)
+    assert source.direction @ toward > np.cos(np.radians(1.5))
+    np.testing.assert_allclose(source.irradiance, np.pi * color * np.sin(np.radians(radius)) ** 2, rtol=0.15)
+    assert abs(source.radius_deg - radius) <= 2.0
+    power = 2 * np.pi * (1 - np.cos(np.radians(radius))) * luminance(color)
+    assert source.share == pytest.approx(power / (power + 0.05 * 4 * np.pi), rel=0.15)
+
+
+def test_even_sky_has_a_source():
+    d = pixel_directions(64)
+    assert find_light_sources(np.ones((64, 128, 3), np.float32)) == ()
+    assert find_light_sources((1.2 + d[..., 1:2]) * np.ones(3, np.float32)) == ()
+    assert find_light_sources(np.zeros((64, 128, 3), np.float32)) == ()
+
+
+def test_second_source_is_lost_or_invented():
+    one, other = [0.8, 0.5, -0.3], [-0.6, 0.7, 0.2]
+    radiance = 0.05 + 30 * disc(one, 5.0) + 12 * disc(other, 5.0)
+    first, second = find_light_sources(radiance * np.ones(3, np.float32))
+    assert first.direction @ (np.array(one) / np.linalg.norm(one)) > 0.999
+    assert second.direction @ (np.array(other) / np.linalg.norm(other)) > 0.999
+    np.testing.assert_allclose(first.irradiance / second.irradiance, 2.5, rtol=0.1)
+
+
+def test_sources_do_not_turn_with_the_map():
+    radiance = (0.05 + 30 * disc([0.8, 0.5, -0.3], 6.0)) * np.ones(3, np.float32)
+    turn = rotation_y(1.0)
+    (before,), (after,) = find_light_sources(radiance), find_light_sources(np.maximum(rotate(radiance, turn), 0.0))
+    np.testing.assert_allclose(after.direction, turn @ before.direction, atol=0.02)
+
+
+def test_only_source_is_not_the_dominant_light():
+    radiance = (0.05 + 30 * disc([0.8, 0.5, -0.3], 6.0)) * np.float32([1.0, 0.9, 0.7])
+    (source,) = find_light_sources(radiance)
+    light = find_dominant_light(radiance)
+    np.testing.assert_allclose(source.direction, light.direction, atol=0.02)
+    np.testing.assert_allclose(source.irradiance, light.irradiance, rtol=0.1)

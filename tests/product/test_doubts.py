@@ -1,0 +1,64 @@
+"""Doubt is said: objects of one shade, light from below the horizon, a ground that cannot be where it is guessed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from anyprobe.core.latlong import pixel_directions
+from anyprobe.estimate import estimator as estimate_module
+from anyprobe.estimate.doubts import light_doubts
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.ground import up_of
+from anyprobe.estimate.photo import load_photo
+
+
+def warned(picture, mask) -> str:
+    return " ".join(load_photo(picture, mask=mask, fov_deg=60.0).warnings)
+
+
+def test_mostly_clipped_and_nearly_black_objects_are_said(photo_rgba, photo_mask):
+    rgb = photo_rgba[..., :3].astype(float)
+    assert not warned(photo_rgba[..., :3], photo_mask)
+    assert "of the object is clipped" in warned(np.clip(4 * rgb, 0, 255).astype(np.uint8), photo_mask)
+    assert "nearly black" in warned((0.05 * rgb).astype(np.uint8), photo_mask)
+
+
+def lamp_at(elevation_deg: float) -> np.ndarray:
+    """[64, 128, 3]: a lamp before the object at that elevation over the camera's level, some light all around."""
+    angle = np.radians(elevation_deg)
+    towards = pixel_directions(64) @ [0.0, np.sin(angle), np.cos(angle)] > np.cos(np.radians(8))
+    return np.where(towards[..., None], 60.0, 0.2) * np.ones(3, np.float32)
+
+
+@pytest.mark.parametrize(("elevation_deg", "pitch_deg", "is_said"), [(-50, 0, True), (-8, 0, False), (40, 0, False)])
+def test_a_dominant_light_from_below_the_horizon_is_said(elevation_deg, pitch_deg, is_said):
+    assert bool(light_doubts(lamp_at(elevation_deg), None, pitch_deg, "p")) == is_said
+
+
+def test_the_horizon_is_the_world_s():
+    """In a camera that looks down, light from behind it lies lower in its frame than in the world."""
+    level = up_of(0.0)
+    assert level @ [0, 1, 0] == 1
+    assert light_doubts(lamp_at(-30), None, 0.0, "p")
+    assert not light_doubts(lamp_at(-30), None, 40.0, "p")  # 10 degrees high
+
+
+def test_doubts_reach_the_light_and_the_command_line(tmp_path, photo_rgba, photo_mask, command, monkeypatch):
+    monkeypatch.setattr(estimate_module, "light_doubts", lambda *_: ("from below",))
+    light = Estimator()(photo_rgba[..., :3], mask=photo_mask)
+    assert light.warnings == ("from below",)
+    assert light.sidecar()["warnings"] == ["from below"]
+    Image.fromarray(photo_rgba).save(tmp_path / "p.png")
+    done = command("estimate", tmp_path / "p.png", "-o", tmp_path / "out")
+    assert "from below" in done.err + done.out
+
+
+def test_an_object_above_any_usual_horizon_is_said(photo_rgba, photo_mask):
+    height, width = photo_mask.shape
+    rgb = np.random.default_rng(1).integers(60, 160, (4 * height, width, 3)).astype(np.uint8)
+    high = np.zeros((4 * height, width), np.uint8)
+    high[:height] = photo_mask
+    assert "stands so high in the photo" in warned(rgb, high)
+    assert "give the pitch" not in " ".join(load_photo(rgb, mask=high, pitch_deg=30.0, fov_deg=60.0).warnings)
