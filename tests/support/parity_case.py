@@ -61,8 +61,9 @@ def _soft_mask(mask: np.ndarray) -> np.ndarray:
 
 
 def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
-    """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them; then with sources that
-    tremble, one of them blinking, seen by a camera that turns: the steady light in the world and in the last camera."""
+    """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them; then with sources
+    that tremble, one of them blinking, seen by a camera that turns: the steady light in the world and in the last one.
+    """
     noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
     gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0, 9.0, 4.5, 4.5, 4.5])[:, None, None, None]
     frames = (radiance * gains * np.exp(noise)).astype(np.float32)

@@ -1,7 +1,7 @@
 """A run of numbers kept still while it is still and quick where it changes: two exponential averages.
 
-`fast` follows every value y, `steady` is what is shown and chases `fast`. How long steady's memory reaches depends on how
-far apart the two are, in units of the noise that the values themselves show. One value, dt seconds after the last
+`fast` follows every value y, `steady` is what is shown and chases `fast`. How long steady's memory reaches depends on
+how far apart the two are, in units of the noise that the values themselves show. One value, dt seconds after the last
 (|.| is whatever distance the caller measures, a(T) = 1 - exp(-dt / T)):
 
     age    += dt
@@ -16,10 +16,10 @@ far apart the two are, in units of the noise that the values themselves show. On
     stale_fast -= lead stale_fast
     steady += a(memory) (fast - steady), stale likewise
 
-White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing moves. Drift is separated from
-noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows with
-the time since: steady is then about the plain mean of what came after. A growing memory forgets only as 1 / t, so it does
-not grow while more of what was before a clear move is left in steady (the share stale) than is let be.
+White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing moves. Drift is separated
+from noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows
+with the time since: steady is then about the plain mean of what came after. A growing memory forgets only as 1 / t, so
+it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class Smoothing:
 class Steady:
     """steady, fast, last: what is shown, the leading average, the last value. noise: None before the second value.
 
-    memory_s: time constant of steady. age_s: since the start. stale, stale_fast: share of what was before the last clear
-    move in steady and in fast. spread: of the last value; about 1 while nothing moves.
+    memory_s: time constant of steady. age_s: since the start. stale, stale_fast: share of what was before the last
+    clear move in steady and in fast. spread: of the last value; about 1 while nothing moves.
     """
 
     steady: np.ndarray

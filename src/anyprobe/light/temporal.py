@@ -5,12 +5,13 @@ light.steady): the soft part pixel by pixel, the sources as objects, because an 
 trembles as many. In the world, where poses are given: there light stands still while the camera turns.
 
 **The soft part**: y = ln(L + 0.01), above white a straight line; |.| is the root mean square over the sphere and the
-channels of differences of ln(L + 0.01). A frame further off than cut_level is held back; the second in a row starts anew.
+channels of differences of ln(L + 0.01). A frame further off than cut_level is held back; the second in a row starts
+anew.
 
 **Sources.** One of the frame and one that is known are the same where angle / gate_deg + |ln of the ratio of powers| /
-ln gate_ratio is least, and neither term above 1. Direction (times angle_scale), ln power and ln radius are then one more
-value of that source; what is shown turns by at most most_turn_deg_s. A source that is new grows to its whole power in
-fade_s, and one that is not seen for patience_s fades as fast. While two places share one source's power in this way,
+ln gate_ratio is least, and neither term above 1. Direction (times angle_scale), ln power and ln radius are then one
+more value of that source; what is shown turns by at most most_turn_deg_s. A source that is new grows to its whole power
+in fade_s, and one that is not seen for patience_s fades as fast. While two places share one source's power in this way,
 their sum is what the frames' sources have in all.
 """
 
@@ -142,7 +143,10 @@ def step(
 def _follow(tracks: Sequence[Track], sources: Sequence[Source], dt_s: float, c: Smoothing) -> tuple[Track, ...]:
     """What is known of the sources after one more frame."""
     pairs = _pairs(tracks, sources)
-    followed = [_seen(track, sources[pairs[i]], dt_s, c) if i in pairs else _unseen(track, dt_s) for i, track in enumerate(tracks)]
+    followed = [
+        _seen(track, sources[pairs[i]], dt_s, c) if i in pairs else _unseen(track, dt_s)
+        for i, track in enumerate(tracks)
+    ]
     taken = set(pairs.values())
     share = min(dt_s / FADE_S, 1.0)
     followed += [_new(one, share=share) for j, one in enumerate(sources) if j not in taken]
