@@ -72,7 +72,7 @@ def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypa
     class Container(Packets):
         class streams:
             class Stream:
-                thread_type = None
+                thread_type, index = None, 0
 
             video = (Stream(),)
 
@@ -88,6 +88,6 @@ def test_whatever_a_decoder_raises_is_one_line_or_a_damaged_frame(made, monkeypa
 
 
 def test_a_frame_of_too_many_pixels_is_refused(made, monkeypatch):
-    monkeypatch.setattr("anyprobe.video.clip.MAX_PIXELS", 1000)
+    monkeypatch.setattr("anyprobe.video.frame_pixels.MAX_PIXELS", 1000)
     with pytest.raises(InputError, match="48 x 32"):
         frames(made)

@@ -100,8 +100,10 @@ def test_the_object_stands_where_it_stood_after_an_end(tmp_path, estimator, monk
     monkeypatch.setattr(run_module, "SHADOW_DIRECTIONS", 8)
     grown = np.maximum.reduce([np.roll(sphere_mask(), n, axis) for n in (-2, 0, 2) for axis in (0, 1)])
 
-    def found(rgb, click=None, box=None, **given):
+    def found(rgb, click=None, box=None, mask=None, **given):
         return load_photo(rgb, mask=grown if click is None else sphere_mask(), **given)
+
+    monkeypatch.setattr(MaskFollower, "_quickly", lambda *asked: None)
 
     monkeypatch.setattr(following, "load_photo", found)
     plain = sphere_frame(made_map())

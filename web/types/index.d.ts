@@ -111,7 +111,8 @@ export interface LightOptions {
   material?: GivenMaterial;
 }
 
-export type MaterialName = "chrome" | "gold" | "plastic" | "matte";
+/** Our own, or a measured one as `anyprobe materials` lists them, like "porcelain". */
+export type MaterialName = "chrome" | "gold" | "plastic" | "matte" | (string & {});
 /** A name, or "matte" where none is given, with a linear diffuse albedo and a roughness (0.1 to 1) of its own. */
 export type GivenMaterial =
   | MaterialName

@@ -149,7 +149,8 @@ def video(
         talk.print(f"warning: frame {index}: kept the light before it: {line_of(line)}", soft_wrap=True)
     if outcome.damaged:
         talk.print(f"warning: {clip.name}: {outcome.damaged} damaged pieces left out", soft_wrap=True)
-    for line in run.place_warnings:
+    warnings = [*header.warnings, *outcome.notes, *run.place_warnings]
+    for line in warnings:
         talk.print(f"warning: {line_of(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
@@ -157,7 +158,7 @@ def video(
         "frames": outcome.frames,
         "bad": [{"index": index, "error": line} for index, line in outcome.bad],
         "damaged": outcome.damaged,
-        "warnings": list(run.place_warnings),
+        "warnings": warnings,
         "seconds": round(seconds, 2),
     }
     if as_json:

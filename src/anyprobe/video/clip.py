@@ -14,33 +14,47 @@ import numpy as np
 
 from anyprobe.errors import InputError, MissingExtra
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.headers import MAX_PIXELS
+from anyprobe.video.frame_pixels import shown_pixels
 
 CODEC = "libx264"
 QUALITY = {"crf": "18", "preset": "medium"}
 BT709 = {"colorspace": 1, "color_primaries": 1, "color_trc": 1, "color_range": 1}
 """What the file says of its colours, by the numbers of ITU-T H.273: players guess where it says nothing."""
 TIME_BASE = Fraction(1, 90_000)
+STILLS = ("mjpeg", "png", "bmp", "webp", "tiff")
+"""Codecs of covers, which some files do not mark as such."""
 LEAST_STEP_S = 1e-3
 """Two frames are never taken for closer; some files repeat a time."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Frame:
-    """index: as they are decoded, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright."""
+    """One picture; all of a clip have the size of its first.
+
+    index: as they are decoded, from 0. time_s: since the first. rgb: [H, W, 3] uint8, upright, square pixels, sRGB.
+    radiance: [H, W, 3] float32 of PQ and HLG, see frame_pixels.shown_pixels. note: a line on its size, of the first
+    one of another.
+    """
 
     index: int
     time_s: float
     rgb: np.ndarray
+    radiance: np.ndarray | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clip:
-    """What a file's header says; num_frames is 0 where it does not, and may be a little wrong."""
+    """What a file's header says; num_frames is 0 where it does not, and may be a little wrong.
+
+    stream: which of the file's streams is the clip. warnings: lines on what was left out.
+    """
 
     path: Path
     num_frames: int
     fps: float
+    stream: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 def _av():
@@ -67,15 +81,41 @@ def open_clip(path: Path) -> Clip:
                 raise InputError(f"{path}: is a still picture, not a video; anyprobe estimate and relight take it")
             if not container.streams.video:
                 raise InputError(f"{path}: a file without pictures, not a video; check the path")
-            stream = container.streams.video[0]
+            moving = [one for one in container.streams.video if not one.disposition & _pictures()]
+            if not moving:
+                raise InputError(f"{path}: holds a cover picture but no video; check the path")
+            stream = max(moving, key=_rank)
             if stream.codec_context is None:
                 raise InputError(f"{path}: expected a codec that FFmpeg knows, got another; convert it to mp4")
             rate = stream.average_rate or stream.guessed_rate or 30
-            return Clip(path=path, num_frames=stream.frames or 0, fps=float(rate))
+            others = [one for one in moving if one is not stream and _rank(one)[0]]
+            said = () if not others else (_several(path, stream, len(others)),)
+            return Clip(path=path, num_frames=stream.frames or 0, fps=float(rate), stream=stream.index, warnings=said)
     except (av.error.FFmpegError, ValueError, OSError) as error:
         if isinstance(error, InputError):
             raise
         raise _unreadable(path, error) from error
+
+
+def _pictures():
+    """Dispositions of streams that are pictures beside the clip."""
+    kinds = _av().stream.Disposition
+    return kinds.attached_pic | kinds.timed_thumbnails | kinds.still_image
+
+
+def _rank(stream) -> tuple[bool, bool, int, int]:
+    """Of the streams of a file the clip is that of the highest: moving, the file's default, the largest, the first."""
+    context = stream.codec_context
+    if context is None:
+        return False, False, 0, -stream.index
+    moves = context.name not in STILLS or stream.frames > 1
+    default = bool(stream.disposition & _av().stream.Disposition.default)
+    return moves, default, context.width * context.height, -stream.index
+
+
+def _several(path: Path, stream, others: int) -> str:
+    size = f"{stream.codec_context.width} x {stream.codec_context.height}"
+    return f"{path.name}: holds {others + 1} videos; takes stream {stream.index} ({size})"
 
 
 def _open(path: Path):
@@ -89,7 +129,9 @@ def _unreadable(path: Path, error: Exception) -> InputError:
 
 
 def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
-    """All frames in order, turned upright by the file's rotation.
+    """All frames in order, turned upright by the file's rotation, in square pixels of sRGB.
+
+    Where they change their size or turn midway they are fitted into that of the first, with black bars.
 
     Packets that cannot be decoded are left out; damaged gets the index of the frame before which each
     was. A file that is cut off ends early.
@@ -99,8 +141,9 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
     """
     av = _av()
     index, first_s, last_s = 0, None, -1.0
+    size, sizes = None, set()
     with _open(clip.path) as container:  # open_clip has seen that it can be
-        stream = container.streams.video[0]
+        stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
         packets = container.demux(stream)
         while True:
@@ -108,7 +151,11 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                 packet = next(packets, None)
                 if packet is None:
                     return
-                pictures = [(picture.time, _upright(picture, clip.path)) for picture in packet.decode()]
+                pictures = []
+                for picture in packet.decode():
+                    *pixels, own = shown_pixels(picture, _pixel_aspect(stream), size, clip.path)
+                    size = size or own
+                    pictures.append((picture.time, pixels, own))
             except InputError:
                 raise
             except av.error.EOFError:
@@ -118,23 +165,26 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                     raise _unreadable(clip.path, error) from error
                 damaged.append(index)
                 continue
-            for shown_s, rgb in pictures:
+            for shown_s, (rgb, radiance), own in pictures:
                 time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
-                yield Frame(index=index, time_s=last_s, rgb=rgb)
+                note = "" if own == size or own in sizes else _resized(clip.path, index, own, size)
+                sizes.add(own)
+                yield Frame(index=index, time_s=last_s, rgb=rgb, radiance=radiance, note=note)
                 index += 1
 
 
-def _upright(picture, path: Path) -> np.ndarray:
-    """[H, W, 3] uint8, turned by the file's rotation."""
-    if picture.width * picture.height > MAX_PIXELS:
-        raise InputError(
-            f"{path}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
-            f"got {picture.width} x {picture.height}; shrink it first"
-        )
-    turns = round((picture.rotation or 0) / 90) % 4
-    return np.ascontiguousarray(np.rot90(picture.to_ndarray(format="rgb24"), turns))
+def _pixel_aspect(stream) -> Fraction | None:
+    """Width over height of its pixels, by the container or else by the stream."""
+    return stream.sample_aspect_ratio or stream.codec_context.sample_aspect_ratio
+
+
+def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]) -> str:
+    return (
+        f"{path.name}: from frame {index} on {own[0]} x {own[1]} pixels, fitted into the first frame's {size[0]} x "
+        f"{size[1]}; cut the clip there for lights of its own lens"
+    )
 
 
 def upright_size(clip: Clip) -> tuple[int, int]:
@@ -154,6 +204,7 @@ def write_piece(path: Path, frames: Sequence[tuple[float, np.ndarray]]) -> None:
     with atomic_path(path) as temporary, av.open(str(temporary), "w") as container:
         stream = container.add_stream(CODEC, options=QUALITY)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.sample_aspect_ratio = Fraction(1)
         stream.time_base = stream.codec_context.time_base = TIME_BASE
         stream.thread_count = 1
         for name, value in BT709.items():

@@ -18,6 +18,9 @@ from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
+from anyprobe.masks.networks import shared_network
+from anyprobe.masks.resize import resize
+from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
 from anyprobe.video.clip import Frame
 
 GROWTH = 0.08
@@ -25,6 +28,18 @@ GROWTH = 0.08
 
 MOST_CHANGE = 1.4
 """An object that is so many times larger or smaller than in the last frame is another."""
+
+ANEW = 8
+"""Every so many frames the mask is found anew, by one look around the last one; between, it moves with the picture."""
+
+SIDE = 128
+"""Of the window around the object that is compared from frame to frame."""
+
+ROOM = 0.25
+"""Of that window on every side, in the longer sides of the object; what moves further is looked for."""
+
+ALIKE = 0.8
+"""Correlation of the moved object with itself where its mask was found, below which that is found anew."""
 
 COARSE_PX = 128
 """Longer side of the mask that the inner point is looked for in."""
@@ -69,6 +84,7 @@ class MaskFollower:
         if not is_word:
             self._panorama = read_surroundings(surroundings, above_white=True)
         self.last: list[float] | None = None
+        self._seen: Seen | None = None
 
     def content(self) -> dict[str, Any]:
         """What files and surroundings hold, wherever they lie: a digest each, or a word."""
@@ -93,7 +109,7 @@ class MaskFollower:
         if not self.finds:
             return self._load(frame, name, own)
         where = self.hints if self.last is None else self._prompts_from_last(frame.rgb.shape)
-        photo = self._load(frame, name, own, **where)
+        photo = self._quickly(frame, name, own) or self._load(frame, name, own, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
             raise InvalidMask(
@@ -103,10 +119,34 @@ class MaskFollower:
         self.last = [*inner_point(photo.mask), pixels, *_grown_box(photo.mask)]
         return photo
 
+    def _quickly(self, frame: Frame, name: str, own: Mapping[str, Path]) -> Photo | None:
+        """The photo by the last mask, moved or looked for around where it was; None where it has to be found."""
+        if self.last is None or "segmenter" in self.hints:
+            return None
+        mask = None
+        if frame.index % ANEW and self._seen is not None:
+            mask = self._seen.moved(frame.rgb)
+        if mask is None:
+            mask = self._looked_for(frame.rgb)
+            self._seen = None if mask is None else Seen(frame.rgb, mask)
+        if mask is None:
+            return None
+        return replace(self._load(frame, name, own, mask=mask), mask_source="network")
+
+    def _looked_for(self, rgb: np.ndarray) -> np.ndarray | None:
+        """The mask by one look at the last one's box and a margin, [H, W]; None where nothing is there."""
+        height, width = rgb.shape[:2]
+        prompts = Prompts(on=[tuple(self.last[:2])], box=tuple(self.last[3:]))
+        window = Window(x0=0, y0=0, x1=width, y1=height).around(prompts.box, MARGIN)
+        cover = look(shared_network(), rgb.astype(np.float32) / 255.0, window, prompts)
+        found = choose(window, cover, prompts)
+        return None if found is None else found.mask(width, height)
+
     def _load(self, frame: Frame, name: str, own: Mapping[str, Path], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
         try:
-            return load_photo(frame.rgb, name=name, **self._every, **own, **where)
+            photo = load_photo(frame.rgb, name=name, **self._every, **own, **where)
+            return photo if frame.radiance is None else replace(photo, radiance=frame.radiance)
         except InputError as error:
             if not own or any(path.name in str(error) for path in own.values()):
                 raise
@@ -117,6 +157,51 @@ class MaskFollower:
         x0, y0, x1, y1 = self.last[3:]
         whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
         return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}
+
+
+class Seen:
+    """What a frame [H, W, 3] uint8 shows in a window around its object, whose mask is [H, W]."""
+
+    def __init__(self, rgb: np.ndarray, mask: np.ndarray) -> None:
+        self.mask = mask
+        height, width = mask.shape
+        self.window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
+        window = self.window
+        cover = resize(mask[window.y0 : window.y1, window.x0 : window.x1], SIDE, SIDE) > 0.5
+        tile = self._tile_of(rgb)
+        self._cover = cover.astype(np.float64)
+        self._object = self._cover * (tile - tile[cover].mean() if cover.any() else tile)
+
+    def moved(self, rgb: np.ndarray) -> np.ndarray | None:
+        """The mask where its object is in another frame of the same size: by the shift at which what it covers
+        correlates most (Padfield 2012); None where that is not alike."""
+        tile, count = self._tile_of(rgb), float(self._cover.sum())
+        spectrum = np.fft.rfft2(np.stack([tile, tile**2]))
+        cover, object_ = np.conj(np.fft.rfft2(np.stack([self._cover, self._object])))
+        agree, total, square = np.fft.irfft2(
+            [spectrum[0] * object_, spectrum[0] * cover, spectrum[1] * cover], (SIDE, SIDE)
+        )
+        spread = np.sqrt(np.maximum(square - total**2 / count, 1e-6) * max(float((self._object**2).sum()), 1e-6))
+        shifts = (np.arange(SIDE) + SIDE // 2) % SIDE - SIDE // 2
+        near = abs(shifts) <= SIDE * ROOM / (1 + 2 * ROOM)
+        alike = np.where(np.outer(near, near), agree / spread, -1.0)
+        row, column = np.unravel_index(alike.argmax(), alike.shape)
+        if alike[row, column] < ALIKE:
+            return None
+        down, across = shifts[row], shifts[column]
+        x, y = (round(shift * length / SIDE) for shift, length in zip((across, down), self.window.size, strict=True))
+        height, width = self.mask.shape
+        moved = np.zeros_like(self.mask)
+        moved[max(0, y) : height + min(0, y), max(0, x) : width + min(0, x)] = self.mask[
+            max(0, -y) : height - max(0, y), max(0, -x) : width - max(0, x)
+        ]
+        return moved
+
+    def _tile_of(self, rgb: np.ndarray) -> np.ndarray:
+        """Green of the window, [SIDE, SIDE]."""
+        window = self.window
+        green = rgb[window.y0 : window.y1, window.x0 : window.x1, 1]
+        return resize(green.astype(np.float32), SIDE, SIDE).astype(np.float64)
 
 
 def _digest(parts: Iterable[bytes]) -> str:

@@ -61,11 +61,15 @@ def is_dull(material: Material) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """frames: that were read. bad: (index, line) of those without a light of their own. damaged: packets."""
+    """frames: that were read. bad: (index, line) of those without a light of their own. damaged: packets.
+
+    notes: lines on frames of another size.
+    """
 
     frames: int
     bad: list[tuple[int, str]]
     damaged: int
+    notes: tuple[str, ...] = ()
 
 
 class ClipRun:
@@ -113,10 +117,12 @@ class ClipRun:
         done = self.progress
         damaged: list[int] = []
         pictures: list[tuple[float, np.ndarray]] = []
-        size, frame = (0, 0), None
+        size, frame, notes = (0, 0), None, []
         save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after it gets a light
         for frame in read_frames(self.clip, damaged):
             size = frame.rgb.shape[1], frame.rgb.shape[0]
+            if frame.note:
+                notes.append(frame.note)
             if frame.index < done.next_index:
                 if frame.index == done.stage_index:
                     self.follower.last = done.stage_last
@@ -143,7 +149,7 @@ class ClipRun:
         if self.virtual is not None:
             join_pieces(self.folder / "relit.mp4", [self._piece(number) for number in range(done.pieces)])
         bad = [(one["index"], one["error"]) for one in done.frames if "error" in one]
-        return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged))
+        return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=tuple(notes))
 
     def _one(self, frame: Frame) -> dict:
         """The record of one frame; a frame that gives no light keeps the last one and says why.

@@ -1,0 +1,171 @@
+"""A decoded picture of a clip as it is meant to be seen: upright, square pixels, sRGB, and light above white.
+
+What the stream says of its colours is by the code points of ITU-T H.273. A matrix that is not named is taken as players
+take it: by the primaries, else BT.709 for HD and BT.601 for smaller pictures.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.response import inverse_response
+from anyprobe.errors import InputError
+from anyprobe.files.color_encoding import HLG, PQ, UNSPECIFIED, ColorEncoding, by_code_points, is_srgb, to_display
+from anyprobe.files.headers import MAX_PIXELS
+
+BT709, RGB, FCC, BT601, SMPTE240M, BT2020 = 1, 0, 4, 5, 7, 9
+
+LUMA = {
+    BT709: (0.2126, 0.0722),
+    FCC: (0.30, 0.11),
+    BT601: (0.299, 0.114),
+    SMPTE240M: (0.212, 0.087),
+    BT2020: (0.2627, 0.0593),
+}
+"""Kr and Kb of the matrices by H.273's code point."""
+
+ALIKE = {**{kind: kind for kind in LUMA}, 6: BT601, 10: BT2020}
+"""Code points that are read as one of them."""
+
+SCALERS = {BT709: 1, FCC: 4, BT601: 5, SMPTE240M: 7, BT2020: 9}
+"""FFmpeg's numbers of them."""
+
+BY_PRIMARIES = {BT709: BT709, 5: BT601, 6: BT601, 7: SMPTE240M, BT2020: BT2020}
+"""Where the matrix is not named, by the code point of the primaries."""
+
+HD = (1280, 576)
+"""A picture of at least this width, or higher than this, is HD."""
+
+MOST_ASPECT = 4
+"""Pixels are made square where they are up to so many times as wide as high, or as high as wide."""
+
+BITS = 8
+
+NARROW, FULL = 1, 2
+"""FFmpeg's numbers of the ranges."""
+
+EXACT = 0x2 | 0x2000 | 0x40000
+"""Flags of FFmpeg's scaler: bilinear, colours of every pixel, rounded. Without the last two grey is 1 % too dark."""
+
+
+def square_size(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
+    """Width and height of a picture whose pixels are aspect times as wide as high, once they are square."""
+    if not aspect or not 1 / MOST_ASPECT <= aspect <= MOST_ASPECT:
+        return width, height
+    return max(1, round(width * aspect)), height
+
+
+def shown_pixels(
+    picture, aspect: Fraction | None, size: tuple[int, int] | None, path: Path
+) -> tuple[np.ndarray, np.ndarray | None, tuple[int, int]]:
+    """What a player shows of an av.VideoFrame.
+
+    Args:
+        aspect: of its pixels, width over height; None where the file does not say.
+        size: width and height to fit it into, with black bars where the shape differs; None: its own.
+    Returns:
+        rgb [H, W, 3] uint8, sRGB; of PQ and HLG radiance [H, W, 3] float32, linear Rec. 709 above diffuse white (1) and
+        by core.response below, else None; and its own width and height.
+    Raises:
+        InputError: it has too many pixels, or colours that cannot be converted.
+    """
+    width, height = square_size(picture.width, picture.height, aspect)
+    if max(picture.width, width) * max(picture.height, height) > MAX_PIXELS:
+        raise InputError(
+            f"{path}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
+            f"got {picture.width} x {picture.height}; shrink it first"
+        )
+    turns = round((picture.rotation or 0) / 90) % 4
+    own = (height, width) if turns % 2 else (width, height)
+    target = own
+    if size is not None and size != own:
+        scale = min(Fraction(size[0], own[0]), Fraction(size[1], own[1]))
+        target = max(1, round(own[0] * scale)), max(1, round(own[1] * scale))
+    stored = target[::-1] if turns % 2 else target
+    rgb, radiance = _converted(picture, stored, path)
+
+    def placed(pixels: np.ndarray) -> np.ndarray:
+        upright = np.rot90(pixels, turns)
+        if size is None or size == target:
+            return np.ascontiguousarray(upright)
+        canvas = np.zeros((size[1], size[0], 3), pixels.dtype)
+        top, left = (size[1] - target[1]) // 2, (size[0] - target[0]) // 2
+        canvas[top : top + target[1], left : left + target[0]] = upright
+        return canvas
+
+    return placed(rgb), None if radiance is None else placed(radiance), own
+
+
+def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """Pixels of this width and height: sRGB uint8, and radiance; see shown_pixels."""
+    encoding, matrix = _encoding(picture), _matrix(picture, path)
+    size = {"width": stored[0], "height": stored[1]}
+    bits = max((part.bits for part in picture.format.components), default=BITS)
+    if bits <= BITS:
+        said = {} if matrix is None else {"src_colorspace": SCALERS[matrix], "dst_colorspace": SCALERS[matrix]}
+        values = picture.to_ndarray(format="rgb24", interpolation=EXACT, **said, **size)
+        if encoding is None:
+            return values, None
+    else:
+        if matrix is None:
+            deep = picture.to_ndarray(format="rgb48le", **size) / np.float32(0xFFFF)
+        else:
+            deep = _from_deep_ycbcr(picture, matrix, bits, size)
+        values = np.clip(deep, 0, 1)
+        if encoding is None:
+            return (values * 255 + 0.5).astype(np.uint8), None
+    display, radiance = to_display(values, encoding)
+    if radiance is not None:
+        # as the display values of any clip are read, so that one scene has one light
+        radiance = np.where(radiance > 1, radiance, inverse_response(display)).astype(np.float32)
+    return (display * 255 + 0.5).astype(np.uint8), radiance
+
+
+def _from_deep_ycbcr(picture, matrix: int, bits: int, size: dict[str, int]) -> np.ndarray:
+    """R'G'B' [H, W, 3] float32, black at 0 and white at 1 (ITU-T H.273, 8.3).
+
+    The scaler only spreads the chroma: to 16 bits of RGB it rounds to 8 and, by some of its ways, takes other colours.
+    """
+    same = {"src_color_range": NARROW, "dst_color_range": NARROW}  # that is, as they are
+    planes = picture.to_ndarray(format="yuv444p16le", **same, **size)
+    if planes.shape[-1] != 3:
+        planes = np.moveaxis(planes, 0, -1)
+    step = np.float32(1 << (16 - bits))  # bits are moved up, those below are not filled
+    y, cb, cr = (planes[..., k] / step for k in range(3))
+    middle = np.float32(1 << (bits - 1))
+    if int(picture.color_range) == FULL:
+        top = np.float32(2**bits - 1)
+        y, cb, cr = y / top, (cb - middle) / top, (cr - middle) / top
+    else:
+        one = np.float32(1 << (bits - 8))
+        y, cb, cr = (y - 16 * one) / (219 * one), (cb - middle) / (224 * one), (cr - middle) / (224 * one)
+    kr, kb = (np.float32(share) for share in LUMA[matrix])
+    red, blue = y + 2 * (1 - kr) * cr, y + 2 * (1 - kb) * cb
+    return np.stack([red, (y - kr * red - kb * blue) / (1 - kr - kb), blue], axis=-1)
+
+
+def _encoding(picture) -> ColorEncoding | None:
+    """What its RGB means; None where that is sRGB."""
+    transfer, primaries = int(picture.color_trc), int(picture.color_primaries)
+    if primaries == UNSPECIFIED and (transfer in (PQ, HLG) or int(picture.colorspace) == BT2020):
+        primaries = BT2020
+    found = by_code_points(primaries, transfer) or by_code_points(UNSPECIFIED, transfer)
+    return None if found is None or is_srgb(found) else found
+
+
+def _matrix(picture, path: Path) -> int | None:
+    """How it comes from RGB, of LUMA; None where it is RGB."""
+    said, primaries = int(picture.colorspace), int(picture.color_primaries)
+    if picture.format.is_rgb or said == RGB:
+        return None
+    if said in ALIKE:
+        return ALIKE[said]
+    if said in (UNSPECIFIED, 3, 12, 13):
+        hd = picture.width >= HD[0] or picture.height > HD[1]
+        return BY_PRIMARIES.get(primaries, BT709 if hd else BT601)
+    raise InputError(
+        f"{path}: expected RGB or YCbCr colours, got others (matrix {said} of ITU-T H.273); convert it to SDR first"
+    )

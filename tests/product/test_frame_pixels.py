@@ -1,0 +1,247 @@
+"""A clip is read as a player shows it: its colours, its shape, its size, and it alone of all that the file holds."""
+
+from __future__ import annotations
+
+import io
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from PIL import Image
+from support.picture_files import REC2020_FROM_REC709, hlg, pq, srgb
+
+av = pytest.importorskip("av", reason="needs the video extra")
+
+from anyprobe.core.color import rec709_from_rgb  # noqa: E402
+from anyprobe.core.response import inverse_response  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.files.color_encoding import PRIMARIES  # noqa: E402
+from anyprobe.video.clip import Frame, open_clip, read_frames, write_piece  # noqa: E402
+
+LINEAR = np.array([[[0.7, 0.7, 0.7], [0.6, 0.1, 0.1], [0.1, 0.5, 0.1], [0.1, 0.15, 0.6], [0.03, 0.03, 0.03]]])
+LUMA = {1: (0.2126, 0.0722), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}
+
+
+def frames(path) -> list[Frame]:
+    return list(read_frames(open_clip(path), []))
+
+
+def wide(row: np.ndarray) -> np.ndarray:
+    """Each colour 16 x 16, so that chroma of half the size is exact in the middle."""
+    return row.repeat(16, axis=0).repeat(16, axis=1)
+
+
+def coded(path, values, *, matrix, bits=8, full=False, tags=None, aspect=None, codec="ffv1", rate=10):
+    """A clip of one picture: display or other code values [H, W, 3] as YCbCr of 4:2:0, lossless."""
+    kr, kb = LUMA[matrix]
+    red, green, blue = np.moveaxis(values, -1, 0)
+    y = kr * red + (1 - kr - kb) * green + kb * blue
+    cb, cr = (blue - y) / (2 - 2 * kb), (red - y) / (2 - 2 * kr)
+    step, top = 2 ** (bits - 8), 2**bits - 1
+    planes = (
+        (y * top, cb * top + 128 * step, cr * top + 128 * step)
+        if full
+        else ((16 + 219 * y) * step, (128 + 224 * cb) * step, (128 + 224 * cr) * step)
+    )
+    height, width = y.shape
+    kind = "yuv420p" if bits == 8 else f"yuv420p{bits}le"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=rate)
+        stream.width, stream.height, stream.pix_fmt = width, height, kind
+        for name, value in (tags or {}).items():
+            setattr(stream.codec_context, name, value)
+        if aspect:
+            stream.sample_aspect_ratio = aspect
+        picture = av.VideoFrame(width, height, kind)
+        for index, (plane, numbers) in enumerate(zip(picture.planes, planes, strict=True)):
+            numbers = numbers if index == 0 else numbers[::2, ::2]
+            filled = np.zeros((plane.height, plane.line_size // (1 if bits == 8 else 2)), "u1" if bits == 8 else "<u2")
+            filled[:, : plane.width] = np.round(np.clip(numbers, 0, top))
+            plane.update(filled.tobytes())
+        picture.colorspace, picture.color_range = tags["colorspace"], tags["color_range"]
+        container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+    return path
+
+
+def tagged(matrix, primaries, transfer, full=False) -> dict[str, int]:
+    return {"colorspace": matrix, "color_primaries": primaries, "color_trc": transfer, "color_range": 2 if full else 1}
+
+
+def middles(rgb: np.ndarray) -> np.ndarray:
+    return rgb[8, 8::16].astype(float)
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12])
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("matrix", [1, 6])
+def test_matrix_range_and_bits_are_those_the_stream_names(tmp_path, bits, full, matrix):
+    path = coded(
+        tmp_path / "a.mkv", wide(srgb(LINEAR)), matrix=matrix, bits=bits, full=full, tags=tagged(matrix, 1, 1, full)
+    )
+    (frame,) = frames(path)
+    np.testing.assert_allclose(middles(frame.rgb), 255 * srgb(LINEAR)[0], atol=1.6 if bits == 8 else 0.8)
+    assert frame.radiance is None
+
+
+@pytest.mark.parametrize("bits", [10, 12])
+@pytest.mark.parametrize(("transfer", "curve"), [(16, pq), (18, hlg)])
+def test_pq_and_hlg_of_bt2020_give_light_above_white(tmp_path, bits, transfer, curve):
+    linear = LINEAR * np.array([3.0, 1, 1, 1, 1])[None, :, None]
+    values = wide(curve(linear @ REC2020_FROM_REC709.T))
+    (frame,) = frames(coded(tmp_path / "a.mkv", values, matrix=9, bits=bits, tags=tagged(9, 9, transfer)))
+    np.testing.assert_allclose(frame.radiance[8, 8], linear[0, 0], rtol=0.02)
+    seen = srgb(linear[0, 1:])
+    np.testing.assert_allclose(middles(frame.radiance)[1:], inverse_response(seen), rtol=0.03, atol=0.004)
+    np.testing.assert_allclose(middles(frame.rgb), 255 * srgb(np.minimum(linear, 1))[0], atol=2.5)
+
+
+def test_primaries_of_bt2020_in_sdr_and_of_smpte_170m_are_turned_to_rec709(tmp_path):
+    for matrix, primaries in ((9, 9), (6, 6)):
+        inside = np.linalg.inv(rec709_from_rgb(PRIMARIES[primaries]))
+        values = wide(srgb(np.clip(LINEAR @ inside.T, 0, 1)))
+        (frame,) = frames(coded(tmp_path / "a.mkv", values, matrix=matrix, bits=10, tags=tagged(matrix, primaries, 14)))
+        np.testing.assert_allclose(middles(frame.rgb), 255 * srgb(LINEAR)[0], atol=2.0)
+
+
+@pytest.mark.parametrize(("height", "matrix"), [(480, 6), (720, 1)])
+def test_a_matrix_that_is_not_named_is_taken_as_players_take_it(tmp_path, height, matrix):
+    values = wide(srgb(LINEAR)).repeat(height // 16, axis=0)
+    (frame,) = frames(coded(tmp_path / "a.mkv", values, matrix=matrix, tags=tagged(2, 2, 2)))
+    np.testing.assert_allclose(middles(frame.rgb), 255 * srgb(LINEAR)[0], atol=1.6)
+
+
+def test_colours_that_cannot_be_converted_are_one_line(tmp_path):
+    path = coded(tmp_path / "a.mkv", wide(srgb(LINEAR)), matrix=1, bits=10, tags=tagged(14, 9, 16))
+    with pytest.raises(InputError, match="matrix 14") as caught:
+        frames(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", ["mkv", "mp4", "h264"])
+@pytest.mark.parametrize("aspect", [Fraction(2), Fraction(4, 3), Fraction(8, 9)])
+def test_pixels_are_made_square(tmp_path, suffix, aspect):
+    values = wide(srgb(LINEAR)).repeat(4, axis=0)
+    path = coded(tmp_path / f"a.{suffix}", values, matrix=6, tags=tagged(6, 1, 1), aspect=aspect, codec="libx264")
+    (frame,) = frames(path)
+    assert frame.rgb.shape == (64, round(80 * aspect), 3)
+
+
+def test_a_relit_clip_says_that_its_pixels_are_square(tmp_path):
+    write_piece(tmp_path / "a.mp4", [(0.0, np.zeros((32, 48, 3), np.uint8))])
+    with av.open(str(tmp_path / "a.mp4")) as container:
+        assert container.streams.video[0].codec_context.sample_aspect_ratio == 1
+
+
+def encoded(sizes, codec="libx264") -> bytes:
+    """A raw H.264 stream of pictures of these widths and heights: a bright disc on grey."""
+    found = b""
+    for width, height in sizes:
+        stream = io.BytesIO()
+        with av.open(stream, "w", format="h264") as container:
+            out = container.add_stream(codec, rate=10)
+            out.width, out.height, out.pix_fmt = width, height, "yuv420p"
+            y, x = np.mgrid[:height, :width]
+            disc = np.hypot(x - width / 2, y - height / 2) < min(width, height) / 4
+            picture = np.where(disc[..., None], 220, 90).astype(np.uint8).repeat(3, -1)
+            container.mux(out.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+            container.mux(out.encode())
+        found += stream.getvalue()
+    return found
+
+
+@pytest.mark.parametrize("other", [(64, 48), (96, 128), (256, 96)])
+def test_frames_of_another_size_are_fitted_into_the_first_s(tmp_path, other):
+    (tmp_path / "a.h264").write_bytes(encoded([(128, 96), (128, 96), other, other]))
+    found = frames(tmp_path / "a.h264")
+    assert {frame.rgb.shape for frame in found} == {(96, 128, 3)}
+    assert [bool(frame.note) for frame in found] == [False, False, True, False]
+    assert f"{other[0]} x {other[1]}" in found[2].note
+    disc = found[2].rgb[..., 1] > 160
+    y, x = np.nonzero(disc)
+    assert x.max() - x.min() == pytest.approx(y.max() - y.min(), abs=2)  # still round
+    scale = min(128 / other[0], 96 / other[1])
+    assert x.max() - x.min() == pytest.approx(scale * min(other) / 2, abs=3)
+
+
+def test_a_clip_that_turns_midway_stays_upright(tmp_path, monkeypatch):
+    """As phones do that are turned while they record: the rotation is a frame's own."""
+    (tmp_path / "a.h264").write_bytes(encoded([(128, 96)] * 3))
+    clip, real = open_clip(tmp_path / "a.h264"), []
+
+    class Turned:
+        def __init__(self, picture, rotation) -> None:
+            self.picture, self.rotation = picture, rotation
+
+        def __getattr__(self, name):
+            return getattr(self.picture, name)
+
+    from anyprobe.video import clip as module
+
+    shown = module.shown_pixels
+
+    def turning(picture, *rest):
+        real.append(picture)
+        return shown(Turned(picture, 90 if len(real) > 1 else 0), *rest)
+
+    monkeypatch.setattr(module, "shown_pixels", turning)
+    found = list(read_frames(clip, []))
+    assert [frame.rgb.shape for frame in found] == [(96, 128, 3)] * 3
+    assert (found[1].rgb[:, :20] == 0).all()  # bars
+    assert "96 x 128" in found[1].note
+
+
+def moving(container, colour, size=(64, 48), count=3):
+    stream = container.add_stream("mpeg4", rate=10)
+    stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+    return stream, [np.full((size[1], size[0], 3), colour, np.uint8)] * count
+
+
+def mux(container, stream, pictures) -> None:
+    for picture in pictures:
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+    container.mux(stream.encode())
+
+
+@pytest.mark.parametrize("suffix", ["mkv", "mp4", "mov", "avi"])
+def test_a_cover_before_the_clip_is_not_the_clip(tmp_path, suffix):
+    """Of AVI and MOV it is a stream like any other, of one picture."""
+    path = tmp_path / f"a.{suffix}"
+    with av.open(str(path), "w") as container:
+        cover = container.add_stream("mjpeg", rate=10)
+        cover.width, cover.height, cover.pix_fmt = 200, 200, "yuvj420p"
+        if suffix in ("mkv", "mp4"):
+            cover.disposition = av.stream.Disposition.attached_pic
+        clip, pictures = moving(container, 200)
+        mux(container, cover, [np.zeros((200, 200, 3), np.uint8)])
+        mux(container, clip, pictures)
+    found = frames(path)
+    assert len(found) == 3
+    assert found[0].rgb.shape == (48, 64, 3)
+    assert open_clip(path).warnings == ()
+
+
+def test_a_cover_alone_is_no_clip(tmp_path):
+    stream = io.BytesIO()
+    Image.new("RGB", (64, 64)).save(stream, "JPEG")
+    with av.open(str(tmp_path / "a.mp4"), "w") as container:
+        cover = container.add_stream("mjpeg", rate=1)
+        cover.width, cover.height, cover.pix_fmt = 64, 64, "yuvj420p"
+        cover.disposition = av.stream.Disposition.attached_pic
+        mux(container, cover, [np.zeros((64, 64, 3), np.uint8)])
+    with pytest.raises(InputError, match="cover"):
+        open_clip(tmp_path / "a.mp4")
+
+
+def test_of_two_clips_the_default_is_taken_and_said(tmp_path):
+    with av.open(str(tmp_path / "a.mkv"), "w") as container:
+        first, dark = moving(container, 20, (128, 96))
+        second, bright = moving(container, 200)
+        second.disposition = av.stream.Disposition.default
+        first.disposition = 0
+        mux(container, first, dark)
+        mux(container, second, bright)
+    clip = open_clip(tmp_path / "a.mkv")
+    assert clip.stream == 1
+    assert "2 videos" in clip.warnings[0]
+    assert frames(tmp_path / "a.mkv")[0].rgb.mean() == pytest.approx(200, abs=2)
