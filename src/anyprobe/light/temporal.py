@@ -197,7 +197,7 @@ def _unseen(track: Track, dt_s: float) -> Track:
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
-    return float(2.0 * np.arcsin(min(float(np.linalg.norm(one - other)) / 2.0, 1.0)))
+    return float(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other) / 2.0, 1.0)))
 
 
 def _distance(one: np.ndarray, other: np.ndarray) -> float:
