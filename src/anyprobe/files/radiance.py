@@ -14,7 +14,16 @@ import numpy as np
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, read_exr, to_rec709, write_channels
+from anyprobe.files.exr import (
+    COLORSPACES,
+    EXR_MAGIC,
+    HEADER_BYTES,
+    exr_attributes,
+    from_rec709,
+    read_exr,
+    to_rec709,
+    write_channels,
+)
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.files.rgbe import (
     HDR_HEADER_BYTES,
@@ -141,6 +150,7 @@ def write_exr(
     *,
     half: bool = True,
     attributes: Mapping[str, str] | None = None,
+    colorspace: str = "rec709",
 ) -> float:
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
 
@@ -150,11 +160,12 @@ def write_exr(
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
+        colorspace: of exr.COLORSPACES, to which linear Rec. 709 is turned; its chromaticities stand in the header.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.
     """
-    radiance = check_radiance(radiance)
+    radiance = from_rec709(check_radiance(radiance), colorspace)
     clipped_share = 0.0
     pixels = radiance
     if half:
@@ -168,7 +179,7 @@ def write_exr(
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
         try:
-            write_channels(temporary, channels, said)
+            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **said})
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
