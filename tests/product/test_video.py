@@ -25,7 +25,6 @@ from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.radiance import read_radiance
-from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
@@ -127,7 +126,7 @@ def test_poses_keep_the_light_still_in_the_world(begin, made, tmp_path):
         run(lambda done: None)
     records = turning.progress.frames
     assert all("same_as" not in one and len(one["sh9"]) == 9 for one in records)
-    last = np.maximum(rotate(turning.progress.light.radiance, poses[-1].T), 0.0)
+    last = turning.progress.light.seen_from(poses[-1])
     np.testing.assert_allclose(records[-1]["sh9"], project(last), atol=1e-4)
     # the light of frame 6 as frame 8's camera sees it
     world = [rotation_y(-0.05 * i) @ records[i]["dominant_light"]["direction"] for i in (6, 7, 8)]

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
     from anyprobe.detail.library import Library
+    from anyprobe.detail.likeness import Shown
+    from anyprobe.detail.matching import MatchedMap
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -126,6 +128,7 @@ class Light:
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         info: how the estimate came about.
+        shown: what the photo shows of its object, for match; None where that is not known.
     """
 
     radiance: np.ndarray
@@ -136,6 +139,7 @@ class Light:
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
     map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
     info: Info = field(default_factory=Info)
+    shown: Shown | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("radiance", check_radiance(self.radiance, "light")), ("confidence", self.confidence)):
@@ -240,6 +244,23 @@ class Light:
             raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+
+    def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
+        """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
+
+        Each with the rotation, exposure and tint that bring it into this light's frame; see detail.matching. A light
+        that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain.
+
+        Args:
+            best: how many are returned; None: all.
+        Raises:
+            InputError: no such folder, or no panoramas in it.
+        """
+        from anyprobe.detail.matching import rank_maps
+
+        return rank_maps(
+            self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.info.get("pitch_deg")
+        )[:best]
 
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any

@@ -190,6 +190,21 @@ def write_exr(
     return clipped_share
 
 
+def write_half_exr(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
+    """Write a map [3, H, 2H] of halves, of which no copy is made; else as write_exr.
+
+    Raises:
+        OutputError: cannot be written.
+    """
+    said = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
+    with atomic_path(path) as temporary:
+        try:
+            write_channels(temporary, dict(zip("RGB", planes, strict=True)), said)
+        except RuntimeError as error:
+            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
+            raise OutputError(f"{path}: cannot be written ({reason})") from error
+
+
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:
     """The attributes that write_exr or write_hdr was given; none where there is no such header."""
     try:

@@ -20,7 +20,6 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import FRAME, SCALE, Light
 from anyprobe.estimate.surroundings import turned
 from anyprobe.files.radiance import write_exr
-from anyprobe.light.environment import rotate
 from anyprobe.light.temporal import step
 from anyprobe.relight.appearance import least_scale
 from anyprobe.relight.insert import Arrangement, Stage
@@ -181,9 +180,8 @@ class ClipRun:
             kept = self._turned(frame.index) or self._same()
             return {**record, "error": " ".join(str(error).splitlines()), **kept}
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
-        if self.poses is not None:
-            light = light.rotate(self.poses[frame.index])
-        done.light = step(done.light, light.radiance, dt_s)
+        pose = None if self.poses is None else self.poses[frame.index]
+        done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose)
         done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:
@@ -223,8 +221,7 @@ class ClipRun:
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""
-        radiance = self.progress.light.radiance
-        return radiance if self.poses is None else np.maximum(rotate(radiance, self.poses[index].T), 0.0)
+        return self.progress.light.seen_from(None if self.poses is None else self.poses[index])
 
     def _detailed(self, index: int) -> np.ndarray:
         """The same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it is."""
