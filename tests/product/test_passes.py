@@ -8,10 +8,11 @@ import pytest
 from support.picture_files import gamma_curve, icc, scene, srgb
 from support.scenes import made_map, sphere_photo
 
+from anyprobe.core.color import COLORSPACES
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InvalidEnvironment
 from anyprobe.estimate.photo import load_photo
-from anyprobe.files.exr import COLORSPACES, read_exr
+from anyprobe.files.exr import read_exr
 from anyprobe.files.icc import encoding_of
 from anyprobe.files.images import read_image
 from anyprobe.files.kept_encoding import Stored, stored_as, write_as

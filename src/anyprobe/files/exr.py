@@ -43,9 +43,6 @@ NEEDED = {
 CHUNK_ROWS = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)
 """Rows of a chunk by the number of its compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
-COLORSPACES = {"rec709": REC709_CHROMATICITIES, "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)}
-"""Linear ones that light is written in, by CIE x, y of red, green, blue and white; ACEScg's are AP1."""
-
 LEAST_ASPECT = 0.25
 """Pixels are made square where they are up to four times as wide as high, or as high as wide."""
 
@@ -374,14 +371,6 @@ def to_rec709(rgb: np.ndarray, chromaticities: Sequence[float], name: str, fault
     with np.errstate(invalid="ignore", over="ignore"):  # infinity is the caller's to refuse
         turned = rgb @ matrix.T.astype(np.float32)
     return np.maximum(turned, np.minimum(rgb.min(axis=-1, keepdims=True), 0.0))
-
-
-def from_rec709(rgb: np.ndarray, colorspace: str) -> np.ndarray:
-    """Linear Rec. 709 [..., 3] in one of COLORSPACES, white to white by Bradford; Rec. 709 stays as it is."""
-    if colorspace == "rec709":
-        return rgb
-    matrix = np.linalg.inv(rec709_from_rgb(COLORSPACES[colorspace])).astype(np.float32)
-    return rgb @ matrix.T
 
 
 def write_channels(

@@ -11,19 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.exr import (
-    COLORSPACES,
-    EXR_MAGIC,
-    HEADER_BYTES,
-    exr_attributes,
-    from_rec709,
-    read_exr,
-    to_rec709,
-    write_channels,
-)
+from anyprobe.files.exr import EXR_MAGIC, HEADER_BYTES, exr_attributes, read_exr, to_rec709, write_channels
 from anyprobe.files.paths import open_regular, read_rest
 from anyprobe.files.rgbe import (
     HDR_HEADER_BYTES,
@@ -160,7 +152,7 @@ def write_exr(
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
-        colorspace: of exr.COLORSPACES, to which linear Rec. 709 is turned; its chromaticities stand in the header.
+        colorspace: of core.color.COLORSPACES, to which linear Rec. 709 is turned; its chromaticities stand in the header.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.

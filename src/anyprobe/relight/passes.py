@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.core.response import inverse_response
 from anyprobe.errors import OutputError
 from anyprobe.files.radiance import HALF_MAX
@@ -96,7 +97,7 @@ def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
 def write_passes(path: Path, passes: Passes, colorspace: str) -> None:
     """Write an .exr of 16-bit floats with all layers, whole or not at all."""
     from anyprobe.files.atomic import atomic_path
-    from anyprobe.files.exr import COLORSPACES, from_rec709, write_channels
+    from anyprobe.files.exr import write_channels
 
     layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace))
     halves = {name: np.ascontiguousarray(np.clip(one, -HALF_MAX, HALF_MAX), np.float16) for name, one in layers.items()}
