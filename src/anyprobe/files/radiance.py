@@ -152,7 +152,7 @@ def write_exr(
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
-        colorspace: of core.color.COLORSPACES, to which linear Rec. 709 is turned; its chromaticities stand in the header.
+        colorspace: of core.color.COLORSPACES, to which light is turned; the header has its chromaticities.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.
