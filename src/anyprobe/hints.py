@@ -152,8 +152,8 @@ class Hints:
         pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
             "sphere"; or a function from a picture [H, W, 3] in [0, 1] to its normals [h, w, 3].
-        material: the object's: a Material, or "chrome", "gold", "plastic" or "matte". Level and colour of the light are
-            fitted to it.
+        material: the object's: a Material, or a name: "chrome", "gold", "plastic", "matte" or a measured one, see
+            scatter.materials. Level and colour of the light are fitted to it.
         albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
         roughness: as in glTF, 0.1 to 1, likewise.
         surroundings: "auto", which is the default: the photo's background unless the object is cut out, and below the
@@ -219,7 +219,7 @@ class Hints:
     )
     material: Material | str | None = _hint(
         "light",
-        "The object's material: chrome, gold, plastic or matte (albedo 0.6).",
+        "The object's material: chrome, gold, plastic, matte (albedo 0.6) or a measured one (anyprobe materials).",
         metavar="NAME",
         in_web="material",
     )

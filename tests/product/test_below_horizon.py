@@ -68,7 +68,7 @@ def test_cut_outs_are_estimated_as_they_were(background):
     rng = np.random.default_rng(1)
     photo[mask == 0] = 250
     if background == "flaws":  # as of JPEG around the object
-        photo[40:60] = np.clip(photo[40:60] + rng.integers(-12, 6, (20, *photo.shape[1:])), 0, 255)
+        photo[40:52] = np.clip(photo[40:52] + rng.integers(-60, 6, (12, *photo.shape[1:])), 0, 255)
     if background == "transparent":
         photo[mask == 0] = rng.integers(0, 255, (int((mask == 0).sum()), 3))
         photo, mask = np.dstack([photo, mask]), None

@@ -351,7 +351,7 @@ def test_light_too_dim_for_a_white_object_is_made_brighter(dimmed, gain):
     [
         ({"at": (5000, 5000)}, "at: expected a pixel of"),
         ({"at": (np.nan, 50)}, "at: expected a pixel of"),
-        ({"at": (120, 2)}, "at: 120,2 is above the horizon"),
+        ({"at": (120, 2), "pitch_deg": 5}, "at: 120,2 is above the horizon"),
         ({"size": 0}, "size: "),
         ({"turn_deg": np.inf}, "turn_deg: "),
         ({"pitch_deg": -80}, "pitch_deg: "),
@@ -410,7 +410,7 @@ def test_slow_step_is_named_while_it_runs(monkeypatch, capsys, silent):
         (("--insert-material", "glass"), ("anyprobe: --insert-material: expected", "chrome, gold", "'glass'")),
         (("--at", "12"), ("X,Y", "'12'")),
         (("--at", "nan,4"), ("X,Y", "'nan,4'")),
-        (("--at", "60,2"), ("--at", "above the horizon")),
+        (("--at", "60,2", "--pitch", "5"), ("--at", "above the horizon")),
         (("--at", "100000,140"), ("--at: expected a pixel of 128 x 96, got 100000,140; choose another",)),
         (("--at", "5000,5000", "--scale", "5"), ("--at: expected a pixel",)),
         (("--at", "60,95", "--scale", "20"), ("--scale", "reaches behind")),

@@ -3,12 +3,17 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { givenMaterial, materialInput } from "../src/photo/material.js";
+import { MATERIALS, givenMaterial, materialInput } from "../src/photo/material.js";
 
 test("a name, an albedo and a roughness", () => {
   assert.deepEqual(givenMaterial("chrome").albedo, [0, 0, 0]);
   const clay = givenMaterial({ albedo: 0.3, roughness: 0.5 });
   assert.deepEqual(clay, { albedo: [0.3, 0.3, 0.3], f0: [0.04, 0.04, 0.04], alpha: 0.25 });
+});
+
+test("measured materials have Python's names", () => {
+  assert.deepEqual(givenMaterial("porcelain"), { albedo: [0.745, 0.745, 0.723], f0: [0.04, 0.04, 0.04], alpha: 0.01 });
+  assert.ok(Object.keys(MATERIALS).length > 50);
 });
 
 test("what no surface has is refused in one line", () => {

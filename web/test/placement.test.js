@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { BoxGeometry, Group, Matrix4, Mesh, PerspectiveCamera, SphereGeometry } from "three";
 
+import { CONTRACT } from "../src/core/contract.js";
 import { objectBox } from "../src/photo/picture.js";
 import { extentOf, outlineOf } from "../page/view/outline.js";
 import { Silhouette, farthestRow, findSpot } from "../page/view/placement.js";
@@ -117,11 +118,11 @@ test("an object touches the ground at its lower border, not below its box's midd
   assert.deepEqual([x, y], [130, 300]);
 });
 
-test("an unknown camera is level where the ground is seen from above, and looks down where it would be seen edge-on", () => {
-  const focal = 600;
-  assert.equal(likelyPitchDeg(HEIGHT, HEIGHT, focal), 0);
-  const pitch = likelyPitchDeg(HEIGHT / 2, HEIGHT, focal);
-  assert.ok(Math.abs(pitch - 12) < 1e-9);
+test("an unknown camera looks down as usual, and further where the ground would be seen edge-on", () => {
+  const [focal, { usual_pitch_deg: usual, least_slope_deg: least }] = [600, CONTRACT.ground];
+  assert.equal(likelyPitchDeg(HEIGHT, HEIGHT, focal), usual);
+  const above = HEIGHT / 2 - focal * Math.tan((20 * Math.PI) / 180); // a base 20 degrees above the middle
+  assert.ok(Math.abs(likelyPitchDeg(above, HEIGHT, focal) - (least + 20)) < 1e-9);
 });
 
 test("nothing stands above the farthest ground, though it would have to for all of it to be seen", () => {

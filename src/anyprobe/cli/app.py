@@ -22,6 +22,8 @@ from anyprobe.cli.estimate import estimate
 from anyprobe.cli.evaluate import evaluate
 from anyprobe.cli.export import export
 from anyprobe.cli.mask import mask
+from anyprobe.cli.match_folder import match
+from anyprobe.cli.material_list import materials
 from anyprobe.cli.options import line_of
 from anyprobe.cli.relight import relight
 from anyprobe.cli.serve import serve
@@ -30,7 +32,7 @@ from anyprobe.cli.video import video
 from anyprobe.errors import AnyprobeError
 from anyprobe.files import exr
 
-USERS = (estimate, mask, relight, video, export, serve, doctor)
+USERS = (estimate, mask, relight, video, match, export, materials, serve, doctor)
 MAKERS = (evaluate, train, weights)
 """Commands for training and evaluation; `data` is one too."""
 

@@ -1,4 +1,4 @@
-"""The detail library: 8-bit environment maps and a few smooth features of each, in one file.
+"""The detail library: 8-bit environment maps and a few smooth features of each, in one file; and what `match` compares.
 
 A map is kept without a scale of its own: divided by its geometric mean, and coded by a curve that has steps of a few
 percent from a thousandth to a thousand times that mean. Its light sources need no more: their power is the estimate's.
@@ -10,21 +10,24 @@ import hashlib
 import io
 import json
 import os
+import time
 import zipfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
 
 from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
+from anyprobe.detail.likeness import light_of
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.files.paths import visible_files
+from anyprobe.files.paths import natural_order, open_regular
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
@@ -44,8 +47,32 @@ PATTERN, SHADING = 12.0, 6.0
 up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
-VERSION = 1
-"""Version of the file; another is made anew."""
+VERSION, OWN_VERSION = 2, 1
+"""Of the file; another is made anew. Our own, of the first, has no lights of its own and no files."""
+MOST_MAPS = 5000
+"""Of a folder, the folders in it included."""
+MOST_LIBRARIES = 32
+"""Folders that the cache holds; the one that was used longest ago makes room."""
+
+
+class Entry(NamedTuple):
+    """A map of a library: picture as encode gives it; light and level, see likeness.light_of; digest of its file."""
+
+    name: str
+    picture: bytes
+    light: np.ndarray | None = None
+    level: float = 1.0
+    digest: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Source:
+    """A file of a library's folder. stamp: path within the folder, bytes and time of change; digest: SHA-256 of its
+    bytes; fault: why it is not in the library, or empty."""
+
+    stamp: tuple[str, int, int]
+    digest: str
+    fault: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,12 +80,20 @@ class Library:
     """Candidates for the detail of a map.
 
     path: the file. names [N]; features [N, 16, 32, 4] float32, see features_of; richness [N], see richness_of.
+    lights [N, 32, 64, 3] float32 and levels [N], see likeness.light_of; files: where the maps are, N of a folder, else
+    none, and relative, within the folder; digests of their bytes; faults: a line for each file that could not be read.
     """
 
     path: Path
     names: tuple[str, ...]
     features: np.ndarray
     richness: np.ndarray
+    lights: np.ndarray
+    levels: np.ndarray
+    files: tuple[Path, ...] = ()
+    relative: tuple[str, ...] = ()
+    digests: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
 
     def digest(self) -> str:
         """16 hexadecimal digits that identify its maps."""
@@ -117,29 +152,57 @@ def decode() -> np.ndarray:
     return np.maximum((SIGMA * share / (1.0 - share)) ** (1.0 / EXPONENT), DARKEST).astype(np.float32)
 
 
-def write_library(path: Path, pictures: Iterable[tuple[str, bytes]], signature: str = "") -> None:
-    """Write the file of a library of names and pictures, see encode; the same pictures give the same bytes.
+def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
+    """A map [H, 2H, 3] as a library holds it."""
+    light, level = light_of(radiance)
+    return Entry(name, encode(radiance), light.astype(np.float16), level, digest)
 
+
+def write_library(
+    path: Path, entries: Iterable[Entry | tuple[str, bytes]], sources: list[Source] | None = None
+) -> None:
+    """Write the file of a library; the same maps give the same bytes.
+
+    Args:
+        entries: or names and pictures alone, see encode; lights are then the pictures'.
+        sources: the files of a folder that the entries are of; complete once the last entry is drawn.
     Raises:
         InputError: no maps. OutputError: cannot be written.
     """
     names: list[str] = []
     features: list[np.ndarray] = []
     richness: list[float] = []
+    lights: list[np.ndarray] = []
+    levels: list[float] = []
+    digests: list[str] = []
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
-        for name, picture in pictures:
-            _put(file, f"{len(names)}.jpg", picture)
-            codes = codes_of(picture)
-            names.append(name)
+        for given in entries:
+            one = Entry(*given)
+            _put(file, f"{len(names)}.jpg", one.picture)
+            codes = codes_of(one.picture)
+            names.append(one.name)
             features.append(features_of(decode()[codes]).astype(np.float16))
             richness.append(round(richness_of(codes / np.float32(255)), 4))
+            if one.light is not None:
+                lights.append(one.light)
+            levels.append(one.level)
+            digests.append(one.digest)
         if not names:
             raise InputError("library: expected at least one map, got none; check the folder")
-        stream = io.BytesIO()
-        np.save(stream, np.stack(features))
-        _put(file, "features.npy", stream.getvalue())
-        index = {"version": VERSION, "signature": signature, "names": names, "richness": richness}
+        _put_array(file, "features.npy", np.stack(features))
+        if len(lights) == len(names):
+            _put_array(file, "lights.npy", np.stack(lights))
+        index = {
+            **{"version": VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
+            "sources": [[list(one.stamp), one.digest, one.fault] for one in sources or []],
+        }
         _put(file, "index.json", json.dumps(index).encode())
+
+
+def _put_array(file: zipfile.ZipFile, name: str, values: np.ndarray) -> None:
+    stream = io.BytesIO()
+    np.save(stream, values)
+    _put(file, name, stream.getvalue())
 
 
 def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
@@ -149,46 +212,109 @@ def _put(file: zipfile.ZipFile, name: str, data: bytes) -> None:
 
 
 def open_library(folder: str | Path | None = None) -> Library:
-    """The library of a folder of .exr and .hdr maps, or for None the project's own rooms, skies and studios.
+    """The library of a folder of .exr and .hdr maps, with the folders in it, or for None our own rooms, skies and
+    studios.
 
-    A folder is read once (about a second for ten maps of 1,024 x 512) into a file of the user's cache, and again when
-    its files change.
+    Each file is read once (about a second for ten maps of 1,024 x 512) into a file of the user's cache. A file that
+    changed, by its size and time or by its name, is read again, unless a file of the same bytes is there already.
 
     Raises:
-        InputError: no folder, or no map in it. OutputError: the cache cannot be written.
+        InputError: no folder, no map in it, or too many. OutputError: the cache cannot be written.
     """
     if folder is None:
-        return _opened(Path(str(resources.files("anyprobe.detail") / "own.zip")), "")
+        return _opened(Path(str(resources.files("anyprobe.detail") / "own.zip")), ())
     folder = Path(folder)
     if folder.suffix == ".zip" and folder.is_file():
-        return _opened(folder, "")
+        return _opened(folder, ())
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name one of .exr or .hdr maps")
-    files = visible_files(folder, SUFFIXES)
-    stats = [(file.name, stat.st_size, stat.st_mtime_ns) for file in files for stat in [file.stat()]]
-    signature = hashlib.sha256(json.dumps(stats).encode()).hexdigest()
+    stamps = _stamps(folder)
     name = hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
     path = _cache_folder() / f"{name}.zip"
+    before = _index(path)
+    if before is None or [stamp for stamp, *_ in before["sources"]] != [list(stamp) for stamp in stamps]:
+        sources: list[Source] = []
+        write_library(path, _entries(folder, stamps, path, before, sources), sources)
+        _make_room(path)
+    found = _opened(path, tuple(stamps))
+    os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))  # for _make_room
+    return replace(found, files=tuple(folder / one for one in found.relative))
+
+
+def _stamps(folder: Path) -> list[tuple[str, int, int]]:
+    """Of all maps in a folder and the folders in it, without hidden ones."""
+    found: list[Path] = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = sorted(one for one in folders if not one.startswith("."))
+        found += [Path(place, one) for one in names if one.lower().endswith(SUFFIXES) and not one.startswith(".")]
+        if len(found) > MOST_MAPS:
+            raise InputError(f"{folder}: expected at most {MOST_MAPS} maps, got more; name a folder within it")
+    stamps = []
+    for path in found:
+        stat = path.stat()
+        stamps.append((path.relative_to(folder).as_posix(), stat.st_size, stat.st_mtime_ns))
+    return sorted(stamps, key=lambda stamp: natural_order(stamp[0]))
+
+
+def _index(path: Path) -> dict[str, Any] | None:
+    """What a file of this version says; None where it is absent, damaged or of another."""
     try:
-        return _opened(path, signature)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
-        write_library(path, _readable(folder, files), signature)
-    return _opened(path, signature)
+        with zipfile.ZipFile(path) as file:
+            index = json.loads(file.read("index.json"))
+        return index if index["version"] == VERSION and len(index["digests"]) == len(index["names"]) else None
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
 
 
-def _readable(folder: Path, files: list[Path]) -> Iterator[tuple[str, bytes]]:
-    """Pictures of all maps of a folder that can be read; the first one's error where none can."""
-    found, fault = 0, None
-    for file in files:
-        try:
-            picture = encode(read_radiance(file))
-        except AnyprobeError as error:
-            fault = fault or error
-            continue
-        found += 1
-        yield file.stem, picture
-    if not found:
-        raise fault or InputError(f"{folder}: no .exr or .hdr maps in this folder; check the path")
+def _entries(
+    folder: Path, stamps: list[tuple[str, int, int]], path: Path, before: dict[str, Any] | None, sources: list[Source]
+) -> Iterator[Entry]:
+    """All maps of a folder that can be read, from the file that was before where their bytes are the same.
+
+    sources: is filled. InputError where none can be read.
+    """
+    known: dict[tuple, str] = {tuple(stamp): digest for stamp, digest, _ in (before or {"sources": []})["sources"]}
+    kept = {} if before is None else {digest: number for number, digest in enumerate(before["digests"])}
+    faults = {} if before is None else {digest: fault for _, digest, fault in before["sources"] if fault}
+    lights = None if before is None else _lights(path)
+    stems = [stamp[0].rpartition(".")[0] for stamp in stamps]
+    for stamp, stem in zip(stamps, stems, strict=True):
+        name = stem if stems.count(stem) == 1 else stamp[0]
+        digest = known.get(stamp) or _digest(folder / stamp[0])
+        fault, entry = faults.get(digest, ""), None
+        if digest in kept and lights is not None and before is not None:
+            number = kept[digest]
+            with zipfile.ZipFile(path) as file:
+                entry = Entry(name, file.read(f"{number}.jpg"), lights[number], before["levels"][number], digest)
+        elif not fault:
+            try:
+                entry = entry_of(name, read_radiance(folder / stamp[0]), digest)
+            except AnyprobeError as error:
+                fault = " ".join(str(error).splitlines())
+        sources.append(Source(stamp=stamp, digest=digest, fault=fault))
+        if entry is not None:
+            yield entry
+    faulty = [one.fault for one in sources if one.fault]
+    if len(faulty) == len(sources):
+        raise InputError(faulty[0] if faulty else f"{folder}: no .exr or .hdr maps in this folder; check the path")
+
+
+def _digest(path: Path) -> str:
+    with open_regular(path, InputError) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def check_unchanged(library: Library, index: int) -> None:
+    """InputError where the file of a map has other bytes than when the library read it."""
+    if _digest(library.files[index]) != library.digests[index]:
+        raise InputError(f"{library.files[index]}: expected the map that was compared, got another; run match again")
+
+
+def _make_room(path: Path) -> None:
+    """Delete the libraries of the cache that were used longest ago, but not this one."""
+    others = [one for one in path.parent.glob("*.zip") if one != path]
+    for old in sorted(others, key=lambda one: one.stat().st_atime)[: -(MOST_LIBRARIES - 1)]:
+        old.unlink(missing_ok=True)
 
 
 def _cache_folder() -> Path:
@@ -196,16 +322,35 @@ def _cache_folder() -> Path:
     return Path(base) / "anyprobe" / "detail"
 
 
+def _lights(path: Path) -> np.ndarray | None:
+    with zipfile.ZipFile(path) as file:
+        return np.load(io.BytesIO(file.read("lights.npy"))) if "lights.npy" in file.namelist() else None
+
+
 @lru_cache(maxsize=4)
-def _opened(path: Path, signature: str) -> Library:
-    """The library of a file; an error of Python's where it is absent, damaged or of other maps."""
+def _opened(path: Path, stamps: tuple) -> Library:
+    """The library of a file, kept for as long as its folder's stamps are the same."""
     with zipfile.ZipFile(path) as file:
         index = json.loads(file.read("index.json"))
-        if index["version"] != VERSION or index["signature"] != signature:
-            raise ValueError("made of other maps")
+        if index["version"] not in (VERSION, OWN_VERSION):
+            raise InputError(f"{path}: expected a library of version {VERSION}, got {index['version']}; make it anew")
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
-    richness = np.array(index["richness"])
-    return Library(path=path, names=tuple(index["names"]), features=features, richness=richness)
+        count, lights = len(index["names"]), _lights(path)
+        if lights is None:  # as the pictures have them, whose light sources are cut off
+            pictures = (file.read(f"{number}.jpg") for number in range(count))
+            lights = np.stack([light_of(decode()[codes_of(one)])[0] for one in pictures])
+    sources = index.get("sources", ())
+    return Library(
+        path=path,
+        names=tuple(index["names"]),
+        features=features,
+        richness=np.array(index["richness"]),
+        lights=lights.astype(np.float32),
+        levels=np.array(index.get("levels", [1.0] * count)),
+        relative=tuple(stamp[0] for stamp, _, fault in sources if not fault),
+        digests=tuple(index.get("digests", ())),
+        faults=tuple(fault for *_, fault in sources if fault),
+    )
 
 
 @lru_cache(maxsize=2)

@@ -51,6 +51,13 @@ def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Lib
     Args:
         radiance: [H, 2H, 3]; confidence: [H, 2H] in [0, 1] or None.
     """
+    return find_matches(radiance, confidence, library, rank)[0]
+
+
+def find_matches(
+    radiance: np.ndarray, confidence: np.ndarray | None, library: Library, rank: int | None = None
+) -> list[Match]:
+    """All candidates, the best first; or the one of a rank (modulo their number) alone."""
     features = features_of(radiance)
     if confidence is None:
         weight = np.ones((FEATURE_ROWS, 2 * FEATURE_ROWS, 1), np.float32)
@@ -61,7 +68,13 @@ def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Lib
     costs, gains = zip(*(_compare(features, weight, spectra, plain, pitch) for pitch in PITCHES_DEG), strict=True)
     cost = np.stack(costs, axis=1)  # [N, pitches, columns]
     best = cost.reshape(len(cost), -1).min(axis=1)
-    index = int(np.argsort(best, kind="stable")[rank % len(best)])
+    order = np.argsort(best, kind="stable")
+    chosen = order if rank is None else order[[rank % len(best)]]
+    return [_placed(int(index), cost, gains, library) for index in chosen]
+
+
+def _placed(index: int, cost: np.ndarray, gains: tuple[np.ndarray, ...], library: Library) -> Match:
+    """A candidate where its cost, of [N, pitches, columns], is lowest; gains: [N, columns, 3] of each pitch."""
     pitch, column = np.unravel_index(np.argmin(cost[index]), cost.shape[1:])
     columns = cost[index, pitch, [column - 1, column, (column + 1) % cost.shape[2]]]
     rows = cost[index].min(axis=1)[[max(pitch - 1, 0), pitch, min(pitch + 1, len(PITCHES_DEG) - 1)]]
@@ -73,7 +86,7 @@ def find_match(radiance: np.ndarray, confidence: np.ndarray | None, library: Lib
         name=library.names[index],
         candidate_from_estimate=rotation_y(yaw) @ _level_from_camera(pitch_deg),
         ln_gain=gains[pitch][index, column],
-        distance=float(best[index]),
+        distance=float(cost[index].min()),
     )
 
 

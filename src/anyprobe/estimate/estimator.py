@@ -15,6 +15,7 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
+from anyprobe.detail.likeness import shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.below_horizon import ground_below
@@ -247,6 +248,9 @@ class Estimator:
                 "ln_radiance": outputs.ln_radiance,
             },
             camera_from_crop=crop.camera_from_crop,
+            shown=None
+            if outputs.normals is None
+            else shown_by(crop.image, outputs.normals, crop.tan_half, crop.camera_from_crop),
             info={
                 "photo": photo.name,
                 "model": self.model_id,

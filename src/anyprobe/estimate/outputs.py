@@ -22,6 +22,8 @@ from anyprobe.render.spheres import sphere_images
 if TYPE_CHECKING:
     from jaxtyping import Float
 
+    from anyprobe.detail.matching import MatchedMap
+
 EXPOSURES_EV = (-2.0, 0.0, 2.0)
 SPHERES = {"diffuse": "matte", "silver": "silver", "mirror": "mirror"}
 ROW = 256
@@ -45,6 +47,22 @@ def draw_preview(photo: Photo, light: Light) -> Float[np.ndarray, "H W 3"]:
         first.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
     maps = [(f"map, {_stops(ev)}", _fit(response(light.radiance * 2.0**ev), ROW)) for ev in EXPOSURES_EV]
     return _captioned([first, maps])
+
+
+def draw_matches(photo: Photo, light: Light, matches: Sequence[tuple[MatchedMap, np.ndarray]]) -> np.ndarray:
+    """Display picture [H, W, 3] in [0, 1]: photo, then a row for the estimate and for each match with its map in the
+    light's frame: spheres, all at one exposure, and the map."""
+    rows = [("estimate", light.radiance)]
+    rows += [(f"{one.rank + 1}: {one.name}", radiance) for one, radiance in matches]
+    drawn = [(caption, sphere_images(radiance, SPHERE), radiance) for caption, radiance in rows]
+    brightest = max(spheres["diffuse"].max() for _, spheres, _ in drawn)
+    gain = 2.0 ** min(0.0, math.floor(-2 * math.log2(max(brightest, 1e-6))) / 2)
+    picture = _fit(photo.rgb, ROW)
+    sheet: list[list[Captioned]] = [[("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]]
+    for caption, spheres, radiance in drawn:
+        shown = [(SPHERES[name], _fit(response(sphere * gain), ROW)) for name, sphere in spheres.items()]
+        sheet.append([*shown, (caption, _fit(response(radiance * gain), ROW))])
+    return _captioned(sheet)
 
 
 def _stops(ev: float) -> str:
@@ -79,8 +97,8 @@ def _fit(picture: np.ndarray, height: int) -> np.ndarray:
 SUFFIXES = (".exr", ".hdr", ".json", ".png")
 
 
-def write_results(photo: Photo, light: Light, folder: Path, stem: str) -> dict[str, Path]:
-    """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones.
+def write_results(photo: Photo, light: Light, folder: Path, stem: str, colorspace: str = "rec709") -> dict[str, Path]:
+    """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones; the .exr in a colorspace of Light.save.
 
     Returns:
         Suffix without dot -> path.
@@ -88,7 +106,8 @@ def write_results(photo: Photo, light: Light, folder: Path, stem: str) -> dict[s
         OutputError: the folder cannot be made or written; what was there stays as it was.
     """
     with atomic_files(folder) as scratch:
-        for kind in ("exr", "hdr", "json"):
+        light.save(scratch / f"{stem}.exr", colorspace=colorspace)
+        for kind in ("hdr", "json"):
             light.save(scratch / f"{stem}.{kind}")
         write_png(scratch / f"{stem}.png", draw_preview(photo, light))
     return {suffix[1:]: folder / f"{stem}{suffix}" for suffix in SUFFIXES}

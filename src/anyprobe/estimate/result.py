@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from jaxtyping import Float
 
     from anyprobe.detail.library import Library
+    from anyprobe.detail.likeness import Shown
+    from anyprobe.detail.matching import MatchedMap
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -126,6 +128,7 @@ class Light:
         camera_from_crop: [3, 3] rotation from the crop's frame to the camera's.
         map_from_camera: [3, 3] rotation from the camera's frame to the map's: what rotate has done since.
         info: how the estimate came about.
+        shown: what the photo shows of its object, for match; None where that is not known.
     """
 
     radiance: np.ndarray
@@ -136,6 +139,7 @@ class Light:
     camera_from_crop: np.ndarray = field(default_factory=lambda: np.eye(3))
     map_from_camera: np.ndarray = field(default_factory=lambda: np.eye(3))
     info: Info = field(default_factory=Info)
+    shown: Shown | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("radiance", check_radiance(self.radiance, "light")), ("confidence", self.confidence)):
@@ -241,6 +245,23 @@ class Light:
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
 
+    def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
+        """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
+
+        Each with the rotation, exposure and tint that bring it into this light's frame; see detail.matching. A light
+        that is not of one photo (of several, loaded from a file) is compared by its map, which is less certain.
+
+        Args:
+            best: how many are returned; None: all.
+        Raises:
+            InputError: no such folder, or no panoramas in it.
+        """
+        from anyprobe.detail.matching import rank_maps
+
+        return rank_maps(
+            self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.info.get("pitch_deg")
+        )[:best]
+
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
     ) -> Float[np.ndarray, "S S 4"]:
@@ -301,8 +322,11 @@ class Light:
             return None
         return round(float(integral(self.confidence[..., None])[0] / (4 * np.pi)), 4)
 
-    def save(self, path: str | Path) -> Path:
-        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png; see load."""
+    def save(self, path: str | Path, *, colorspace: str = "rec709") -> Path:
+        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png; see load.
+
+        colorspace: of an .exr, linear: rec709 or acescg; its header says which, and load turns it back.
+        """
         path = Path(path)
         kind = path.suffix.lower()
         turned = {name: str(value) for name, value in self._frame().items()}
@@ -310,7 +334,13 @@ class Light:
         if "detail" in self.info:
             attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.info["detail"])
         if kind == ".exr":
-            write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
+            write_exr(
+                path,
+                self.radiance,
+                half=bool(self.radiance.max() < 65504),
+                attributes=attributes,
+                colorspace=colorspace,
+            )
         elif kind == ".hdr":
             write_hdr(path, self.radiance, attributes=attributes)
         elif kind == ".json":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
@@ -141,6 +142,7 @@ def write_exr(
     *,
     half: bool = True,
     attributes: Mapping[str, str] | None = None,
+    colorspace: str = "rec709",
 ) -> float:
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
 
@@ -150,11 +152,12 @@ def write_exr(
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
+        colorspace: of core.color.COLORSPACES, to which light is turned; the header has its chromaticities.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.
     """
-    radiance = check_radiance(radiance)
+    radiance = from_rec709(check_radiance(radiance), colorspace)
     clipped_share = 0.0
     pixels = radiance
     if half:
@@ -168,7 +171,7 @@ def write_exr(
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
         try:
-            write_channels(temporary, channels, said)
+            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **said})
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:
@@ -177,6 +180,21 @@ def write_exr(
             reason = " ".join(str(error).replace(str(temporary), str(path)).split())
             raise OutputError(f"{path}: cannot be written ({reason})") from error
     return clipped_share
+
+
+def write_half_exr(path: str | os.PathLike[str], planes: np.ndarray, attributes: Mapping[str, str]) -> None:
+    """Write a map [3, H, 2H] of halves, of which no copy is made; else as write_exr.
+
+    Raises:
+        OutputError: cannot be written.
+    """
+    said = {f"{ATTRIBUTE}{key}": value for key, value in attributes.items()}
+    with atomic_path(path) as temporary:
+        try:
+            write_channels(temporary, dict(zip("RGB", planes, strict=True)), said)
+        except RuntimeError as error:
+            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
+            raise OutputError(f"{path}: cannot be written ({reason})") from error
 
 
 def map_attributes(path: str | os.PathLike[str]) -> dict[str, str]:

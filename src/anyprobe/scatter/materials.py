@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -77,18 +78,32 @@ def material_input(material: Material) -> np.ndarray:
     return np.concatenate([[1.0, np.sqrt(float(material.alpha))], reflected, f0]).astype(np.float32)
 
 
-MATERIALS: dict[str, Material] = {
-    name: Material(albedo=np.array(one["albedo"]), f0=np.array(one["f0"]), alpha=one["alpha"])
-    for name, one in contract("materials")["named"].items()
-}
-"""By name. Chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm)."""
+def _named(key: str) -> dict[str, Material]:
+    return {
+        name: Material(albedo=np.array(one["albedo"]), f0=np.array(one["f0"]), alpha=one["alpha"])
+        for name, one in contract("materials")[key].items()
+    }
+
+
+PRESETS, MEASURED = _named("named"), _named("measured")
+"""Our own: chrome reflects as chromium does (Johnson and Christy 1974, at 650, 550 and 450 nm); and those of the
+Physically Based database (physicallybased.info, CC0) that Material can express, see research.measured_materials."""
+MATERIALS: dict[str, Material] = PRESETS | MEASURED
+"""By name."""
 
 
 def material_named(name: str, *also: str) -> Material:
-    """One of MATERIALS; InputError lists them, and what else the caller would have taken."""
-    if name not in MATERIALS:
-        raise InputError(f"material: expected one of {', '.join([*MATERIALS, *also])}, got {name!r}")
-    return MATERIALS[name]
+    """One of MATERIALS, in small letters or large; InputError names those that are spelled alike, and what else the
+    caller would have taken."""
+    key = str(name).strip().lower().replace(" ", "-").replace("_", "-")
+    if key in MATERIALS:
+        return MATERIALS[key]
+    alike = get_close_matches(key, [*MATERIALS, *also], n=3) or [one for one in MATERIALS if key and key in one][:3]
+    advice = f"did you mean {' or '.join(alike)}?" if alike else "`anyprobe materials` lists them"
+    raise InputError(
+        f"material: expected one of {', '.join([*PRESETS, *also])} or of {len(MEASURED)} measured ones, "
+        f"got {str(name)[:60]!r}; {advice}"
+    )
 
 
 MATTE = "matte"
@@ -147,7 +162,8 @@ def as_material(
     """
     if not isinstance(material, Material | str | None):
         raise InputError(
-            f"material: expected a Material or one of {', '.join(MATERIALS)}, got {type(material).__name__}; "
+            f"material: expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
+            f"got {type(material).__name__}; "
             "give an albedo alone as albedo="
         )
     try:

@@ -6,7 +6,7 @@ const MATTE = "matte";
 const { least_roughness: LEAST_ROUGHNESS, least_reflectance: LEAST_REFLECTANCE } = CONTRACT.materials;
 
 /** Linear albedo, f0 and GGX alpha of the materials that have names. */
-export const MATERIALS = CONTRACT.materials.named;
+export const MATERIALS = { ...CONTRACT.materials.named, ...CONTRACT.materials.measured };
 
 /**
  * @param {import("../../types/index.d.ts").GivenMaterial} given a name of MATERIALS, or what replaces its albedo and roughness

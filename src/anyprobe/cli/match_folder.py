@@ -1,0 +1,117 @@
+"""anyprobe match: a photo and a folder of panoramas in, the panoramas that light like the photo out."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from anyprobe.cli.export import target_names
+from anyprobe.cli.options import (
+    STDIN,
+    JsonOption,
+    ModelOptions,
+    ObjectOptions,
+    QuietOption,
+    hints_for,
+    photo_source,
+    result_stem,
+    with_bundles,
+)
+from anyprobe.errors import InputError
+
+SURE = 0.5
+"""Difference of misfits from which on one map is clearly better than another."""
+
+
+@with_bundles
+def match(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="A photo, or - for standard input.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of .hdr and .exr panoramas.")],
+    taken: ObjectOptions,
+    by: ModelOptions,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("match"),
+    best: Annotated[int, typer.Option(min=1, max=50, help="How many panoramas are written and shown.")] = 3,
+    apply: Annotated[
+        str | None,
+        typer.Option(metavar="TARGET[,TARGET...]", help="Also export the best one, as the command export does."),
+    ] = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Find the panoramas of a folder that light like a photo.
+
+    Writes the best ones turned, exposed and tinted to fit the photo, a contact sheet with spheres and a list (.json).
+    """
+    from anyprobe.detail.library import open_library
+    from anyprobe.estimate.outputs import draw_matches
+    from anyprobe.estimate.photo import load_photo
+    from anyprobe.export.targets import export
+    from anyprobe.files.atomic import atomic_files
+    from anyprobe.files.images import write_png
+
+    targets = [] if apply is None else target_names(apply)
+    talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
+    with talk.status("reading the panoramas"):
+        library = open_library(folder)
+    if out.resolve() == folder.resolve() or folder.resolve() in out.resolve().parents:
+        raise InputError(f"-o {out}: is within the folder of panoramas, which it would add to; choose another")
+    hints = hints_for(photo, taken.hints())
+    estimator = by.estimator(segmenter=taken.segmenter)
+    name = "stdin" if photo == STDIN else None
+    loaded = load_photo(photo_source(photo), hints, name=name, segmenter=estimator.segmenter)
+    light = estimator.from_photo(loaded)
+    with talk.status("comparing"):
+        ranked = light.match(library)
+    stem, chosen = result_stem(photo, [photo]), ranked[:best]
+    files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
+    warnings = [*light.warnings, *(f"left out: {fault}" for fault in library.faults)]
+    if light.info.get("pitch_deg") is None:
+        warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
+    with atomic_files(out) as scratch, talk.status("writing"):
+        for one in chosen:
+            one.write(scratch / files[one.rank])
+        shown = [(one, one.radiance(256)) for one in chosen]
+        write_png(scratch / f"{stem}_match.png", draw_matches(loaded, light, shown))
+        said = {
+            "photo": loaded.name,
+            "folder": str(folder),
+            "maps": len(ranked),
+            "warnings": warnings,
+            "matches": [one.sidecar() | ({"written": files[one.rank]} if one in chosen else {}) for one in ranked],
+        }
+        (scratch / f"{stem}_match.json").write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
+    for target in targets:
+        first = chosen[0]
+        origin = {"photo": loaded.name, "match": first.sidecar()}
+        export(first.radiance(), target, out, stem, origin=origin)
+    if as_json:
+        print(json.dumps(said), flush=True)
+    table = Table("", "panorama", "misfit", "turned", "exposure", box=None, pad_edge=False)
+    for one in chosen:
+        table.add_row(
+            str(one.rank + 1),
+            one.name,
+            f"{one.misfit - ranked[0].misfit:+.2f}" if one.rank else "best",
+            f"{one.yaw_deg:+.0f}°, camera {one.pitch_deg:+.0f}° down",
+            f"{one.exposure_ev:+.1f} EV",
+        )
+    talk.print(table)
+    near = sum(one.misfit < ranked[0].misfit + SURE for one in ranked)
+    if near > 1:
+        talk.print(f"{near} of {len(ranked)} panoramas explain the photo about as well; look at {stem}_match.png")
+    for warning in warnings:
+        talk.print(f"warning: {warning}", soft_wrap=True)
+    talk.print(f"results: {out / stem}_*", soft_wrap=True)
+    if taken.strict and light.warnings:
+        raise typer.Exit(2)
+
+
+def _file_name(name: str) -> str:
+    """A map's name as part of a file's."""
+    return re.sub(r"[^\w.-]+", "_", name)[-80:]

@@ -1,0 +1,44 @@
+"""anyprobe materials: the names that --material takes."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+
+def materials(
+    words: Annotated[list[str] | None, typer.Argument(metavar="[WORD...]", help="Only names that hold these.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """List the materials that --material takes.
+
+    With linear colour (a metal's reflectance, else the albedo), glTF roughness and reflectance at normal incidence.
+    """
+    from anyprobe.scatter.materials import MATERIALS, PRESETS
+
+    chosen = {name: one for name, one in MATERIALS.items() if all(word.lower() in name for word in words or [])}
+    rows = {}
+    for name, one in chosen.items():
+        metal = not np.any(one.albedo)
+        rows[name] = {
+            "metal": metal,
+            "color": [round(float(v), 3) for v in (one.f0 if metal else one.albedo)],
+            "roughness": round(float(np.sqrt(one.alpha)), 2),
+            "reflectance": round(float(np.mean(one.f0)), 3),
+            "source": "anyprobe" if name in PRESETS else "physicallybased.info (CC0)",
+        }
+    if as_json:
+        print(json.dumps(rows))
+        return
+    table = Table("material", "metal", "colour", "roughness", "reflectance", box=None, pad_edge=False)
+    for name, row in rows.items():
+        color = " ".join(f"{v:.3f}" for v in row["color"])
+        table.add_row(
+            name, "yes" if row["metal"] else "", color, f"{row['roughness']:.2f}", f"{row['reflectance']:.3f}"
+        )
+    Console(markup=False, highlight=False).print(table)

@@ -1,0 +1,174 @@
+"""`match`: the panoramas of a folder, ranked by how well they light like a photo, and brought into its frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anyprobe.core.latlong import bilinear, direction_to_uv, uv_to_direction
+from anyprobe.detail.library import FEATURE_ROWS, Library, check_unchanged, open_library
+from anyprobe.detail.likeness import Shown, best_places, gain_of
+from anyprobe.detail.match import find_matches
+from anyprobe.errors import InputError
+from anyprobe.files.radiance import HALF_MAX, read_radiance, write_half_exr
+from anyprobe.light.environment import integral, reduced, rotate
+
+BLOCK_ROWS = 64
+"""Rows of a large map that are turned at once."""
+PREVIEW_ROWS = 128
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class MatchedMap:
+    """A panorama of a folder, and how it lights like a photo.
+
+    Attributes:
+        rank: 0 is the best. name: its file's within the folder, without the suffix. path: of the file.
+        misfit: how badly it explains the photo; differences matter: below 0.5 two maps are hardly to be told apart.
+        by: "photo", or "map" where only the estimate's map was compared.
+        map_from_light: [3, 3] rotation, from the light's frame to the panorama's.
+        gain: [3], from the panorama's radiance to the light's units.
+    """
+
+    rank: int
+    name: str
+    misfit: float
+    by: str
+    map_from_light: np.ndarray
+    gain: np.ndarray
+    library: Library
+    index: int
+
+    @property
+    def path(self) -> Path:
+        return self.library.files[self.index]
+
+    @property
+    def exposure_ev(self) -> float:
+        """The gain in stops."""
+        return float(np.log2(self.gain.mean()))
+
+    @property
+    def tint(self) -> np.ndarray:
+        """The gain of each channel [3] over their mean."""
+        return self.gain / self.gain.mean()
+
+    @property
+    def yaw_deg(self) -> float:
+        """How far the panorama is turned to the left about its vertical."""
+        return float(np.degrees(np.arctan2(-self.map_from_light[2, 0], self.map_from_light[0, 0])))
+
+    @property
+    def pitch_deg(self) -> float:
+        """How far the photo's camera looks down in it."""
+        return float(np.degrees(np.arcsin(np.clip(self.map_from_light[1, 2], -1.0, 1.0))))
+
+    def radiance(self, rows: int | None = None) -> np.ndarray:
+        """The panorama in the light's frame and units, [H, 2H, 3] float32; rows: at most so many.
+
+        Raises:
+            InputError: the file has changed since it was compared.
+        """
+        source = self._source()
+        if rows is not None:
+            source = reduced(source, rows)
+        return np.concatenate(list(self._turned(source)))
+
+    def write(self, path: str | Path) -> Path:
+        """The panorama in the light's frame and units, at its full size, as .exr of halfs.
+
+        Raises:
+            InputError: as of radiance. OutputError: cannot be written.
+        """
+        source = self._source()
+        height = len(source)
+        planes = np.empty((3, height, 2 * height), np.float16)
+        row = 0
+        for block in self._turned(source):
+            planes[:, row : row + len(block)] = np.moveaxis(np.minimum(block, HALF_MAX), -1, 0)
+            row += len(block)
+        del source
+        write_half_exr(path, planes, {"match": self.name, "map_from_light": str(self.map_from_light.round(6).tolist())})
+        return Path(path)
+
+    def sidecar(self) -> dict[str, Any]:
+        """All of it, ready for JSON."""
+        return {
+            "rank": self.rank,
+            "name": self.name,
+            "file": str(self.path),
+            "misfit": round(self.misfit, 4),
+            "compared_by": self.by,
+            "map_from_light": self.map_from_light.round(6).tolist(),
+            "yaw_deg": round(self.yaw_deg, 2),
+            "pitch_deg": round(self.pitch_deg, 2),
+            "exposure_ev": round(self.exposure_ev, 3),
+            "tint": self.tint.round(4).tolist(),
+        }
+
+    def _source(self) -> np.ndarray:
+        check_unchanged(self.library, self.index)
+        return read_radiance(self.path)
+
+    def _turned(self, source: np.ndarray) -> Iterator[np.ndarray]:
+        """Blocks of rows of the turned map [n, 2H, 3]: nothing but the source is held whole."""
+        height = len(source)
+        u = (np.arange(2 * height) + 0.5) / (2 * height)
+        turn, gain = self.map_from_light.T.astype(np.float32), self.gain.astype(np.float32)
+        for top in range(0, height, BLOCK_ROWS):
+            v = (np.arange(top, min(top + BLOCK_ROWS, height)) + 0.5) / height
+            uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
+            d = uv_to_direction(uv).astype(np.float32) @ turn
+            yield np.maximum(bilinear(source, direction_to_uv(d)), 0.0).astype(np.float32) * gain
+
+
+def rank_maps(
+    radiance: np.ndarray,
+    confidence: np.ndarray | None,
+    shown: Shown | None,
+    folder: Library | str | Path,
+    light_from_camera: np.ndarray,
+    pitch_deg: float | None = None,
+) -> list[MatchedMap]:
+    """All maps of a folder, the best first.
+
+    Args:
+        radiance, confidence: of the light, [H, 2H, 3] and [H, 2H], in its frame.
+        shown: what the photo shows, in the camera's frame; None: the map is compared alone.
+        light_from_camera: [3, 3].
+        pitch_deg: how far the camera looks down, where it is known.
+    """
+    library = folder if isinstance(folder, Library) else open_library(folder)
+    if not library.files:
+        raise InputError(f"{library.path}: expected a folder of .exr and .hdr maps, got a library without files")
+    if shown is not None:
+        camera = rotate(radiance, light_from_camera.T)
+        places = best_places(shown, library.lights, pitch_deg)
+        order = np.argsort(places.misfit, kind="stable")
+        turns, misfits = places.map_from_camera, places.misfit
+        gains = {i: gain_of(shown, camera, library.lights[i], turns[i]) / library.levels[i] for i in order}
+        turns = turns @ light_from_camera.T
+    else:
+        found = {one.index: one for one in find_matches(radiance, confidence, library)}
+        order = list(found)
+        turns = {i: one.candidate_from_estimate for i, one in found.items()}
+        misfits = {i: one.distance for i, one in found.items()}
+        mean = integral(reduced(radiance, FEATURE_ROWS)) / (4 * np.pi)
+        gains = {i: mean / (integral(library.lights[i]) / (4 * np.pi) * library.levels[i]) for i in order}
+    return [
+        MatchedMap(
+            rank=rank,
+            name=library.names[i],
+            misfit=float(misfits[i]),
+            by="map" if shown is None else "photo",
+            map_from_light=np.asarray(turns[i], np.float64),
+            gain=np.asarray(gains[i], np.float64),
+            library=library,
+            index=int(i),
+        )
+        for rank, i in enumerate(order)
+    ]

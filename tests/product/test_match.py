@@ -1,0 +1,171 @@
+"""anyprobe match: a folder's panoramas ranked by how they light like a photo, and brought into its frame."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.places import place
+from support.scenes import sphere_photo
+from typer.testing import CliRunner
+
+from anyprobe.cli.app import app
+from anyprobe.core.frames import world_from_camera
+from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.detail import library as libraries
+from anyprobe.detail.library import open_library
+from anyprobe.detail.likeness import Shown, best_places, gain_of, light_of, schlick_coat
+from anyprobe.errors import InputError
+from anyprobe.estimate.result import Light
+from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.light.environment import reduced, rotate
+from anyprobe.light.filtering import blur_cosine_power, irradiance_map
+
+YAW, PITCH = 2.0, np.radians(20)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Six places, two of them in a folder of their own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for seed in range(6):
+        path = tmp_path / "maps" / ("more" if seed > 3 else "") / f"place-{seed}.exr"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_exr(path, place(seed))
+    return tmp_path / "maps"
+
+
+def shown_under(radiance: np.ndarray, map_from_camera: np.ndarray, albedo=(0.5, 0.2, 0.1)) -> Shown:
+    """A sphere of red plastic under a map."""
+    rng = np.random.default_rng(1)
+    n = rng.normal(size=(160, 3))
+    n[:, 2] = np.abs(n[:, 2]) + 0.3
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    wo = np.broadcast_to(np.array([0.0, 0.0, 1.0]), n.shape)
+    r = 2 * n[:, 2:] * n - wo
+    small = reduced(radiance, 64)
+    matt = bilinear(irradiance_map(small) / np.pi, direction_to_uv(n @ map_from_camera.T))
+    coat = bilinear(blur_cosine_power(small, 20.0), direction_to_uv(r @ map_from_camera.T))
+    lit = matt * np.array(albedo) + coat * schlick_coat(n, wo)
+    return Shown(radiance=lit, clipped=np.zeros(160, bool), n=n, wo=wo)
+
+
+@pytest.fixture(scope="module")
+def camera_light():
+    """Place 2 as a camera sees it, and what an object shows of it."""
+    turn = world_from_camera(YAW, PITCH)
+    radiance = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0) * np.float32(0.3)
+    return Light(radiance=radiance, shown=shown_under(place(2) * 0.3, turn)), turn
+
+
+@pytest.mark.parametrize(("yaw", "pitch_deg"), [(0.3, 0), (2.0, 20), (4.4, 45)])
+def test_the_map_that_lit_an_object_is_found_and_turned_as_the_camera_was(yaw, pitch_deg):
+    turn = world_from_camera(yaw, np.radians(pitch_deg))
+    lights = np.stack([light_of(place(seed))[0] for seed in range(6)])
+    found = best_places(shown_under(place(2), turn), lights)
+    assert found.misfit.argmin() == 2
+    apart = found.map_from_camera[2] @ turn.T
+    assert np.degrees(np.arccos((np.trace(apart) - 1) / 2)) < 12
+    given = best_places(shown_under(place(2), turn), lights, float(pitch_deg))
+    assert given.misfit.argmin() == 2
+
+
+def test_the_gain_lights_the_object_as_brightly_as_the_estimate():
+    turn = world_from_camera(YAW, PITCH)
+    light, level = light_of(place(2))
+    estimate = rotate(reduced(place(2), 64), turn.T) * 0.3
+    gain = gain_of(shown_under(place(2), turn), estimate, light, turn) / level
+    np.testing.assert_allclose(gain, 0.3, rtol=0.03)
+
+
+def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(folder, camera_light, tmp_path):
+    light, _ = camera_light
+    first, *others = light.match(folder)
+    assert (first.name, first.by, len(others)) == ("place-2", "photo", 5)
+    assert {one.name for one in others} >= {"more/place-4", "more/place-5"}
+    path = first.write(tmp_path / "out.exr")
+    written, truth = read_radiance(path), light.radiance
+    assert written.shape == place(2).shape
+    assert (
+        np.corrcoef(np.log(reduced(written, 16) + 0.01).ravel(), np.log(reduced(truth, 16) + 0.01).ravel())[0, 1] > 0.85
+    )
+    exact = np.maximum(rotate(place(2), first.map_from_light.T), 0.0) * first.gain
+    np.testing.assert_allclose(written, exact, rtol=2e-3, atol=1e-3)
+
+
+def test_a_turned_light_gets_panoramas_in_its_own_frame(folder, camera_light):
+    light, _ = camera_light
+    quarter = world_from_camera(np.pi / 2, 0.0)
+    straight, turned = light.match(folder, best=1)[0], light.rotate(quarter).match(folder, best=1)[0]
+    np.testing.assert_allclose(turned.map_from_light @ quarter, straight.map_from_light, atol=1e-6)
+
+
+def test_a_light_without_its_photo_is_compared_by_its_map(folder, camera_light):
+    light, _ = camera_light
+    found = Light(radiance=light.radiance).match(folder, best=1)[0]
+    assert (found.name, found.by) == ("place-2", "map")
+
+
+def test_what_moved_is_not_read_again_and_what_changed_is(folder, monkeypatch):
+    read = []
+    monkeypatch.setattr(libraries, "read_radiance", lambda path: read.append(path.name) or read_radiance(path))
+    assert len(open_library(folder).names) == len(read) == 6
+    (folder / "place-0.exr").rename(folder / "more" / "other.exr")
+    assert "more/other" in open_library(folder).names
+    assert len(read) == 6
+    write_exr(folder / "place-1.exr", place(9))
+    changed = open_library(folder)
+    assert read[6:] == ["place-1.exr"]
+    np.testing.assert_allclose(changed.lights[changed.names.index("place-1")], light_of(place(9))[0], rtol=2e-3)
+
+
+def test_files_stand_by_their_maps_and_what_cannot_be_read_is_said(folder):
+    (folder / "place-0a.hdr").write_bytes(b"no picture")
+    library = open_library(folder)
+    assert [path.stem for path in library.files] == [name.split("/")[-1] for name in library.names]
+    assert len(library.faults) == 1
+    assert "place-0a.hdr" in library.faults[0]
+
+
+def test_a_file_that_changed_behind_its_time_is_not_written(folder, camera_light, tmp_path):
+    import os
+
+    light, _ = camera_light
+    first = light.match(folder, best=1)[0]
+    data, stat = bytearray(first.path.read_bytes()), first.path.stat()
+    data[-1] ^= 1
+    first.path.write_bytes(data)
+    os.utime(first.path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    with pytest.raises(InputError, match="run match again"):
+        first.write(tmp_path / "out.exr")
+    assert not (tmp_path / "out.exr").exists()
+
+
+def test_the_cache_holds_so_many_folders(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(libraries, "MOST_LIBRARIES", 2)
+    for number in range(4):
+        write_exr(tmp_path / f"maps-{number}" / "one.exr", place(0, 32))
+        open_library(tmp_path / f"maps-{number}")
+    assert len(list((tmp_path / "cache").rglob("*.zip"))) == 2
+
+
+@pytest.mark.usefixtures("networks_opened_once")
+def test_the_command_writes_maps_a_sheet_a_list_and_an_export(folder, tmp_path):
+    from PIL import Image
+
+    photo = tmp_path / "ball.png"
+    Image.fromarray(sphere_photo((64, 48))).save(photo)
+    out = tmp_path / "out"
+    words = ["match", str(photo), str(folder), "-o", str(out), "--best", "2", "--apply", "three", "--json"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    said = json.loads((out / "ball_match.json").read_text())
+    assert [one["rank"] for one in said["matches"]] == list(range(6))
+    assert len(list(out.glob("ball_[12]_*.exr"))) == 2
+    assert (out / "ball_match.png").is_file()
+    assert (out / "ball_three.json").is_file()
+    assert any("--pitch" in line for line in said["warnings"])
+    inside = CliRunner().invoke(app, [*words[:4], str(folder / "results")])
+    assert isinstance(inside.exception, InputError)

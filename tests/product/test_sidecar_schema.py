@@ -1,0 +1,50 @@
+"""The JSON Schema of the sidecar holds for what is written, and knows every key."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import numpy as np
+import pytest
+from support.scenes import sphere_photo
+
+import anyprobe
+from anyprobe.core.frames import rotation_y
+from anyprobe.estimate.result import VERSION, Info, Light
+
+jsonschema = pytest.importorskip("jsonschema")
+pytestmark = pytest.mark.usefixtures("networks_opened_once")
+
+
+@pytest.fixture(scope="module")
+def schema():
+    return json.loads((resources.files("anyprobe") / "estimate" / "sidecar.schema.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def light():
+    photo = sphere_photo((64, 48))
+    return anyprobe.estimate(photo, material="porcelain", pitch_deg=10.0, normals="sphere")
+
+
+def test_what_lights_write_is_what_the_schema_says(schema, light, tmp_path):
+    jsonschema.Draft202012Validator.check_schema(schema)
+    turned, bare = light.rotate(rotation_y(0.5)), Light(radiance=np.ones((64, 128, 3), np.float32))
+    for number, one in enumerate((light, turned, light.with_detail(size=64), bare)):
+        said = json.loads(one.save(tmp_path / f"{number}.json").read_text(encoding="utf-8"))
+        jsonschema.validate(said, schema)
+        assert set(said) <= set(schema["properties"])
+
+
+def test_the_schema_knows_every_key_and_is_of_this_version(schema):
+    assert set(Info.__annotations__) <= set(schema["properties"])
+    assert schema["properties"]["version"] == {"const": VERSION}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("sh9", [[0, 0, 0]]), ("version", 1), ("confidence", 2), ("frame", None), ("warnings", "none")]
+)
+def test_another_value_is_refused(schema, light, key, value):
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(light.sidecar() | {key: value}, schema)
