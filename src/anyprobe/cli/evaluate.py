@@ -69,7 +69,7 @@ def evaluate(
     model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
-    """Score a model, or maps of any program, and two baselines on a test set. Renders it and prints the table."""
+    """Score a model, or any program's maps, on a test set. Renders it, scores two baselines beside, prints tables."""
     refused = (
         (seed != SEED and frozen, f"--seed {seed}", "pairs that are drawn", "--frozen"),
         (seed != SEED and recipes, f"--seed {seed}", "pairs that are drawn", "--recipes"),
