@@ -18,9 +18,10 @@ from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
+from anyprobe.errors import ModelError  # noqa: E402
 from anyprobe.nets.context_net import CODE, ContextNet  # noqa: E402
 from anyprobe.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
-from anyprobe.train.checkpoint import load_init_weights  # noqa: E402
+from anyprobe.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import heads, smoke, whole  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import train  # noqa: E402
@@ -91,7 +92,7 @@ def test_drawn_source_is_of_another_size():
     shown, above = torch.full((1, 3, 64, 128), 0.01), torch.full((1, 3), 5.0)
     places = torch.tensor([[[0.0, 0.6, -0.8]] + [[0.0, -1.0, 0.0]] * 3])
     total = 5.0 + 0.01 * 4 * np.pi
-    for last, size in enumerate((4.0, 8.0, 16.0)):
+    for last, size in enumerate((4.0, 8.0)):
         area = 1 - np.cos(np.radians(np.minimum(RADII_DEG, size)))
         profiles = torch.zeros(1, SOURCES, len(RADII_DEG))
         profiles[0, 0] = torch.from_numpy(area / area[-1]).float() * 0.7
@@ -159,13 +160,13 @@ def run():
     surfaces = build_surfaces([], SurfaceConfig(views=1, procedural=1, points=64))
     illuminator = Illuminator([draw_map(np.random.default_rng(0), height=32)[0]], compiled=False)
 
-    def call(folder, named, stop_after=None, steps=3):
+    def call(folder, named, stop_after=None, steps=3, start=None):
         config = smoke(named(), steps)
         config = replace(config, pairs=replace(config.pairs, merged_surroundings=0.0))
         pairs = PairSource(illuminator, surfaces, config.pairs)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # TensorBoard warns about itself
-            return train(config, data=None, runs=folder, stop_after=stop_after, pairs=pairs)
+            return train(config, data=None, runs=folder, stop_after=stop_after, pairs=pairs, start=start)
 
     return call
 
@@ -182,6 +183,23 @@ def test_heads_that_go_on_are_others(run, tmp_path):
         learned = name.startswith(("context.", "light.sources."))
         assert learned or torch.equal(value, untrained[name]), name
     assert not torch.equal(straight["light.sources.profile.0.weight"], untrained["light.sources.profile.0.weight"])
+
+
+def test_kept_heads_carry_the_body_twice_or_not_at_all(run, tmp_path):
+    """Kept beside what they began from, heads are what they learned; read again, they are everything."""
+    body = tmp_path / "lift.pt"
+    torch.manual_seed(5)
+    torch.save(Lift.networks().state_dict(), body)
+    checkpoint = run(tmp_path / "runs", heads, steps=1, start=body)
+    save_init_weights(checkpoint, tmp_path / "heads.pt")
+    assert not any("object.first" in name for name in torch.load(tmp_path / "heads.pt", weights_only=True)["nets"])
+    nets = Whole.networks()
+    load_init_weights(nets, tmp_path / "heads.pt")
+    for name, value in torch.load(checkpoint, weights_only=True)["nets"].items():
+        torch.testing.assert_close(nets.state_dict()[name], value, atol=1e-3, rtol=1e-3, msg=name)
+    torch.save({}, body)
+    with pytest.raises(ModelError, match=r"heads\.pt"):
+        load_init_weights(Whole.networks(), tmp_path / "heads.pt")
 
 
 def test_whole_run_leaves_out_its_heads(run, tmp_path):

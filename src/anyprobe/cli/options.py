@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
@@ -33,6 +33,10 @@ STDIN = Path("-")
 """A photo that comes through standard input."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
+Colorspace = Literal["rec709", "acescg"]
+ColorspaceOption = Annotated[
+    Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 

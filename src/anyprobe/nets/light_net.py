@@ -18,7 +18,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.blocks import UpBlock, conv, wrap
 from anyprobe.nets.emitter_head import EmitterHead
 from anyprobe.nets.lifting import CameraRays, NormalsNet, given_or_estimated, lift, map_pixel, mirror_direction, pyramid
-from anyprobe.nets.source_head import SourceHead, SourceMap
+from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 from anyprobe.scatter.materials import MATERIAL_INPUTS
 
 HEIGHT = 32
@@ -277,7 +277,7 @@ class LightNet(nn.Module):
         self, code: torch.Tensor, shown: torch.Tensor, ln_power: torch.Tensor, logit: torch.Tensor
     ) -> dict[str, torch.Tensor]:
         places, profiles = self.sources.places(self.emitters, logit.detach()), self.sources.profiles(code)
-        spread = self.emitters.density(logit.detach())
+        spread = self.emitters.density(LIKELY * torch.log(likelihood(logit.detach())))
         soft, drawn, powers = self.source_map(shown, self.emitters.above(ln_power), spread, places, profiles)
         return {
             "ln_soft": torch.log(soft),
