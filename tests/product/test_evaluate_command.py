@@ -70,7 +70,7 @@ def test_every_group_has_every_method_and_its_confidence(work, command, rendered
     titles = [line.strip() for line in tables.splitlines()]
     for name in scores:
         assert list(scores[name]) == groups
-        assert sum(line.startswith(f"│ {name} ") for line in titles) == len(groups)
+        assert sum(line.startswith(f"│ {name} ") for line in titles) == len(groups) + 1, "and its errors"
     assert all(titles.count(group) == 1 for group in groups)
     assert "…" not in ended.out
     confidence = written(work)["confidence"]

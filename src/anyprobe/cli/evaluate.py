@@ -104,7 +104,7 @@ def evaluate(
     methods: dict[str, Method] = {}
     if write_photos is None:
         methods = _judged(predictions, [one.key for one in chosen], model, engine, title, hints) | baselines()
-    photos = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
+    photos: Iterable[Pair] = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
     photos = map(with_noisy_mask, photos) if noisy_masks else photos
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=talk) as progress:
@@ -125,7 +125,7 @@ def evaluate(
     result = {
         "settings": {
             "pairs": len(chosen),
-            **({"seed": seed} if drawn is not None else {"frozen": True} if frozen else {"recipes": recipes.name}),
+            **({"recipes": recipes.name} if recipes is not None else {"frozen": True} if frozen else {"seed": seed}),
             "conditions": conditions,
             "noisy_masks": noisy_masks,
             "path_traced": path_traced,
