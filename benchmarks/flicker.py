@@ -23,7 +23,6 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import find_dominant_light
-from anyprobe.light.environment import rotate
 from anyprobe.light.harmonics import project
 from anyprobe.light.temporal import step
 from anyprobe.render.spheres import silver, sphere_normals
@@ -36,6 +35,9 @@ SETTLING_S = 1.0
 """Left out at the start of a sequence, where the filter knows nothing yet."""
 
 LONGEST_LAG_S = 1.5
+
+BRIGHT = 5.0
+"""Radiance of a light source's pixels: those of the last light are counted."""
 
 
 def spheres(maps: Iterable[np.ndarray]) -> np.ndarray:
@@ -61,6 +63,7 @@ def steadiness(maps: Run[np.ndarray], shown: np.ndarray) -> dict[str, float]:
         "sh_step_percent": rounded(100 * steps.mean()),
         "dominant_light_step_deg": rounded(turns.mean()),
         "dominant_light_step_max_deg": rounded(turns.max()),
+        "bright_pixels": int((maps[-1].max(axis=-1) > BRIGHT).sum()),
     }
 
 
@@ -116,8 +119,8 @@ def measure(scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path 
         held += state.held
         steady.append(state.radiance)
     runs = {"truth": truth, "frame by frame": found, "filtered": steady}
+    poses = [camera_pose(sequence.yaw(index / FPS)) for index in range(len(found))]
     if sequence.name == "camera turns":
-        poses = [camera_pose(sequence.yaw(index / FPS)) for index in range(len(found))]
         runs["filtered, pose known"] = filtered_in_the_world(found, poses)
     start = round(SETTLING_S * FPS)
     shown = {name: spheres(run) for name, run in runs.items()}
@@ -127,20 +130,29 @@ def measure(scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path 
         line |= steadiness(run[start:], shown[name][start:])
         if name == "filtered":
             line["held"] = held
+        if sequence.name == "camera turns":
+            line["wander_deg"] = wander_deg(run[start:], poses[start:])
         if name != "truth" and sequence.jump_s is not None:
             line["followed_s"] = followed_s(shown[name], raw, round(sequence.jump_s * FPS))
-        elif name.startswith("filtered") and sequence.name != "still":
+        elif name.startswith("filtered") and sequence.name not in ("still", "object sways"):
             line["lag_s"] = rounded(lag_s(shown[name], raw))
         yield line
 
 
 def filtered_in_the_world(found: Run[np.ndarray], poses: Run[np.ndarray]) -> list[np.ndarray]:
-    """As anyprobe video --poses does it: each light turned into the world, and back into its camera."""
+    """As anyprobe video --poses does it: filtered in the world, and turned back into each camera."""
     steady, state = [], None
     for light, pose in zip(found, poses, strict=True):
-        state = step(state, np.maximum(rotate(light, pose), 0.0), 1 / FPS)
-        steady.append(np.maximum(rotate(state.radiance, pose.T), 0.0))
+        state = step(state, light, 1 / FPS, world_from_camera=pose)
+        steady.append(state.seen_from(pose))
     return steady
+
+
+def wander_deg(maps: Run[np.ndarray], poses: Run[np.ndarray]) -> float:
+    """The furthest that the dominant light is from its mean direction in the world."""
+    toward = np.array([pose @ find_dominant_light(one).direction for one, pose in zip(maps, poses, strict=True)])
+    mean = toward.mean(axis=0) / np.linalg.norm(toward.mean(axis=0))
+    return rounded(np.degrees(np.arccos(np.clip(toward @ mean, -1, 1))).max())
 
 
 def summaries(lines: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:

@@ -59,7 +59,7 @@ def test_body_or_form_give_the_same_light_as_the_package(client, estimator, phot
     expected = estimator(photo_rgba)
     raw = client.post("/v1/estimate?include=radiance", content=photo)
     parts = {"photo": ("sphere.jpg", as_png(photo_rgba[..., :3])), "mask": ("m.png", as_png(photo_mask))}
-    form = client.post("/v1/estimate", files=parts, data={"include": "radiance", "fov": "65"})
+    form = client.post("/v1/estimate", files=parts, data={"include": "radiance", "fov": "65", "surroundings": "none"})
     for answer in (raw, form):
         given = answer.json()
         found = np.frombuffer(base64.b64decode(given["radiance"]["base64"]), "<f4")

@@ -85,14 +85,19 @@ def test_masks_boxes_and_what_is_known_reach_every_photo(client, estimator, pict
     masks = [photo_mask, photo_mask * (np.arange(photo_mask.shape[1]) < 64).astype(np.uint8)]
     files = parts(rgb, mask=[as_png(one) for one in masks])
     asked = {"material": "matte", "albedo": "0.5", "roughness": "0.4", "emitters": "expected", "include": "radiance"}
+    asked["surroundings"] = "none"  # what one photo shows would reach the others
     matte = given_material("matte", (0.5,), 0.4)
     spread = estimator.with_settings(emitters="expected")
-    lights = [spread(one, mask=mask, material=matte) for one, mask in zip(rgb, masks, strict=True)]
+    lights = [spread(one, mask=mask, material=matte, surroundings="none") for one, mask in zip(rgb, masks, strict=True)]
     answer = client.post("/v1/fuse", files=files, data=asked)
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)
     boxes = ["20,10,100,90", "20,10,70,90"]
-    lights = [estimator(one, box=tuple(map(float, box.split(",")))) for one, box in zip(rgb, boxes, strict=True)]
-    answer = client.post("/v1/fuse", files=parts(rgb), data={"box": boxes, "include": "radiance"})
+    lights = [
+        estimator(one, box=tuple(map(float, box.split(","))), surroundings="none")
+        for one, box in zip(rgb, boxes, strict=True)
+    ]
+    asked = {"box": boxes, "include": "radiance", "surroundings": "none"}
+    answer = client.post("/v1/fuse", files=parts(rgb), data=asked)
     np.testing.assert_array_equal(radiance(answer), fuse_lights(lights, TURNS).radiance)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.frames import world_from_camera
 from anyprobe.core.response import inverse_response, response
 from anyprobe.estimate.below_horizon import ground_below
 from anyprobe.estimate.estimator import Estimator
@@ -17,6 +18,7 @@ from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
+from anyprobe.light.source_split import Source, draw_sources, split_sources
 from anyprobe.light.temporal import step
 from anyprobe.masks.networks import default_graph, small_network
 from anyprobe.masks.quality import examine
@@ -58,15 +60,50 @@ def _soft_mask(mask: np.ndarray) -> np.ndarray:
     return np.concatenate([grey, np.full((*mask.shape, 1), 255)], axis=-1).astype(np.uint8)
 
 
-def _filtered(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them."""
+def _filtered(radiance: np.ndarray) -> dict[str, np.ndarray]:
+    """Frames with noise, a slow change, a jump, a cut and another jump, and the light after them; then with sources
+    that tremble, one of them blinking, seen by a camera that turns: the steady light in the world and in the last one.
+    """
     noise = np.random.default_rng(5).normal(0, 0.03, (len(FRAME_SECONDS), *radiance.shape))
     gains = np.array([1.0, 1.0, 1.1, 1.6, 9.0, 9.0, 9.0, 4.5, 4.5, 4.5])[:, None, None, None]
     frames = (radiance * gains * np.exp(noise)).astype(np.float32)
     state = None
     for frame, seconds in zip(frames, FRAME_SECONDS, strict=True):
         state = step(state, frame, seconds)
-    return frames, state.radiance
+    soft, sources = split_sources(frames[-1])
+    found = {"frames": frames, "steadied": state.radiance, "split_soft": soft, "split_sources": _rows(sources)}
+
+    rng, turning, state = np.random.default_rng(6), [], None
+    poses = [world_from_camera(0.1 * i, 0.2 - 0.05 * i) for i in range(len(FRAME_SECONDS))]
+    for i, (pose, seconds) in enumerate(zip(poses, FRAME_SECONDS, strict=True)):
+        lamps = [
+            Source(direction=_unit(np.array(at) + rng.normal(0, 0.05, 3)), power=np.array(power), radius=radius)
+            for at, power, radius, is_on in (
+                ((0.3, 0.6, 0.7), (3.0, 2.5, 2.0), 0.07, True),
+                ((-0.9, 0.3, -0.2), (1.0, 1.2, 1.5), 0.1, i % 4 != 2),
+                ((0.1, 0.9, -0.6), (0.5, 0.5, 0.4), 0.3, True),
+            )
+            if is_on
+        ]
+        world = split_sources(radiance)[0] + draw_sources(len(radiance), lamps)
+        turning.append(np.maximum(rotate(world, pose.T), 0.0).astype(np.float32))
+        state = step(state, turning[-1], seconds, world_from_camera=pose)
+    return found | {
+        "turning_frames": np.array(turning),
+        "turning_poses": np.array(poses),
+        "turning_world": state.radiance,
+        "turning_camera": state.seen_from(poses[-1]),
+        "turning_sources": _rows(state.sources),
+    }
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+def _rows(sources) -> np.ndarray:
+    """[K, 7]: direction, power and radius of each source."""
+    return np.array([[*one.direction, *one.power, one.radius] for one in sources]).reshape(-1, 7)
 
 
 SHAPES = [
@@ -177,7 +214,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
         evidence = examine(finding, *rgb.shape[1::-1])
         found[name] = asdict(evidence) | {"iou": evidence.expected_iou("small"), "doubts": evidence.doubts()}
-    answers["frames"], answers["steadied"] = _filtered(light.radiance)
+    answers |= _filtered(light.radiance)
     for name, values in answers.items():
         (folder / f"{name}.f32").write_bytes(np.ascontiguousarray(values, dtype="<f4").tobytes())
     (folder / "photo.rgba").write_bytes(photo.tobytes())

@@ -86,23 +86,25 @@ export class AnyProbe {
   }
 
   /**
-   * The light of every frame of a playing video, steady on a still scene; the object is found again as it moves. One video
-   * at a time: the last one's tracker is stopped.
+   * The light of every frame, steady on a still scene; the object is found again as it moves. One source at a time: the last
+   * one's tracker is stopped.
    *
-   * @param {HTMLVideoElement} video
+   * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered to
+   *   the tracker, each with its camera's pose
    * @param {(light: Light, answer: object) => void} onLight
    * @param {import("../types/index.d.ts").TrackOptions} [options]
    * @returns {Tracker}
    */
-  track(video, onLight, options = {}) {
+  track(source, onLight, options = {}) {
     checkNames("track", options);
     checkLight(options);
-    const { surroundings, pitchDeg, emitters, onError, onLost, signal, withViews = false } = options;
+    const { surroundings, pitchDeg, emitters, onError, onLost, pose, signal, withViews = false } = options;
     const material = describe(options.material);
     this.#client.check();
     signal?.throwIfAborted();
     this.#tracker?.stop();
-    const tracker = (this.#tracker = new Tracker(video, this.#client, {
+    const tracker = (this.#tracker = new Tracker(source, this.#client, {
+      pose,
       onLight: (answer) => (answer.lost ? onLost?.(answer) : onLight(answer.light, answer)),
       onError: onError ?? reportError,
     }));

@@ -14,7 +14,7 @@ export const OPTIONS = {
   load: ["engine", "threads", "weights", "runtime", "worker", "onProgress", "signal"],
   mask: [...HINTS, "signal"],
   estimate: [...HINTS, ...LENS, ...LIGHT, "mask", "normals", "signal"],
-  track: [...HINTS, ...LENS, ...LIGHT, "onError", "onLost", "withViews", "signal"],
+  track: [...HINTS, ...LENS, ...LIGHT, "onError", "onLost", "withViews", "pose", "signal"],
   "tracker.mark": HINTS,
   "tracker.set": LIGHT,
 };
@@ -92,6 +92,29 @@ function inRange(name, value, longFovDeg) {
   const isFine = (angle) => typeof angle === "number" && angle > LEAST_FOV_DEG && angle < MOST_FOV_DEG;
   if (isFine(value) && isFine(longFovDeg)) return longFovDeg;
   throw wrong(name, `degrees between ${LEAST_FOV_DEG} and ${MOST_FOV_DEG}, of the picture's longer side too`, value);
+}
+
+/** By how much a rotation's columns may be off unit length and right angles. */
+const MOST_SKEW = 0.01;
+
+/**
+ * The rotation of a camera's pose in the world, nine numbers row by row.
+ *
+ * @param {ArrayLike<number> | {elements: ArrayLike<number>} | {matrix: ArrayLike<number>} | {matrixWorld: object}} pose
+ *   16 numbers column by column (a Matrix4, an XRRigidTransform, a three.js camera), or nine row by row; as it is now
+ */
+export function rotationOfPose(pose) {
+  const given = pose.matrixWorld ?? pose;
+  const m = given.elements ?? given.matrix ?? given;
+  if (![9, 16].includes(m.length) || ![...m].every(Number.isFinite)) throw wrong("pose", "16 numbers column by column, or 9 row by row", [...(m ?? [])]);
+  const rotation = m.length === 9 ? [...m] : [0, 1, 2].flatMap((row) => [m[row], m[4 + row], m[8 + row]]);
+  const column = (c) => [rotation[c], rotation[3 + c], rotation[6 + c]];
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const [x, y, z] = [0, 1, 2].map(column);
+  const skew = Math.max(...[x, y, z].map((one) => Math.abs(dot(one, one) - 1)), ...[dot(x, y), dot(y, z), dot(z, x)].map(Math.abs));
+  const turns = dot(x, [y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0]]);
+  if (skew > MOST_SKEW || turns < 0) throw wrong("pose", "a rotation of unit scale", rotation);
+  return rotation;
 }
 
 function longFovOfMatrix(matrix, width, height) {

@@ -13,7 +13,8 @@ import * as ort from "onnxruntime-web";
 
 import { cameraRadiance, describe } from "../src/light/light.js";
 import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
-import { shown, step } from "../src/light/temporal.js";
+import { splitSources } from "../src/light/sourceSplit.js";
+import { shown, shownSources, step } from "../src/light/temporal.js";
 import { cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { objectBox } from "../src/photo/picture.js";
@@ -247,6 +248,29 @@ test("the filter of a video's lights", { skip }, () => {
     state = step(state, frames.subarray(i * size, (i + 1) * size), dt);
   });
   assertClose(shown(state), floats("steadied"), 1e-4, "steadied");
+});
+
+const rowsOf = (sources) => sources.flatMap(({ direction, power, radius }) => [...direction, ...power, radius]);
+
+test("a map's discrete sources", { skip }, () => {
+  const frames = floats("frames");
+  const { soft, sources } = splitSources(frames.subarray(-frames.length / found.frameSeconds.length), 64);
+  assert.ok(sources.length > 0);
+  assertClose(rowsOf(sources), floats("split_sources"), 1e-4, "sources");
+  assertClose(soft, floats("split_soft"), 1e-4, "soft part");
+});
+
+test("the filter in the world, of a camera that turns", { skip }, () => {
+  const [frames, poses] = [floats("turning_frames"), floats("turning_poses")];
+  const size = frames.length / found.frameSeconds.length;
+  const poseAt = (i) => [...poses.subarray(9 * i, 9 * i + 9)];
+  let state = null;
+  found.frameSeconds.forEach((dt, i) => {
+    state = step(state, frames.subarray(i * size, (i + 1) * size), dt, poseAt(i));
+  });
+  assertClose(rowsOf(shownSources(state)), floats("turning_sources"), 1e-4, "sources");
+  assertMostlyClose(shown(state), floats("turning_world"), 1e-3, "in the world");
+  assertMostlyClose(shown(state, poseAt(found.frameSeconds.length - 1)), floats("turning_camera"), 1e-3, "in the camera");
 });
 
 test("blurs of Python's own map", { skip }, () => {

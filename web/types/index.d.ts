@@ -125,7 +125,20 @@ export interface EstimateOptions extends Hints, Lens, LightOptions, Cancellable 
   normals?: Float32Array;
 }
 
+/** What `track` follows; null: frames are offered. */
+export type TrackSource = HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null;
+/** What holds one frame. */
+export type FrameSource = HTMLVideoElement | Exclude<Drawable, HTMLVideoElement> | CameraTexture;
+/** Of a camera in the world: 16 numbers column by column (a Matrix4, an XRRigidTransform, a three.js camera), or nine of its rotation row by row. */
+export type Pose =
+  | ArrayLike<number>
+  | { elements: ArrayLike<number> }
+  | { matrix: ArrayLike<number> }
+  | { matrixWorld: { elements: ArrayLike<number> } };
+
 export interface TrackOptions extends Hints, Lens, LightOptions, Cancellable {
+  /** The camera's pose, asked for whenever a frame is taken: the lights are then in the world, and still there while it turns. */
+  pose?: () => Pose;
   onError?: (error: Error) => void;
   /** No object is seen in a frame. */
   onLost?: () => void;
@@ -173,6 +186,8 @@ export declare class Light {
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
   /** The shares of the map that the background shows and that the ground's colour fills; whether normals and material were given. */
   readonly hints: { surroundings: number; ground: number; normals: boolean; material: boolean };
+  /** Of a tracked frame that came with a pose: directions are in the world. */
+  readonly isInWorld?: boolean;
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */
   readonly mask: Mask | null;
 }
@@ -189,7 +204,12 @@ export interface Mask {
 
 export interface Tracker {
   readonly running: boolean;
-  /** The object is somewhere else, in the video's pixels. */
+  /**
+   * A frame of one's own: in an XR session's callback, the camera's texture and the view's pose. time: of performance.now(), when
+   * it was taken. Settles when the frame may be changed or closed.
+   */
+  offer(frame: FrameSource, about?: { pose?: Pose; time?: number }): Promise<void>;
+  /** The object is somewhere else, in the source's pixels. */
   mark(hints: Hints): Promise<void>;
   set(options: Pick<LightOptions, "surroundings" | "pitchDeg" | "emitters">): Promise<void>;
   /** Lights and frames a second. */
@@ -211,8 +231,8 @@ export declare class AnyProbe {
   mask(image: ImageSource, options?: Hints & Cancellable): Promise<{ mask: Float32Array; width: number; height: number; quality: number | null; warnings: string[] }>;
   /** The light around the object of one picture, in the frame of its camera. */
   estimate(image: ImageSource, options?: EstimateOptions): Promise<Light>;
-  /** The light of every frame of a playing video, steady on a still scene. One video at a time. */
-  track(video: HTMLVideoElement, onLight: (light: Light) => void, options?: TrackOptions): Tracker;
+  /** The light of every frame of a playing video, a canvas or a camera's track, steady on a still scene. One source at a time. */
+  track(source: TrackSource, onLight: (light: Light) => void, options?: TrackOptions): Tracker;
   /** End the thread. What was asked of it, and is from here on, rejects with the code "disposed". */
   dispose(): void;
   [Symbol.dispose](): void;

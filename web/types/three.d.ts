@@ -1,7 +1,7 @@
 /** anyprobe/three: estimates in three.js. */
 
 import type { DirectionalLight, Group, LightProbe, Mesh, Object3D, Object3DEventMap, Texture, WebGLRenderer } from "three";
-import type { AnyProbe, Light, Mask, Tracker, TrackOptions, Vector3 } from "./index.d.ts";
+import type { AnyProbe, Light, Mask, Tracker, TrackOptions, TrackSource, Vector3 } from "./index.d.ts";
 
 export interface ProbeLightEventMap extends Object3DEventMap {
   estimationstart: {};
@@ -21,7 +21,8 @@ export declare class ProbeLight extends Group<ProbeLightEventMap> {
   estimate: Light | null;
   /** camera: that took the picture, where it is not the scene's origin. */
   update(light: Light, camera?: Object3D | null): void;
-  track(video: HTMLVideoElement, options?: TrackOptions & { camera?: Object3D | null }): Tracker;
+  /** camera: whose pose is asked for whenever a frame is taken, so that the light stays still in the world. */
+  track(source: TrackSource, options?: TrackOptions & { camera?: Object3D | null }): Tracker;
   stop(): void;
   dispose(): void;
 }

@@ -66,7 +66,7 @@ class ExportedLight:
 
 
 def prepare(
-    radiance: Float[np.ndarray, "H 2*H 3"],
+    radiance: np.ndarray,
     name: str,
     *,
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,

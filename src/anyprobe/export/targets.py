@@ -218,7 +218,7 @@ TARGETS = {
 
 
 def export(
-    radiance: Float[np.ndarray, "H 2*H 3"],
+    radiance: np.ndarray,
     target: str,
     folder: str | Path,
     stem: str = "light",

@@ -1,158 +1,216 @@
 """Lights of a video, kept still on a still scene and quick where the light changes.
 
-Two exponential averages of y = ln(L + 0.01): `fast` follows every frame, `steady` is what
-is shown and chases `fast`. Above white y goes on as a straight line: small light sources that frames place
-side by side keep their power, which averages of the logarithm would lose. How long steady's memory reaches
-depends on how far apart the two are, in units of the noise that the frames themselves show. One frame y, dt
-seconds after the last (|.| is the root mean square over the sphere and the three channels of differences of
-ln(L + 0.01), a(T) = 1 - exp(-dt / T)):
+A frame's map is split into a soft part and discrete sources (light.source_split). Each is filtered as what it is (by
+light.steady): the soft part pixel by pixel, the sources as objects, because an average of maps would show a source that
+trembles as many. In the world, where poses are given: there light stands still while the camera turns.
 
-    |y - fast| > cut_level: hold this frame back; the second in a row starts anew. Else
-    age    += dt
-    noise  += a(min(noise_s, age)) (min(|y - last| / sqrt 2, 3 noise) - noise)
-    lead    = a(min(fast_s, memory + dt))
-    fast   += lead (y - fast)
-    spread  = |fast - steady| / (noise sqrt(lead / (2 - lead)))
-    motion  = clip((spread - calm) / (moved - calm), 0, 1)
-    memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
-    motion > let_go: stale = stale_fast = 1
-    stale  > forgotten: memory is no longer than it was
-    stale_fast -= lead stale_fast
-    steady += a(memory) (fast - steady), stale likewise
+**The soft part**: y = ln(L + 0.01), above white a straight line; |.| is the root mean square over the sphere and the
+channels of differences of ln(L + 0.01). A frame further off than cut_level is held back; the second in a row starts
+anew.
 
-White noise of the frames leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing
-moves. Drift is separated from noise even where each frame's step is below the noise, because it adds up
-in fast - steady. After a move the memory grows with the time since: steady is then about the plain
-mean of what came after. A growing memory forgets only as 1 / t, so it does not grow while more of
-what was before a clear move is left in steady (the share stale) than is let be.
+**Sources.** One of the frame and one that is known are the same where angle / gate_deg + |ln of the ratio of powers| /
+ln gate_ratio is least, and neither term above 1. Direction (times angle_scale), ln power and ln radius are then one
+more value of that source; what is shown turns by at most most_turn_deg_s. A source that is new grows to its whole power
+in fade_s, and one that is not seen for patience_s fades as fast. While two places share one source's power in this way,
+their sum is what the frames' sources have in all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anyprobe.core.contract import contract
+from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
-from anyprobe.light.environment import check_radiance
+from anyprobe.light.environment import check_radiance, rotate
+from anyprobe.light.source_split import Source, draw_sources, split_sources
+from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin
 
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-FILTER = contract("filter")
 OFFSET: float = FILTER["offset"]
 """Added before the logarithm: what is much darker hardly lights anything, and black stays black."""
 SLOPE = np.float32(1.0 + OFFSET)
 WHITE = np.log(SLOPE)
 """y of L = 1; from there on dL = SLOPE dy."""
 
+RULES = FILTER["source"]
+GATE = float(np.radians(RULES["gate_deg"]))
+LN_RATIO = float(np.log(RULES["gate_ratio"]))
+ANGLE_SCALE: float = RULES["angle_scale"]
+MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
+PATIENCE_S: float = RULES["patience_s"]
+FADE_S: float = RULES["fade_s"]
+MOST: int = RULES["most"]
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Smoothing:
-    """Time constants in seconds, levels of y in natural-log units (0.1 is 10 %).
+class Track:
+    """A source that is known. value: of _value, [7] float64. shown: [3] unit, towards it. share: of its power that is
+    shown. unseen_s: since a frame had it."""
 
-    still_s, moving_s: memory of what is shown, when nothing moved for long and while the light moves.
-    fast_s: of the average that leads. noise_s: of the noise level.
-    least_noise: noise is never taken for smaller. cut_level: a frame further off is another scene.
-    calm, moved: spreads where the gain begins to rise and where it is all risen.
-    let_go: motion above which all that was before is to be forgotten. forgotten: share of it that is let be.
-    """
+    value: Steady
+    shown: np.ndarray
+    share: float
+    unseen_s: float = 0.0
 
-    still_s: float = FILTER["still_s"]
-    moving_s: float = FILTER["moving_s"]
-    fast_s: float = FILTER["fast_s"]
-    noise_s: float = FILTER["noise_s"]
-    least_noise: float = FILTER["least_noise"]
-    cut_level: float = FILTER["cut_level"]
-    calm: float = FILTER["calm"]
-    moved: float = FILTER["moved"]
-    let_go: float = FILTER["let_go"]
-    forgotten: float = FILTER["forgotten"]
+    @property
+    def source(self) -> Source:
+        """With its whole power."""
+        power, radius = np.exp(self.value.steady[3:6]) - OFFSET, float(np.exp(self.value.steady[6]))
+        return Source(direction=self.shown, power=np.maximum(power, 0.0), radius=radius)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FilterState:
     """What one frame hands to the next.
 
-    steady, fast, last: [H, 2H, 3] float32, y of what is shown, of the leading average, of the
-        last frame. noise: root mean square noise of a frame's y, None before the second frame.
-    memory_s: time constant of steady. age_s: since the start or the last cut.
-    stale, stale_fast: share of what was before the last clear move in steady and in fast.
-    held: whether the last frame was held back. spread: of the last frame; about 1 on a still scene.
+    soft: y of the soft part, [H, 2H, 3] float32. power: ln of the sources' luminance in all, [1].
+    tracks: the sources. held: whether the last frame was held back.
     """
 
-    steady: np.ndarray
-    fast: np.ndarray
-    last: np.ndarray
-    noise: float | None = None
-    memory_s: float = 0.0
-    age_s: float = 0.0
-    stale: float = 0.0
-    stale_fast: float = 0.0
+    soft: Steady
+    power: Steady
+    tracks: tuple[Track, ...]
     held: bool = False
-    spread: float = 0.0
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The discrete sources to show."""
+        whole = [(track.source, track.share) for track in self.tracks]
+        asked = sum(share * float(luminance(one.power)) for one, share in whole)
+        there = max(float(np.exp(self.power.steady[0])) - OFFSET, 0.0)
+        scale = min(1.0, there / asked) if asked > 0.0 else 0.0
+        return tuple(replace(one, power=one.power * (scale * share)) for one, share in whole if share > 0.0)
 
     @property
     def radiance(self) -> Float[np.ndarray, "H 2*H 3"]:
         """The light to show, [H, 2H, 3] linear."""
-        return np.maximum(np.exp(np.minimum(self.steady, WHITE)) - OFFSET, 0.0) + SLOPE * _above_white(self.steady)
+        return self.seen_from(None)
+
+    def seen_from(self, world_from_camera: np.ndarray | None) -> Float[np.ndarray, "H 2*H 3"]:
+        """The same in a camera's frame; None: in the frame that the filter works in."""
+        soft, sources = _decode(self.soft.steady), self.sources
+        if world_from_camera is not None:
+            soft = np.maximum(rotate(soft, np.transpose(world_from_camera)), 0.0)
+            sources = tuple(replace(one, direction=one.direction @ world_from_camera) for one in sources)
+        return soft + draw_sources(len(soft), sources)
 
 
 def step(
-    state: FilterState | None, radiance: Float[np.ndarray, "H 2*H 3"], dt_s: float, smoothing: Smoothing | None = None
+    state: FilterState | None,
+    radiance: Float[np.ndarray, "H 2*H 3"],
+    dt_s: float,
+    smoothing: Smoothing | None = None,
+    world_from_camera: Float[np.ndarray, "3 3"] | None = None,
 ) -> FilterState:
     """The state after one more frame; pure.
 
     Args:
         state: of the last frame, None for the first.
-        radiance: [H, 2H, 3] of this frame, all frames in one frame of reference and one size.
+        radiance: [H, 2H, 3] of this frame, all frames of one size.
         dt_s: seconds since the last frame, > 0; may differ from frame to frame.
+        world_from_camera: [3, 3] of this frame's camera when it took the picture, for all frames or none. The state is
+            then in the world.
     """
     c = smoothing or Smoothing()
-    y = encode(check_radiance(radiance, "frame's light"))
-    if state is None:
-        return FilterState(steady=y, fast=y, last=y)
-    if not (np.isfinite(dt_s) and dt_s > 0):
+    soft, sources = split_sources(check_radiance(radiance, "frame's light"))
+    if world_from_camera is not None:
+        pose = np.asarray(world_from_camera, np.float64)
+        soft = np.maximum(rotate(soft, pose), 0.0)
+        sources = tuple(replace(one, direction=pose @ one.direction) for one in sources)
+    y = encode(soft)
+    power = np.log([OFFSET + sum(float(luminance(one.power)) for one in sources)])
+    if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
-    if _apart(y, state.fast) > c.cut_level:
-        return FilterState(steady=y, fast=y, last=y) if state.held else replace(state, held=True)
-    age = state.age_s + dt_s
-    noise = difference = _apart(y, state.last) / np.sqrt(2.0)
-    if state.noise is not None:
-        most = 3.0 * max(state.noise, c.least_noise)
-        noise = state.noise + _gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
-    lead = _gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
-    fast = state.fast + np.float32(lead) * (y - state.fast)
-    spread = _apart(fast, state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
-    motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
-    memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
-    stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
-    if stale > c.forgotten:
-        memory = min(memory, max(state.memory_s, c.moving_s))
-    share = _gain(dt_s, memory)
-    stale_fast -= lead * stale_fast
+    is_cut = state is not None and _apart(y, state.soft.fast) > c.cut_level
+    if state is not None and is_cut and not state.held:
+        return replace(state, held=True)
+    if state is None or is_cut:
+        tracks = tuple(_new(one, share=1.0) for one in sources)
+        return FilterState(soft=begin(y), power=begin(power), tracks=tracks)
     return FilterState(
-        steady=state.steady + np.float32(share) * (fast - state.steady),
-        fast=fast,
-        last=y,
-        noise=noise,
-        memory_s=memory,
-        age_s=age,
-        stale=stale + share * (stale_fast - stale),
-        stale_fast=stale_fast,
-        spread=spread,
+        soft=advance(state.soft, y, dt_s, _apart, c),
+        power=advance(state.power, power, dt_s, _distance, c),
+        tracks=_follow(state.tracks, sources, dt_s, c),
     )
 
 
-def _gain(dt_s: float, time_s: float) -> float:
-    return float(-np.expm1(-dt_s / time_s))
+def _follow(tracks: Sequence[Track], sources: Sequence[Source], dt_s: float, c: Smoothing) -> tuple[Track, ...]:
+    """What is known of the sources after one more frame."""
+    pairs = _pairs(tracks, sources)
+    followed = [
+        _seen(track, sources[pairs[i]], dt_s, c) if i in pairs else _unseen(track, dt_s)
+        for i, track in enumerate(tracks)
+    ]
+    taken = set(pairs.values())
+    share = min(dt_s / FADE_S, 1.0)
+    followed += [_new(one, share=share) for j, one in enumerate(sources) if j not in taken]
+    followed = [track for track in followed if track.share > 0.0]
+    weakest_last = sorted(followed, key=lambda track: -track.share)  # stable: of equals the older one stays
+    return tuple(weakest_last[:MOST])
+
+
+def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]:
+    """Which source of the frame is which known one: indices of sources by those of tracks."""
+    costs = []
+    for i, track in enumerate(tracks):
+        was = track.source
+        for j, source in enumerate(sources):
+            angle = _angle(was.direction, source.direction) / GATE
+            ratio = abs(np.log((luminance(source.power) + OFFSET) / (luminance(was.power) + OFFSET))) / LN_RATIO
+            if angle <= 1.0 and ratio <= 1.0:
+                costs.append((float(angle + ratio), i, j))
+    pairs: dict[int, int] = {}
+    for _, i, j in sorted(costs):
+        if i not in pairs and j not in pairs.values():
+            pairs[i] = j
+    return pairs
+
+
+def _value(source: Source) -> np.ndarray:
+    return np.concatenate([ANGLE_SCALE * source.direction, np.log(source.power + OFFSET), [np.log(source.radius)]])
+
+
+def _new(source: Source, share: float) -> Track:
+    return Track(value=begin(_value(source)), shown=source.direction, share=share)
+
+
+def _seen(track: Track, source: Source, dt_s: float, c: Smoothing) -> Track:
+    value = advance(track.value, _value(source), dt_s, _distance, c)
+    wanted = value.steady[:3] / np.linalg.norm(value.steady[:3])
+    angle = _angle(track.shown, wanted)
+    part = min(1.0, MOST_TURN * dt_s / angle) if angle > 0.0 else 1.0
+    shown = track.shown + part * (wanted - track.shown)
+    return Track(value=value, shown=shown / np.linalg.norm(shown), share=min(track.share + dt_s / FADE_S, 1.0))
+
+
+def _unseen(track: Track, dt_s: float) -> Track:
+    """One that is hardly shown yet gets less patience."""
+    unseen_s = track.unseen_s + dt_s
+    fades = unseen_s > PATIENCE_S * track.share
+    return replace(track, unseen_s=unseen_s, share=max(track.share - fades * dt_s / FADE_S, 0.0))
+
+
+def _angle(one: np.ndarray, other: np.ndarray) -> float:
+    return float(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other) / 2.0, 1.0)))
+
+
+def _distance(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other))
 
 
 def encode(radiance: np.ndarray) -> np.ndarray:
     """y of L."""
     return np.log(np.minimum(radiance, 1.0) + np.float32(OFFSET)) + np.maximum(radiance - 1.0, 0.0) / SLOPE
+
+
+def _decode(y: np.ndarray) -> np.ndarray:
+    return np.maximum(np.exp(np.minimum(y, WHITE)) - OFFSET, 0.0) + SLOPE * _above_white(y)
 
 
 def _above_white(y: np.ndarray) -> np.ndarray:

@@ -162,7 +162,7 @@ def as_material(
     """
     if not isinstance(material, Material | str | None):
         raise InputError(
-            f"material: expected a Material, one of {', '.join(PRESETS)} or a measured one's name, "
+            f"material: expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
             f"got {type(material).__name__}; "
             "give an albedo alone as albedo="
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -18,16 +18,17 @@ from anyprobe.estimate.result import FRAME, SCALE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import project
-from anyprobe.light.temporal import FilterState
+from anyprobe.light.steady import Steady
+from anyprobe.light.temporal import FilterState, Track
 
 STATE = ".state.npz"
 
 PIECES = ".pieces"
-"""Folder in the result's of what the relit clip is joined from."""
+"""Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
 
 MAPS = ("steady", "fast", "last")
+"""Of light.steady.Steady: arrays, all else are numbers."""
 MATCH_ARRAYS = ("candidate_from_estimate", "ln_gain")
-NUMBERS = tuple(part.name for part in fields(FilterState) if part.name not in MAPS)
 
 
 @dataclass(kw_only=True)
@@ -37,7 +38,7 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last: of the follower. pieces: of the relit clip that are written.
+    last: of the follower. pieces: of light.mp4, and of relit.mp4, that are written.
     stage_index: the frame that the virtual object was placed in. stage_last: last as it was before that frame, by which
     its mask is found again. material: the object's, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
@@ -71,17 +72,17 @@ def save_progress(folder: Path, progress: Progress) -> None:
         arrays |= {"held_features": held["features"]} | {f"held_{name}": match.pop(name) for name in MATCH_ARRAYS}
         words["match"] = match
     if light is not None:
-        arrays |= {name: light[name] for name in MAPS}
-        words["filter"] = {name: light[name] for name in NUMBERS}
+        arrays |= {name: light["soft"].pop(name) for name in MAPS}
+        words["filter"] = light
     with atomic_path(folder / STATE) as temporary:
-        np.savez(temporary, words=np.array(json.dumps(words)), **arrays)
+        np.savez(temporary, words=np.array(json.dumps(words, default=np.ndarray.tolist)), **arrays)
 
 
 def forget_run(folder: Path) -> None:
     """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
     if not (folder / STATE).is_file():
         return
-    for left in (folder / STATE, folder / "track.json", folder / "relit.mp4"):
+    for left in (folder / STATE, folder / "track.json", folder / "light.mp4", folder / "relit.mp4"):
         left.unlink(missing_ok=True)
     for light in (folder / "lights").glob("[0-9]" * 6 + ".exr"):
         light.unlink()
@@ -107,10 +108,9 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
     try:
         with path.open("rb") as stream, np.load(stream) as kept:
             words = json.loads(str(kept["words"]))
-            numbers = words.pop("filter", None)
-            light, panorama = None, kept["panorama"] if "panorama" in kept else None
-            if numbers is not None:
-                light = FilterState(**{name: kept[name] for name in MAPS}, **numbers)
+            light, panorama = words.pop("filter", None), kept["panorama"] if "panorama" in kept else None
+            if light is not None:
+                light = _filter_state({**light, "soft": {**light["soft"], **{name: kept[name] for name in MAPS}}})
             match, held = words.pop("match", None), None
             if match is not None:
                 match = Match(**match, **{name: kept[f"held_{name}"] for name in MATCH_ARRAYS})
@@ -130,6 +130,18 @@ def load_progress(folder: Path, settings: dict[str, Any]) -> Progress | None:
             "choose another folder with -o, or --restart"
         )
     return found
+
+
+def _filter_state(kept: dict[str, Any]) -> FilterState:
+    """What asdict made of it, and JSON of that."""
+
+    def steady(words: dict[str, Any]) -> Steady:
+        return Steady(**{**words, **{name: np.asarray(words[name]) for name in MAPS}})
+
+    tracks = tuple(
+        Track(**{**one, "value": steady(one["value"]), "shown": np.array(one["shown"])}) for one in kept["tracks"]
+    )
+    return FilterState(soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"])
 
 
 def describe(radiance: np.ndarray) -> dict[str, Any]:

@@ -25,7 +25,7 @@ scene.environment = defaultEnvironment;
 
 const xrLight = new ProbeLight(await AnyProbe.load());
 installCameraCurve(renderer);
-xrLight.track(video, { camera });
+renderer.xr.addEventListener("sessionstart", () => xrLight.track(video, { camera }));
 renderer.xr.addEventListener("sessionend", () => xrLight.stop());
 xrLight.addEventListener("estimationstart", () => {
   scene.add(xrLight);

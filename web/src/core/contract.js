@@ -976,7 +976,25 @@ export const CONTRACT = {
     "calm": 2,
     "moved": 4.5,
     "let_go": 0.5,
-    "forgotten": 0.05
+    "forgotten": 0.05,
+    "source": {
+      "gate_deg": 30,
+      "gate_ratio": 8,
+      "angle_scale": 2,
+      "most_turn_deg_s": 120,
+      "patience_s": 0.1,
+      "fade_s": 0.25,
+      "most": 6
+    }
+  },
+  "source_split": {
+    "most": 4,
+    "reach_deg": 10,
+    "ring_deg": 15,
+    "apart_deg": 13,
+    "least_share": 0.02,
+    "least_radius_deg": 4,
+    "most_radius_deg": 7.5
   },
   "dominant_light": {
     "blur_deg": 5,

@@ -1,36 +1,25 @@
 /**
  * Lights of a video, kept still on a still scene and quick where the light changes.
  *
- * The filter of anyprobe.light.temporal, where its formula stands: two exponential averages of
- * y = ln(L + 0.01), above white a straight line, of which the steady one is shown and chases the fast one.
+ * The filter of anyprobe.light.temporal, where its rules stand: the soft part of a map is filtered pixel by pixel, its
+ * discrete sources as objects; in the world, where poses are given.
  */
 
+import { luminance } from "../core/color.js";
 import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
+import { rotate } from "./environment.js";
+import { drawSources, splitSources } from "./sourceSplit.js";
+import { SMOOTHING, advance, begin } from "./steady.js";
 
-const { filter } = CONTRACT;
-const OFFSET = filter.offset;
+const { offset: OFFSET, source: rules } = CONTRACT.filter;
 const SLOPE = 1 + OFFSET;
 const WHITE = Math.log(SLOPE);
-
-export const SMOOTHING = {
-  stillS: filter.still_s,
-  movingS: filter.moving_s,
-  fastS: filter.fast_s,
-  noiseS: filter.noise_s,
-  leastNoise: filter.least_noise,
-  cutLevel: filter.cut_level,
-  calm: filter.calm,
-  moved: filter.moved,
-  letGo: filter.let_go,
-  forgotten: filter.forgotten,
-};
-
-const gain = (dt, time) => -Math.expm1(-dt / time);
-
-function fresh(y) {
-  return { steady: y, fast: y, last: y, noise: null, memoryS: 0, ageS: 0, stale: 0, staleFast: 0, held: false };
-}
+const radians = (degrees) => (degrees * Math.PI) / 180;
+const [GATE, MOST_TURN] = [radians(rules.gate_deg), radians(rules.most_turn_deg_s)];
+const LN_RATIO = Math.log(rules.gate_ratio);
+const ANGLE_SCALE = rules.angle_scale;
+const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
 
 /**
  * The state after one more frame; the state given stays as it is.
@@ -38,51 +27,145 @@ function fresh(y) {
  * @param {object | null} state of the last frame, null for the first
  * @param {Float32Array} radiance [64, 128, 3] of this frame
  * @param {number} dt seconds since the last frame, > 0
+ * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of this frame's camera when it took the picture; for
+ *   all frames or none. The state is then in the world.
  */
-export function step(state, radiance, dt, smoothing = SMOOTHING) {
-  const c = smoothing;
+export function step(state, radiance, dt, worldFromCamera = null, smoothing = SMOOTHING) {
+  let { soft, sources } = splitSources(radiance, MAP_HEIGHT);
+  if (worldFromCamera) {
+    soft = turn(soft, worldFromCamera);
+    sources = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
+  }
+  const y = encode(soft);
+  const power = Float64Array.of(Math.log(OFFSET + sources.reduce((sum, one) => sum + luminance(...one.power), 0)));
+  const isCut = state !== null && rms(y, state.soft.fast) > smoothing.cutLevel;
+  if (isCut && !state.held) return { ...state, held: true };
+  if (state === null || isCut) {
+    return { soft: begin(y), power: begin(power), tracks: sources.map((one) => fresh(one, 1)), held: false };
+  }
+  return {
+    soft: advance(state.soft, y, dt, rms, smoothing),
+    power: advance(state.power, power, dt, distance, smoothing),
+    tracks: follow(state.tracks, sources, dt, smoothing),
+    held: false,
+  };
+}
+
+/** The light to show, linear radiance, in a camera's frame. @param {number[] | null} [worldFromCamera] as of step */
+export function shown(state, worldFromCamera = null) {
+  let map = decode(state.soft.steady);
+  let sources = shownSources(state);
+  if (worldFromCamera) {
+    const cameraFromWorld = transposed(worldFromCamera);
+    map = turn(map, cameraFromWorld);
+    sources = sources.map((one) => ({ ...one, direction: turned(cameraFromWorld, one.direction) }));
+  }
+  return drawSources(map, MAP_HEIGHT, sources);
+}
+
+/** The discrete sources to show, in the frame that the filter works in. */
+export function shownSources({ tracks, power }) {
+  const whole = tracks.map((track) => ({ ...sourceOf(track), share: track.share }));
+  const asked = whole.reduce((sum, one) => sum + one.share * luminance(...one.power), 0);
+  const there = Math.max(Math.exp(power.steady[0]) - OFFSET, 0);
+  const scale = asked > 0 ? Math.min(1, there / asked) : 0;
+  return whole.map(({ direction, radius, power: own, share }) => ({ direction, radius, power: own.map((value) => value * scale * share) }));
+}
+
+/** What is known of the sources after one more frame. */
+function follow(tracks, sources, dt, smoothing) {
+  const pairs = pairsOf(tracks, sources);
+  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], dt, smoothing) : unseen(track, dt)));
+  const taken = new Set(pairs.values());
+  sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, Math.min(dt / FADE_S, 1))));
+  return followed
+    .filter(({ share }) => share > 0)
+    .sort((a, b) => b.share - a.share) // stable: of equals the older one stays
+    .slice(0, MOST);
+}
+
+/** Which source of the frame is which known one: indices of sources by those of tracks. */
+function pairsOf(tracks, sources) {
+  const costs = [];
+  tracks.forEach((track, i) => {
+    const was = sourceOf(track);
+    sources.forEach((source, j) => {
+      const angle = angleOf(was.direction, source.direction) / GATE;
+      const ratio = Math.abs(Math.log((luminance(...source.power) + OFFSET) / (luminance(...was.power) + OFFSET))) / LN_RATIO;
+      if (angle <= 1 && ratio <= 1) costs.push([angle + ratio, i, j]);
+    });
+  });
+  costs.sort((a, b) => a[0] - b[0]);
+  const pairs = new Map();
+  const taken = new Set();
+  for (const [, i, j] of costs) {
+    if (pairs.has(i) || taken.has(j)) continue;
+    pairs.set(i, j);
+    taken.add(j);
+  }
+  return pairs;
+}
+
+/** A track with its whole power. */
+function sourceOf({ value: { steady }, shown: direction }) {
+  return { direction, power: [3, 4, 5].map((i) => Math.max(Math.exp(steady[i]) - OFFSET, 0)), radius: Math.exp(steady[6]) };
+}
+
+function valueOf({ direction, power, radius }) {
+  return Float64Array.of(...direction.map((value) => ANGLE_SCALE * value), ...power.map((value) => Math.log(value + OFFSET)), Math.log(radius));
+}
+
+const fresh = (source, share) => ({ value: begin(valueOf(source)), shown: source.direction, share, unseenS: 0 });
+
+function seen(track, source, dt, smoothing) {
+  const value = advance(track.value, valueOf(source), dt, distance, smoothing);
+  const wanted = unit([...value.steady.subarray(0, 3)]);
+  const angle = angleOf(track.shown, wanted);
+  const part = angle > 0 ? Math.min(1, (MOST_TURN * dt) / angle) : 1;
+  const direction = unit(track.shown.map((from, axis) => from + part * (wanted[axis] - from)));
+  return { value, shown: direction, share: Math.min(track.share + dt / FADE_S, 1), unseenS: 0 };
+}
+
+/** One that is hardly shown yet gets less patience. */
+function unseen(track, dt) {
+  const unseenS = track.unseenS + dt;
+  const fades = unseenS > PATIENCE_S * track.share;
+  return { ...track, unseenS, share: Math.max(track.share - (fades ? dt / FADE_S : 0), 0) };
+}
+
+const distance = (a, b) => Math.sqrt(a.reduce((sum, value, i) => sum + (value - b[i]) ** 2, 0));
+
+const angleOf = (a, b) => 2 * Math.asin(Math.min(distance(a, b) / 2, 1));
+
+function unit(vector) {
+  const length = Math.hypot(...vector);
+  return vector.map((value) => value / length);
+}
+
+const turned = (m, [x, y, z]) => [0, 3, 6].map((row) => m[row] * x + m[row + 1] * y + m[row + 2] * z);
+
+const transposed = ([a, b, c, d, e, f, g, h, i]) => [a, d, g, b, e, h, c, f, i];
+
+function turn(map, rotation) {
+  return rotate(map, MAP_HEIGHT, rotation).map((value) => Math.max(value, 0));
+}
+
+/** y of L. */
+function encode(radiance) {
   const y = new Float32Array(radiance.length);
   for (let i = 0; i < y.length; i++) {
     y[i] = Math.log(Math.min(radiance[i], 1) + OFFSET) + Math.max(radiance[i] - 1, 0) / SLOPE;
   }
-  if (state === null) return fresh(y);
-  if (rms(y, state.fast) > c.cutLevel) return state.held ? fresh(y) : { ...state, held: true };
-  const ageS = state.ageS + dt;
-  const difference = rms(y, state.last) / Math.SQRT2;
-  let noise = difference;
-  if (state.noise !== null) {
-    const most = 3 * Math.max(state.noise, c.leastNoise);
-    noise = state.noise + gain(dt, Math.min(c.noiseS, ageS)) * (Math.min(difference, most) - state.noise);
-  }
-  const lead = gain(dt, Math.min(c.fastS, state.memoryS + dt));
-  const fast = approach(state.fast, y, lead);
-  const spread = rms(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
-  const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
-  let memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
-  let { stale, staleFast } = motion > c.letGo ? { stale: 1, staleFast: 1 } : state;
-  if (stale > c.forgotten) memoryS = Math.min(memoryS, Math.max(state.memoryS, c.movingS));
-  const share = gain(dt, memoryS);
-  const steady = approach(state.steady, fast, share);
-  staleFast -= lead * staleFast;
-  stale += share * (staleFast - stale);
-  return { steady, fast, last: y, noise, memoryS, ageS, stale, staleFast, held: false };
+  return y;
 }
 
-/** The light to show, linear radiance. */
-export function shown({ steady }) {
+function decode(steady) {
   const radiance = new Float32Array(steady.length);
   for (let i = 0; i < radiance.length; i++) {
     const y = steady[i];
     radiance[i] = Math.max(Math.exp(Math.min(y, WHITE)) - OFFSET, 0) + Math.max(y - WHITE, 0) * SLOPE;
   }
   return radiance;
-}
-
-/** From one towards another by a share of the way. */
-function approach(from, towards, share) {
-  const moved = new Float32Array(from.length);
-  for (let i = 0; i < moved.length; i++) moved[i] = from[i] + share * (towards[i] - from[i]);
-  return moved;
 }
 
 /** ln(L + OFFSET) of a y. */

@@ -1,5 +1,7 @@
 /** One video frame after the other to a light that stays still on a still scene. */
 
+import { MAP_HEIGHT } from "../core/latlong.js";
+import { rotateOne } from "../light/environment.js";
 import { drawSpheres } from "../light/spheres.js";
 import { describe } from "../light/light.js";
 import { lightOfObject } from "../networks/lightOfObject.js";
@@ -50,10 +52,12 @@ export class FrameLight {
   /**
    * @param {object} frame of takeFrame
    * @param {number} time seconds
+   * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of the camera when it took the frame: the light is
+   *   then in the world
    * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then spheres and stages,
    *   and the mask when it is a new one; {lost: true} while no object is marked or seen
    */
-  async next(frame, time) {
+  async next(frame, time, worldFromCamera = null) {
     const ms = {};
     const start = performance.now();
     let begun = start;
@@ -76,15 +80,19 @@ export class FrameLight {
     const withStages = phase === REST_EVERY / 2;
     const found = await lightOfObject(this.models, picture, this.longFovDeg, crop, { ...this.options, withStages });
     const { radiance, stages, ...rest } = found;
+    const isInWorld = worldFromCamera !== null;
+    if (isInWorld !== this.isInWorld) this.state = null;
+    this.isInWorld = isInWorld;
+    if (isInWorld && rest.confidence) rest.confidence = rotateOne(rest.confidence, MAP_HEIGHT, worldFromCamera);
     lap("network");
     const dt = this.time === undefined ? 1 / 30 : Math.max(time - this.time, 1e-3);
     this.time = time;
-    this.state = step(this.state, radiance, dt);
+    this.state = step(this.state, radiance, dt, worldFromCamera);
     const steady = shown(this.state);
     lap("filter");
-    const light = { ...describe(steady), ...rest };
+    const light = { ...describe(steady), ...rest, isInWorld };
     lap("describe");
-    const spheres = phase === 0 ? drawSpheres(light.radiance) : null;
+    const spheres = phase === 0 ? drawSpheres(isInWorld ? shown(this.state, worldFromCamera) : light.radiance) : null;
     lap("spheres");
     ms.all = performance.now() - start;
     const isOfThese = isNew && this.masked !== null; // else clicked meanwhile: it may be another object's

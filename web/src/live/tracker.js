@@ -1,22 +1,36 @@
-/** Every frame of a video to the networks' thread, which takes the newest, and the lights that come back. */
+/** Every frame of a source to the networks' thread, which takes the newest, and the lights that come back. */
 
 import { receivedError } from "../errors.js";
 import { Light } from "../light/light.js";
-import { checkHints, checkLight, checkNames, longFovOf } from "../options.js";
+import { checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../options.js";
 import { hintsOf } from "../photo/hints.js";
+import { follow, sizeOf } from "./frameSource.js";
 import { takeFrame } from "./videoFrames.js";
 
 /** Rates are means over this many seconds. */
 const WINDOW_S = 2;
 
 export class Tracker {
+  #source;
+  #client;
+  #pose;
+  #size = null; // of the pictures that hints are in pixels of
+  #given;
+  #opening = null;
+  #unfollow = () => {};
+  #isReading = false;
+
   /**
-   * @param {HTMLVideoElement} video playing
+   * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source null: frames are offered
    * @param {import("../networks/workerClient.js").WorkerClient} client
-   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void}} events
+   * @param {{onLight: (answer: object) => void, onError: (error: Error) => void, pose?: () => object}} events pose: of the
+   *   camera in the world, asked for when a frame is taken
    */
-  constructor(video, client, { onLight, onError }) {
-    Object.assign(this, { video, client, onLight, onError });
+  constructor(source, client, { onLight, onError, pose }) {
+    this.#source = source;
+    this.#client = client;
+    this.#pose = pose;
+    Object.assign(this, { onLight, onError });
     this.running = false;
     this.mask = null; // the last one found
     this.updates = [];
@@ -24,36 +38,78 @@ export class Tracker {
   }
 
   /** @param {{hints: object, lens: object, options: object, withViews: boolean}} given hints as of mark */
-  async start({ hints, lens, ...given }) {
+  async start(given) {
     this.running = true;
-    const longFovDeg = longFovOf(lens, this.video.videoWidth, this.video.videoHeight);
-    await this.client.ask("startLive", { ...given, longFovDeg, hints: this.#shares(hints) });
+    this.#given = given;
+    if (this.#source && sizeOf(this.#source)[0] > 0) await this.#open(this.#source);
     if (!this.running) return; // stopped meanwhile
-    this.client.onLive = (answer) => this.#hear(answer);
-    this.#watch();
+    this.#client.onLive = (answer) => this.#hear(answer);
+    const unfollow = await follow(this.#source, (frame) => {
+      this.frames.push(performance.now() / 1000);
+      return this.offer(frame, { pose: this.#pose?.() });
+    });
+    if (this.running) this.#unfollow = unfollow;
+    else unfollow();
+  }
+
+  /** The networks' thread is told of the tracking once the size of the pictures is known. */
+  #open(picture) {
+    const [width, height] = (this.#size = sizeOf(picture));
+    const { hints, lens, ...given } = this.#given;
+    const asked = { ...given, longFovDeg: longFovOf(lens, width, height), hints: this.#shares(hints) };
+    return (this.#opening = this.#client.ask("startLive", asked));
+  }
+
+  /**
+   * A frame of one's own, and the camera's pose when it was taken. The newest is worked on, the others are dropped.
+   *
+   * @param {import("../../types/index.d.ts").FrameSource} frame
+   * @param {{pose?: object, time?: number}} [about] pose: 16 numbers column by column, something with `matrix` or `elements`
+   *   of these, or nine row by row; time: of performance.now(), milliseconds
+   * @returns {Promise<void>} when the frame may be changed or closed
+   */
+  async offer(frame, { pose, time = performance.now() } = {}) {
+    if (!this.running || (frame.texture && this.#isReading)) return;
+    try {
+      const rotation = pose === undefined || pose === null ? null : rotationOfPose(pose);
+      if (!this.#opening) {
+        if (!(sizeOf(frame)[0] > 0)) return; // a video before its first picture
+        this.#open(frame);
+      }
+      this.#isReading = true;
+      const taken = await takeFrame(frame, this.#client.spares).finally(() => (this.#isReading = false));
+      await this.#opening;
+      if (this.running) this.#client.give(taken, time / 1000, rotation);
+    } catch (error) {
+      this.fail(error);
+    }
   }
 
   stop() {
     this.running = false;
+    this.#unfollow();
   }
 
-  /** @param {{click?: number[] | number[][], exclude?: number[] | number[][], box?: number[]}} hints in the video's pixels */
+  /** @param {{click?: number[] | number[][], exclude?: number[] | number[][], box?: number[]}} hints in the source's pixels */
   async mark(hints) {
     checkNames("tracker.mark", hints);
-    if (this.running) await this.client.ask("markLive", { hints: this.#shares(hints) });
+    if (this.running && !this.#opening) this.#given = { ...this.#given, hints };
+    else if (this.running) await this.#client.ask("markLive", { hints: this.#shares(hints) });
   }
 
   /** Pictures may come in another size. */
   #shares(hints) {
-    checkHints(hints, this.video.videoWidth, this.video.videoHeight);
-    return hintsOf(hints, 1 / this.video.videoWidth, 1 / this.video.videoHeight);
+    const [width, height] = this.#source && sizeOf(this.#source)[0] > 0 ? sizeOf(this.#source) : (this.#size ?? [0, 0]);
+    checkHints(hints, width, height);
+    return hintsOf(hints, 1 / width, 1 / height);
   }
 
   /** Another kind of light, from the next frame on. @param {import("../networks/lightOfObject.js").LightOptions} options */
   async set(options) {
     checkNames("tracker.set", options);
     checkLight(options);
-    if (this.running) await this.client.ask("setLive", { options });
+    if (this.running && !this.#opening) this.#given = { ...this.#given, options };
+    else if (this.running) await this.#client.ask("setLive", { options });
   }
 
   /** Lights and pictures a second. */
@@ -64,26 +120,6 @@ export class Tracker {
       return times.length / WINDOW_S;
     };
     return { updates: rate(this.updates), frames: rate(this.frames) };
-  }
-
-  /** Count the pictures that are shown, and give each away; the object over them follows its light alone. */
-  #watch() {
-    if (!this.running) return;
-    this.frames.push(performance.now() / 1000);
-    this.#give();
-    const next = () => this.#watch();
-    if (this.video.requestVideoFrameCallback) this.video.requestVideoFrameCallback(next);
-    else requestAnimationFrame(next);
-  }
-
-  async #give() {
-    const time = performance.now() / 1000;
-    try {
-      const taken = await takeFrame(this.video, this.client.spares);
-      if (this.running) this.client.give(taken, time);
-    } catch (error) {
-      this.fail(error);
-    }
   }
 
   #hear(answer) {
@@ -97,7 +133,7 @@ export class Tracker {
 
   fail(error) {
     if (!this.running) return;
-    this.running = false;
+    this.stop();
     this.onError(error);
   }
 }

@@ -6,6 +6,8 @@
  * the GPU's thread and all that it is drawing.
  */
 
+import { takeTexture } from "./textureFrames.js";
+
 /** Longer side at which a frame is looked at. */
 const LONG_PX = 480;
 
@@ -16,15 +18,16 @@ const UNSTATED = { matrix: "smpte170m", fullRange: false };
 const LUMA = { bt709: [0.2126, 0.0722], smpte170m: [0.299, 0.114], bt470bg: [0.299, 0.114] };
 
 /**
- * The frame that a video shows now.
+ * The frame that a source shows now.
  *
- * @param {HTMLVideoElement} video playing
+ * @param {import("../../types/index.d.ts").FrameSource} given a playing video, a VideoFrame, a picture, or a texture
  * @param {ArrayBuffer[]} [spares] memory of earlier frames, used again where its size is right
  * @returns {Promise<{frame: object, transfer: object[]}>} frame is an ImageBitmap, or {width, height, format, layout,
  *   matrix, fullRange, bytes}; transfer is what of it moves to another thread
  */
-export async function takeFrame(video, spares = []) {
-  const source = typeof VideoFrame === "function" ? new VideoFrame(video) : null;
+export async function takeFrame(given, spares = []) {
+  if (given.texture) return takeTexture(given, LONG_PX, spares);
+  const source = typeof VideoFrame === "function" && isMoving(given) ? new VideoFrame(given) : null;
   try {
     if (source && isReadable(source)) {
       const { width, height } = source.visibleRect;
@@ -40,8 +43,15 @@ export async function takeFrame(video, spares = []) {
   } finally {
     source?.close();
   }
-  const frame = await createImageBitmap(video);
+  const frame = await createImageBitmap(given);
   return { frame, transfer: [frame] };
+}
+
+/** Canvases and pictures have no luma and chroma to copy. */
+function isMoving(source) {
+  return !["HTMLCanvasElement", "OffscreenCanvas", "ImageBitmap", "ImageData", "HTMLImageElement"].some(
+    (name) => typeof globalThis[name] === "function" && source instanceof globalThis[name],
+  );
 }
 
 /** Upright frames of square pixels, eight bits, chroma at half the resolution, in a known matrix. */
@@ -65,7 +75,16 @@ function isReadable({ format, rotation, flip, visibleRect, displayWidth, display
 export function readFrame(frame) {
   const scale = Math.min(1, LONG_PX / Math.max(frame.width, frame.height));
   const size = [frame.width, frame.height].map((length) => Math.round(length * scale));
-  return frame.bytes ? convert(frame, size) : draw(frame, size);
+  if (!frame.bytes) return draw(frame, size);
+  return frame.format === "RGBA" ? upright(frame) : convert(frame, size);
+}
+
+/** A texture's pixels, whose first row is the lowest. */
+function upright({ width, height, bytes }) {
+  const line = 4 * width;
+  const rgba = new Uint8ClampedArray(bytes.length);
+  for (let row = 0; row < height; row++) rgba.set(bytes.subarray((height - 1 - row) * line, (height - row) * line), row * line);
+  return { width, height, rgba };
 }
 
 /** Luma averaged over the pixels that fall into one, chroma from their middle. */

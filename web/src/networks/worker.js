@@ -68,8 +68,8 @@ const tasks = {
     live = { lights, frames };
   },
 
-  frame({ frame, time }) {
-    live.frames.offer({ frame, time });
+  frame({ frame, time, pose }) {
+    live.frames.offer({ frame, time, pose });
   },
 
   markLive({ hints }) {
@@ -82,10 +82,10 @@ const tasks = {
 };
 
 /** The light of a frame to the caller, unless it has begun anew meanwhile. */
-async function sendLight(lights, { frame, time }) {
+async function sendLight(lights, { frame, time, pose }) {
   let answer;
   try {
-    answer = await lights.next(frame, time);
+    answer = await lights.next(frame, time, pose);
   } catch (error) {
     answer = { error: sentError(error) };
   }

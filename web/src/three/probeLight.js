@@ -43,14 +43,14 @@ export class ProbeLight extends Group {
   /**
    * Take on a light.
    *
-   * @param {import("../light/light.js").Light} light in a camera's frame
+   * @param {import("../light/light.js").Light} light in a camera's frame, or in the world where its frame came with a pose
    * @param {import("three").Object3D | null} [camera] that took the picture, where it is not the scene's origin; its
    *   matrixWorld must be up to date
    */
   update(light, camera = null) {
     this.estimate = light;
     let { radiance, dominant } = light;
-    if (camera) {
+    if (camera && !light.isInWorld) {
       radiance = rotate(radiance, MAP_HEIGHT, rotationOf(camera));
       dominant = findDominantLight(radiance, MAP_HEIGHT);
     }
@@ -80,14 +80,16 @@ export class ProbeLight extends Group {
   }
 
   /**
-   * Follow the light of a playing video until stop.
+   * Follow the light of a source until stop; again after that, as for the next XR session.
    *
-   * @param {HTMLVideoElement} video
-   * @param {object} [options] of AnyProbe.track, and camera as of update
+   * @param {HTMLVideoElement | HTMLCanvasElement | OffscreenCanvas | MediaStreamTrack | null} source
+   * @param {object} [options] of AnyProbe.track, and camera: whose place is asked for whenever a frame is taken, and the light
+   *   kept still in the world
    */
-  track(video, { camera = null, ...options } = {}) {
+  track(source, { camera = null, ...options } = {}) {
     this.stop();
-    this.#tracker = this.probe.track(video, (light) => this.update(light, camera), options);
+    const pose = camera ? { pose: () => camera.matrixWorld } : {};
+    this.#tracker = this.probe.track(source, (light) => this.update(light), { ...pose, ...options });
     return this.#tracker;
   }
 

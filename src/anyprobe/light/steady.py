@@ -1,0 +1,122 @@
+"""A run of numbers kept still while it is still and quick where it changes: two exponential averages.
+
+`fast` follows every value y, `steady` is what is shown and chases `fast`. How long steady's memory reaches depends on
+how far apart the two are, in units of the noise that the values themselves show. One value, dt seconds after the last
+(|.| is whatever distance the caller measures, a(T) = 1 - exp(-dt / T)):
+
+    age    += dt
+    noise  += a(min(noise_s, age)) (min(|y - last| / sqrt 2, 3 noise) - noise)
+    lead    = a(min(fast_s, memory + dt))
+    fast   += lead (y - fast)
+    spread  = |fast - steady| / (noise sqrt(lead / (2 - lead)))
+    motion  = clip((spread - calm) / (moved - calm), 0, 1)
+    memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
+    motion > let_go: stale = stale_fast = 1
+    stale  > forgotten: memory is no longer than it was
+    stale_fast -= lead stale_fast
+    steady += a(memory) (fast - steady), stale likewise
+
+White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing moves. Drift is separated
+from noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows
+with the time since: steady is then about the plain mean of what came after. A growing memory forgets only as 1 / t, so
+it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from anyprobe.core.contract import contract
+
+FILTER = contract("filter")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Smoothing:
+    """Time constants in seconds.
+
+    still_s, moving_s: memory of what is shown, when nothing moved for long and while it moves.
+    fast_s: of the average that leads. noise_s: of the noise level.
+    least_noise: noise is never taken for smaller. cut_level: a frame further off is another scene.
+    calm, moved: spreads where the gain begins to rise and where it is all risen.
+    let_go: motion above which all that was before is to be forgotten. forgotten: share of it that is let be.
+    """
+
+    still_s: float = FILTER["still_s"]
+    moving_s: float = FILTER["moving_s"]
+    fast_s: float = FILTER["fast_s"]
+    noise_s: float = FILTER["noise_s"]
+    least_noise: float = FILTER["least_noise"]
+    cut_level: float = FILTER["cut_level"]
+    calm: float = FILTER["calm"]
+    moved: float = FILTER["moved"]
+    let_go: float = FILTER["let_go"]
+    forgotten: float = FILTER["forgotten"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Steady:
+    """steady, fast, last: what is shown, the leading average, the last value. noise: None before the second value.
+
+    memory_s: time constant of steady. age_s: since the start. stale, stale_fast: share of what was before the last
+    clear move in steady and in fast. spread: of the last value; about 1 while nothing moves.
+    """
+
+    steady: np.ndarray
+    fast: np.ndarray
+    last: np.ndarray
+    noise: float | None = None
+    memory_s: float = 0.0
+    age_s: float = 0.0
+    stale: float = 0.0
+    stale_fast: float = 0.0
+    spread: float = 0.0
+
+
+def begin(y: np.ndarray) -> Steady:
+    """The first value."""
+    return Steady(steady=y, fast=y, last=y)
+
+
+def advance(
+    state: Steady, y: np.ndarray, dt_s: float, apart: Callable[[np.ndarray, np.ndarray], float], c: Smoothing
+) -> Steady:
+    """The state after one more value; pure. apart: |one - other|."""
+    age = state.age_s + dt_s
+    noise = difference = apart(y, state.last) / np.sqrt(2.0)
+    if state.noise is not None:
+        most = 3.0 * max(state.noise, c.least_noise)
+        noise = state.noise + gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
+    lead = gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
+    fast = _toward(state.fast, y, lead)
+    spread = apart(fast, state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
+    motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
+    memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
+    stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
+    if stale > c.forgotten:
+        memory = min(memory, max(state.memory_s, c.moving_s))
+    share = gain(dt_s, memory)
+    stale_fast -= lead * stale_fast
+    return Steady(
+        steady=_toward(state.steady, fast, share),
+        fast=fast,
+        last=y,
+        noise=float(noise),
+        memory_s=float(memory),
+        age_s=age,
+        stale=stale + share * (stale_fast - stale),
+        stale_fast=stale_fast,
+        spread=float(spread),
+    )
+
+
+def gain(dt_s: float, time_s: float) -> float:
+    """a(T): the share of the way in dt seconds."""
+    return float(-np.expm1(-dt_s / time_s))
+
+
+def _toward(from_: np.ndarray, to: np.ndarray, share: float) -> np.ndarray:
+    return from_ + from_.dtype.type(share) * (to - from_)

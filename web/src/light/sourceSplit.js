@@ -1,0 +1,134 @@
+/**
+ * A map as its soft part and a few discrete sources: anyprobe.light.source_split, where the rule stands.
+ *
+ * @typedef {{direction: number[], power: number[], radius: number}} Source unit vector towards it; integral of radiance over
+ *   its pixels, sr; radians
+ */
+
+import { luminance } from "../core/color.js";
+import { CONTRACT } from "../core/contract.js";
+import { pixelDirections, pixelSolidAngles } from "../core/latlong.js";
+
+const rules = CONTRACT.source_split;
+const radians = (degrees) => (degrees * Math.PI) / 180;
+const [REACH, RING, APART] = [rules.reach_deg, rules.ring_deg, rules.apart_deg].map((degrees) => Math.cos(radians(degrees)));
+const [LEAST_RADIUS, MOST_RADIUS] = [radians(rules.least_radius_deg), radians(rules.most_radius_deg)];
+
+/**
+ * The map without its discrete sources, and these, the one with the brightest pixel first.
+ *
+ * @param {Float32Array} radiance H * 2H * 3
+ * @param {number} height
+ * @returns {{soft: Float32Array, sources: Source[]}}
+ */
+export function splitSources(radiance, height) {
+  const width = 2 * height;
+  const d = pixelDirections(height);
+  const angles = pixelSolidAngles(height);
+  const soft = radiance.slice();
+  const bright = new Float32Array(height * width);
+  let all = 0;
+  for (let pixel = 0, at = 0; pixel < bright.length; pixel++, at += 3) {
+    bright[pixel] = luminance(soft[at], soft[at + 1], soft[at + 2]);
+    all += bright[pixel] * angles[Math.floor(pixel / width)];
+  }
+  const least = rules.least_share * all;
+  const sources = [];
+  for (let tried = 0; tried < rules.most; tried++) {
+    let peak = 0;
+    for (let pixel = 1; pixel < bright.length; pixel++) if (bright[pixel] > bright[peak]) peak = pixel;
+    let center = [d[3 * peak], d[3 * peak + 1], d[3 * peak + 2]];
+    let part;
+    for (let round = 0; round < 2; round++) {
+      part = above(soft, height, center);
+      if (part.total <= least) return { soft, sources };
+      center = unit(part.mean);
+    }
+    const { near, excess, total, power } = part;
+    inCap(height, center, APART, (pixel) => (bright[pixel] = 0));
+    let squares = 0;
+    near.forEach((pixel, i) => {
+      const turned = Math.acos(Math.min(cosineOf(d, pixel, center), 1));
+      const energy = luminance(excess[3 * i], excess[3 * i + 1], excess[3 * i + 2]) * angles[Math.floor(pixel / width)];
+      squares += energy * turned * turned;
+    });
+    const radius = Math.sqrt((3 * squares) / total);
+    if (radius > MOST_RADIUS) continue;
+    near.forEach((pixel, i) => {
+      for (let c = 0; c < 3; c++) soft[3 * pixel + c] -= excess[3 * i + c];
+    });
+    sources.push({ direction: center, power, radius: Math.max(radius, LEAST_RADIUS) });
+  }
+  return { soft, sources };
+}
+
+/** What lies around a direction above the median of the ring around that. */
+function above(soft, height, center) {
+  const width = 2 * height;
+  const d = pixelDirections(height);
+  const angles = pixelSolidAngles(height);
+  const near = [];
+  const ring = [[], [], []];
+  inCap(height, center, RING, (pixel, cosine) => {
+    if (cosine > REACH) near.push(pixel);
+    else ring.forEach((values, c) => values.push(soft[3 * pixel + c]));
+  });
+  const level = ring.map((values) => (values.length ? values.sort((a, b) => a - b)[(values.length - 1) >> 1] : 0));
+  const excess = new Float32Array(3 * near.length);
+  const [mean, power] = [[0, 0, 0], [0, 0, 0]];
+  let total = 0;
+  near.forEach((pixel, i) => {
+    const angle = angles[Math.floor(pixel / width)];
+    for (let c = 0; c < 3; c++) {
+      excess[3 * i + c] = Math.max(soft[3 * pixel + c] - level[c], 0);
+      power[c] += excess[3 * i + c] * angle;
+    }
+    const energy = luminance(excess[3 * i], excess[3 * i + 1], excess[3 * i + 2]) * angle;
+    total += energy;
+    for (let axis = 0; axis < 3; axis++) mean[axis] += energy * d[3 * pixel + axis];
+  });
+  return { near, excess, mean, power, total };
+}
+
+/**
+ * Discs, brightest in the middle, each of its source's power however few its pixels are; added to a map.
+ *
+ * @param {Float32Array} map H * 2H * 3
+ * @param {number} height
+ * @param {Source[]} sources
+ */
+export function drawSources(map, height, sources) {
+  const angles = pixelSolidAngles(height);
+  for (const { direction, power, radius } of sources) {
+    const edge = Math.cos(radius);
+    let total = 0;
+    const disc = [];
+    inCap(height, direction, edge, (pixel, cosine) => {
+      disc.push([pixel, cosine - edge]);
+      total += (cosine - edge) * angles[Math.floor(pixel / (2 * height))];
+    });
+    for (const [pixel, shape] of disc) for (let c = 0; c < 3; c++) map[3 * pixel + c] += (shape / total) * power[c];
+  }
+  return map;
+}
+
+/** Every pixel whose direction's cosine to another is above one, row by row. */
+function inCap(height, direction, least, visit) {
+  const d = pixelDirections(height);
+  const width = 2 * height;
+  const [polar, radius] = [Math.acos(Math.min(Math.max(direction[1], -1), 1)), Math.acos(least)];
+  const rowOf = (theta) => Math.min(Math.max(Math.floor((theta * height) / Math.PI), 0), height - 1);
+  for (let row = rowOf(polar - radius); row <= rowOf(polar + radius); row++) {
+    for (let pixel = row * width; pixel < (row + 1) * width; pixel++) {
+      const cosine = cosineOf(d, pixel, direction);
+      if (cosine > least) visit(pixel, cosine);
+    }
+  }
+}
+
+const cosineOf = (d, pixel, [x, y, z]) => d[3 * pixel] * x + d[3 * pixel + 1] * y + d[3 * pixel + 2] * z;
+
+function unit(vector) {
+  const length = Math.hypot(...vector);
+  return vector.map((value) => value / length);
+}
