@@ -148,7 +148,7 @@ class EstimateCall:
 
         photos = map(load, steps)
         first = next(photos)
-        light = self.estimator.multiview(chain([first], photos), turned, start=start)
+        light = self.estimator.multiview(chain([first], photos), list(turned), start=start)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
     def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
@@ -168,7 +168,8 @@ class EstimateCall:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
-        unsure = (light.info.get("uncertainty") or {}).get("level_stops")
+        uncertainty = light.info.get("uncertainty")
+        unsure = None if uncertainty is None else uncertainty.get("level_stops")
         return Done(
             photo=path, stem=stem, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
         )
@@ -187,7 +188,7 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     photo = Column("photo", overflow="fold")
     table = Table(photo, "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
-        if one.error:
+        if one.direction is None:
             table.add_row(str(one.photo), "failed")
             continue
         x, y, z = one.direction

@@ -63,9 +63,12 @@ class InsertOptions:
     ] = None
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
 
-    def foot(self) -> tuple[float, ...] | None:
+    def foot(self) -> tuple[float, float] | None:
         """The pixel of --at; None where it is absent."""
-        return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        if self.at is None:
+            return None
+        x, y = pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        return x, y
 
     def refuse(self, context: typer.Context) -> None:
         """InputError where any is given without --insert."""
@@ -142,10 +145,10 @@ def relight(
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
-        taken = load_photo(photo, hints, segmenter=segmenter)
+        loaded = load_photo(photo, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain = _radiance(taken, light, by, fine)
-    stage = placing(Stage)(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
+        radiance, gain = _radiance(loaded, light, by, fine)
+    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
     names = STRIP if strip else (material,)
     stored = stored_as(photo)
     plain = stored.plain and kind == ".png"
@@ -156,7 +159,7 @@ def relight(
             write_passes(out, passes, colorspace)
     else:
         with progress(f"drawing the {insert}", silent):
-            shown = picture_bytes(taken.rgb) if plain else taken.rgb.copy()
+            shown = picture_bytes(loaded.rgb) if plain else loaded.rgb.copy()
             pictures = [shown] if strip or before else []
             shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
             for one in names:
@@ -170,6 +173,8 @@ def relight(
             else:
                 write_as(out, picture, stored)
     spot = stage.view.pixels(stage.placement.foot)
+    lost = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
+    warnings = [*loaded.warnings, *stage.warnings, *lost]
     summary = {
         "photo": str(photo),
         "picture": str(out),
@@ -181,9 +186,9 @@ def relight(
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
         "scale": round(size * stage.placement.share, 3),
-        "warnings": [*taken.warnings, *stage.warnings, *([PROFILE_LOST] if stored.lost and kind != ".exr" else [])],
+        "warnings": warnings,
     }
-    for line in summary["warnings"]:
+    for line in warnings:
         if not silent:
             print(f"warning: {line_of(line)}", file=sys.stderr)
     if as_json:

@@ -172,7 +172,7 @@ def video(
 @placing
 def _watched(run, total: int | None, begun: int, talk: Console):
     """A bar on a terminal, else a line for the first frame and every LINE_S."""
-    said = -LINE_S
+    said: float = -LINE_S
     with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
         task = bar.add_task("frames", total=total, completed=begun)
 

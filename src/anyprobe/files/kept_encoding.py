@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.color_encoding import ColorEncoding, is_srgb, srgb_to_linear
@@ -50,7 +51,7 @@ def stored_as(path: Path) -> Stored:
     try:
         with Image.open(path) as image:
             profile, kind = image.info.get("icc_profile") or b"", image.format
-            bits = max(image.tag_v2.get(DEEP_BITS, (8,))) if kind == "TIFF" else 8
+            bits = max(image.tag_v2.get(DEEP_BITS, (8,))) if isinstance(image, TiffImageFile) else 8
             mode = image.mode
         if kind == "PNG":
             with path.open("rb") as stream:
@@ -100,13 +101,13 @@ def _deep_png(pixels: np.ndarray, profile: bytes) -> bytes:
     filtered = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)
     named = chunk(b"iCCP", b"photo\0\0" + zlib.compress(profile)) if profile else b""
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + header + named + chunk(b"IDAT", zlib.compress(filtered, 3)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + header + named + chunk(b"IDAT", zlib.compress(filtered.data, 3)) + chunk(b"IEND", b"")
 
 
 def _deep_tiff(pixels: np.ndarray, profile: bytes) -> bytes:
     """TIFF 6.0: one strip, Deflate."""
     height, width = pixels.shape[:2]
-    strip = zlib.compress(np.ascontiguousarray(pixels, "<u2"), 3)
+    strip = zlib.compress(np.ascontiguousarray(pixels, "<u2").data, 3)
     strip += b"\0" * (len(strip) % 2)
     short, long, undefined = 3, 4, 7
     bits_at = 8 + len(strip)

@@ -184,7 +184,7 @@ class Sam:
             )
         )
         best = int(np.asarray(answer["iou_predictions"]).reshape(-1).argmax())
-        odds = answer.get("low_res_masks", answer["masks"])[0, best]
+        odds = np.asarray(answer.get("low_res_masks", answer["masks"]))[0, best]
         return self._enlarged(odds, size, width, height)
 
     def _encode(self, picture: np.ndarray) -> dict[str, np.ndarray]:
