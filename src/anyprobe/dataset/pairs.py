@@ -21,7 +21,7 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.dataset import distributions
-from anyprobe.dataset.batch_shading import column_of, curves, pixel_wo, see_behind, shade, take_photos
+from anyprobe.dataset.batch_shading import column_of, curves, pixel_wo, see_behind, shade_batch, take_photos
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot
 from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.ground_plane import Scenes, make_scenes
@@ -255,7 +255,7 @@ class PairSource:
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
         wo = pixel_wo(column(tan_half), size)
-        radiance, first_factor = shade(chosen, materials, normals, wo, self._places, hidden)
+        radiance, first_factor = shade_batch(chosen, materials, normals, wo, self._places, hidden)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         shots = [_as_phones(shot, lit, rng) for shot, lit in zip(shots, chosen, strict=True)]

@@ -143,7 +143,7 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
     values = _unpredicted(raw, predictor, samples, size, order).reshape(height, -1, samples)[:, :width]
     alpha = len(extra) > 0 and extra[0] in (1, 2) and samples > colors
     return FloatPicture(
-        values=np.ascontiguousarray(turned(values[..., : colors + alpha], turn), np.float32),
+        values=np.ascontiguousarray(turned_upright(values[..., : colors + alpha], turn), np.float32),
         premultiplied=alpha and extra[0] == 1,
         profile=profile,
         image=image,
@@ -162,7 +162,7 @@ def float_tiff_size(data: bytes) -> tuple[int, int] | None:
     return None
 
 
-def turned(values: np.ndarray, orientation: int) -> np.ndarray:
+def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
     """An array [H, W, ...] upright, of EXIF's orientation."""
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)

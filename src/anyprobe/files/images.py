@@ -28,7 +28,7 @@ from anyprobe.files.deep_pixels import (
     heif_sixteen_bits,
     read_float_tiff,
     sixteen_bits,
-    turned,
+    turned_upright,
 )
 from anyprobe.files.embedded_color import Shown, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
@@ -215,7 +215,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
         orientation = _orientation(image)
         if deep is not None:
-            deep = turned(deep, orientation)
+            deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
         else:

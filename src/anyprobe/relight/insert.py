@@ -18,7 +18,7 @@ from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.ground_map import with_ground
 from anyprobe.relight.ground_view import STRIP_PIXELS, View, view_of
-from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
+from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, GroundDisc, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
@@ -53,7 +53,7 @@ LEAST_SHADOW = 1 / 1024
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Window:
+class ObjectWindow:
     """The square part of the photo that the object covers: its corner and side [px], and its camera."""
 
     left: int
@@ -69,7 +69,7 @@ class Window:
         )
 
 
-def window_of(placement: Placement, view: View) -> Window | None:
+def window_of(placement: Placement, view: View) -> ObjectWindow | None:
     """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
     pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
     low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
@@ -86,7 +86,7 @@ def window_of(placement: Placement, view: View) -> Window | None:
         size=size,
         center=(float((middle[0] - view.width / 2) / view.focal), float((view.height / 2 - middle[1]) / view.focal)),
     )
-    return Window(left=int(low[0]), top=int(low[1]), size=size, camera=camera)
+    return ObjectWindow(left=int(low[0]), top=int(low[1]), size=size, camera=camera)
 
 
 def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | None = None) -> np.ndarray:
@@ -148,8 +148,8 @@ def within(part: Part, outer: Part) -> Part:
     return rows, columns
 
 
-def lay_over(
-    picture: np.ndarray, part: Part, drawn: np.ndarray, window: Window, photo: Photo, behind: bool = False
+def lay_object_over(
+    picture: np.ndarray, part: Part, drawn: np.ndarray, window: ObjectWindow, photo: Photo, behind: bool = False
 ) -> None:
     """Lay an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, which is changed.
 
@@ -228,7 +228,7 @@ class Stage:
         window = window_of(self.placement, self.view)
         if window is None:
             raise InputError("at: the photo shows nothing of the object there; choose another place")
-        self.window: Window = window
+        self.window: ObjectWindow = window
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -297,7 +297,7 @@ class Stage:
             shading = pool.submit(shaded)
             drawn = self.draw(radiance, material, renderer, shadow) if drawn is None else drawn
         part, picture = shading.result()
-        lay_over(picture, part, drawn, self.window, self.photo, behind=self.is_behind())
+        lay_object_over(picture, part, drawn, self.window, self.photo, behind=self.is_behind())
         return part, picture
 
     def draw(
@@ -343,12 +343,12 @@ class Stage:
         seen = np.concatenate(colors[1:]) if any(len(one) for one in colors[1:]) else colors[0]
         return inverse_response(seen).mean(axis=0)
 
-    def _ground(self, radiance: np.ndarray) -> Ground:
+    def _ground(self, radiance: np.ndarray) -> GroundDisc:
         """A ground whose radiance under the map is what the photo shows around the object's foot."""
         irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
         albedo = np.clip(np.pi * self._ground_color() / irradiance, 0.0, 0.95)
         radius = GROUND_RADII * self.placement.radius
-        return Ground(foot=self.placement.foot, up=self.view.up, radius=radius, albedo=albedo)
+        return GroundDisc(foot=self.placement.foot, up=self.view.up, radius=radius, albedo=albedo)
 
 
 def uses_mitsuba(renderer: str) -> bool:

@@ -113,7 +113,7 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
 
 
-def export(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
+def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
     """Write the graphs of a run and return each one's largest difference from torch.
 
     Raises:
