@@ -551,9 +551,11 @@ def test_a_cut_raw_photo_is_one_line(tmp_path):
 def test_two_photos_of_one_name_are_two_results(tmp_path, command):
     for suffix in ("png", "webp"):
         Image.fromarray(eight(DISPLAY)).save(tmp_path / f"vase.{suffix}")
-    done = command(
-        "estimate", tmp_path / "vase.png", tmp_path / "vase.webp", "--box", "20,10,70,50", "-o", tmp_path / "o"
-    )
+    mask = np.zeros(DISPLAY.shape[:2], np.uint8)
+    mask[10:50, 20:70] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    photos = tmp_path / "vase.png", tmp_path / "vase.webp"
+    done = command("estimate", *photos, "--mask", tmp_path / "mask.png", "-o", tmp_path / "o")
     assert done.status == 0, done.err
     assert {path.name for path in (tmp_path / "o").glob("*.exr")} == {"vase_png.exr", "vase_webp.exr"}
 
