@@ -27,7 +27,7 @@ from anyprobe.estimate.runtime import ENGINES, Models, file_hashes
 from anyprobe.render.shapes import figure
 from anyprobe.train.checkpoint import load_init_weights
 from anyprobe.train.config import lift
-from anyprobe.train.export_onnx import export
+from anyprobe.train.export_onnx import export_graphs
 from anyprobe.train.lift import Lift
 
 ROOT = Path(__file__).parents[1]
@@ -73,7 +73,7 @@ def write_float_graph(folder: Path) -> None:
     torch.save({"nets": nets.state_dict(), "step": 0, "pairs": 0, "config": config}, checkpoint)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        export(checkpoint, folder)
+        export_graphs(checkpoint, folder)
 
 
 def compare(models: dict[str, Models], pairs: list[Pair], rounds: int) -> dict:

@@ -159,17 +159,17 @@ def film(scene: Scene, sequence: Sequence, seed: int = 0) -> Iterator[Taken]:
             gain = gain or OBJECT_MEAN / float(luminance(drawn[mask][:, :3]).mean())
             truth = np.maximum(shrink(rotate(light, camera.world_from_camera.T), MAP_HEIGHT), 0.0) * gain
         seen, tan_half = drawn, camera.tan_half
-        frayed = fray(drawn[..., 3] > 0.5, EDGE_PX, EDGE_DEPTH, rng).astype(np.float32)
         if sequence.shift is not None:
-            tan_half = tan_half * WIDE / SIZE
-            seen, frayed = (_placed(picture, round(sequence.shift(time_s))) for picture in (drawn, frayed[..., None]))
-            frayed = frayed[..., 0]
+            seen, tan_half = _placed(drawn, round(sequence.shift(time_s))), tan_half * WIDE / SIZE
         mask = seen[..., 3] > 0.5
         background = np.full((*mask.shape, 3), OBJECT_MEAN, np.float32)
         rgb = one_photo(shot, seen[..., :3] * gain, mask, background, rng)
+        frayed = fray(drawn[..., 3] > 0.5, EDGE_PX, EDGE_DEPTH, rng).astype(np.float32)[..., None]
+        if sequence.shift is not None:
+            frayed = _placed(frayed, round(sequence.shift(time_s)))
         photo = Photo(
             rgb=rgb.astype(np.float32) / 255,
-            mask=frayed,
+            mask=frayed[..., 0],
             long_fov_deg=float(np.degrees(2 * np.arctan(tan_half))),
             fov_source="given",
             name=f"{scene.name} {sequence.name} {index}",

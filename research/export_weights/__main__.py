@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.estimate.runtime import Models, weights_folder
-from anyprobe.train.export_onnx import Sureness, export
+from anyprobe.train.export_onnx import Sureness, export_graphs
 from research.export_weights.calibrate import calibrate, calibrate_errors
 from research.export_weights.checkpoints import kept_checkpoint, mean_checkpoint
 from research.export_weights.quantize import lift_examples, quantize
@@ -41,7 +41,7 @@ def main(
         sureness = calibrated(checkpoint, folder, data, pairs)
         typer.echo("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
         typer.echo("errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(*sureness.errors))
-        off = export(checkpoint, folder if int8 else to, sureness)["light"]
+        off = export_graphs(checkpoint, folder if int8 else to, sureness)["light"]
         typer.echo(f"{to / 'light.onnx'}: in floats within {off:.2g} of torch")
         if int8:
             examples = lift_examples(left_out_pairs(data, pairs, conditions=1))
@@ -51,7 +51,7 @@ def main(
 
 def calibrated(checkpoint: Path, folder: Path, data: Path, kept: Path) -> Sureness:
     """How a checkpoint's claims have to be corrected; its graph as learned is written into folder."""
-    export(checkpoint, folder)
+    export_graphs(checkpoint, folder)
     models = Models(str(folder))
     clean = list(left_out_pairs(data, kept))
     errors = calibrate_errors(models, chain(clean, left_out_world_pairs(data, kept)))

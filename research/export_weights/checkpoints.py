@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from anyprobe.errors import ModelError
-from anyprobe.train.checkpoint import current_names, init_weights_id, read_checkpoint, read_init_weights
+from anyprobe.train.checkpoint import current_weight_names, init_weights_id, read_checkpoint, read_init_weights
 
 
 def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
@@ -21,7 +21,7 @@ def mean_checkpoint(checkpoint: Path, other: Path, path: Path) -> Path:
     """
     stored = read_checkpoint(checkpoint)
     (kept, pairs), nets = read_init_weights(other), stored["nets"]
-    kept = current_names(kept, nets)
+    kept = current_weight_names(kept, nets)
     if {name: value.shape for name, value in kept.items()} != {name: value.shape for name, value in nets.items()}:
         raise ModelError(f"{other}: expected weights of the run {checkpoint}, got another network's")
     mean = {name: (value + kept[name]) / 2 if value.is_floating_point() else value for name, value in nets.items()}

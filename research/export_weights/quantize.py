@@ -37,7 +37,7 @@ def lift_examples(pairs: Iterable[Pair]) -> Iterator[dict[str, np.ndarray]]:
 
 
 def quantize(source: Path, target: Path, examples: Iterable[dict[str, np.ndarray]]) -> float:
-    """Write a graph of train.export_onnx.export again, with the same inputs, outputs and contract, but for "computes".
+    """Write a graph of export_graphs again, with the same inputs, outputs and contract, but for "computes".
 
     Args:
         examples: its inputs by name, as many as there are; the ranges are theirs.

@@ -13,13 +13,12 @@ import numpy as np
 from anyprobe.core.response import response
 from anyprobe.dataset import distributions
 from anyprobe.dataset.pair import Pair, is_painted
-from anyprobe.evaluate.metrics import power_ratio_stops, rmse, ssim
+from anyprobe.evaluate.metrics import gain_rmse, power_ratio_stops, rmse, ssim
 from anyprobe.evaluate.scoring import ALPHA_EDGES
 from research.limits.orders import ln_error, order_powers
 
 SMOOTH_BELOW = 0.25
 """Alpha below which a dielectric counts as smooth."""
-STOPS = np.arange(-5.0, 5.01, 0.5)
 MEAN_MAP = "mean map"
 
 Maps = Mapping[str, Callable[[Pair], np.ndarray]]
@@ -52,17 +51,6 @@ def order(name: str) -> tuple:
     kinds = ("all", *distributions.KINDS)
     first = name.split(", ")[0]
     return ("," in name, kinds.index(first) if first in kinds else len(kinds), name)
-
-
-def gain_rmse(estimate: np.ndarray, truth: np.ndarray) -> float:
-    """LDR RMSE after the single gain that makes it least."""
-    target = response(truth)
-
-    def error(stops: float) -> float:
-        return rmse(response(estimate * 2.0**stops), target)
-
-    best = min(STOPS, key=error)
-    return min(error(best + step) for step in np.linspace(-0.45, 0.45, 13))
 
 
 def figures(estimate: np.ndarray, truth: np.ndarray) -> dict:

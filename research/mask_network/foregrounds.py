@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
-from anyprobe.dataset.batch_shading import pixel_wo, shade
+from anyprobe.dataset.batch_shading import pixel_wo, shade_batch
 from anyprobe.dataset.distributions import draw_alpha, draw_material
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.sky import tint
@@ -123,7 +123,7 @@ class ViewSource:
         tan_half = torch.from_numpy(self.surfaces.tan_half[index]).reshape(-1, 1, 1, 1)
         materials = [draw_material(rng, one.alpha) for one in chosen]
         wo = pixel_wo(tan_half, normals.shape[-1])
-        radiance, _ = shade(chosen, materials, normals, wo)
+        radiance, _ = shade_batch(chosen, materials, normals, wo)
         if rng.random() < FLASH_SHARE:
             radiance = radiance + _flash(rng, normals, ground)
         cover = (normals.abs().sum(dim=1, keepdim=True) > 0).float()

@@ -4,7 +4,7 @@ python -m research.world.self_shadowing --data DATA [--scenes 40]
 python -m research.world.self_shadowing --data DATA --kept runs/world    # instead, what shadows cost the shipped model
 
 Objects of the left-out part of the world test set, painted ones left out, by Mitsuba (64 paths a pixel, whose noise
-counts as error) and by anyprobe.dataset.batch_shading.shade: the same mesh, camera, map and material. Radiance through
+counts as error) and by dataset.batch_shading.shade_batch: the same mesh, camera, map and material. Radiance through
 the mean camera curve, exposed to a mean of .2 by paths. Times are of the processor, not of the clock.
 """
 
@@ -21,7 +21,7 @@ import torch
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
-from anyprobe.dataset.batch_shading import pixel_wo, shade
+from anyprobe.dataset.batch_shading import pixel_wo, shade_batch
 from anyprobe.dataset.distributions import KINDS
 from anyprobe.dataset.lighting import Illuminator
 from anyprobe.dataset.occlusion import hidden_cells
@@ -59,7 +59,7 @@ def compare(recipe, store, illuminators) -> dict[str, np.ndarray]:
     result = {"paths": traced}
     for name, cells in {"lookups": None, "with shadows": hidden}.items():
         started = time.process_time()
-        picture, _ = shade([lit], [drawn.material], normals, wo, hidden=cells)
+        picture, _ = shade_batch([lit], [drawn.material], normals, wo, hidden=cells)
         TIMES[name].append(time.process_time() - started)
         result[name] = picture[0].permute(1, 2, 0).numpy()[surface.mask]
     gain = 0.2 / luminance(traced).mean()

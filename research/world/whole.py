@@ -1,13 +1,15 @@
 """Whole photos: render those that a folder lacks, score a model and baselines on them.
 
 python -m research.world.whole render --data DATA --kept DIR [--part test]
-python -m research.world.whole score --data DATA --kept DIR [--part test]
+python -m research.world.whole score --data DATA --kept DIR [--part test] [--predictions MAPS]
+python -m research.world.whole write-photos --data DATA --kept DIR --out PHOTOS [--part test]
 
 Rendering needs Mitsuba 3 (`.[judge]`) and an LLVM of 17 or newer.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -15,9 +17,11 @@ import typer
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
+from anyprobe.evaluate.benchmark import read_predictions, write_photo
+from anyprobe.files.atomic import atomic_files
 from research.results import commit, write_result
-from research.world.whole_photos import COUNT, PARTS, whole_photos
-from research.world.whole_rows import rows_of
+from research.world.whole_photos import COUNT, PARTS, recipes_of, store_of, whole_photos
+from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
 from research.world.whole_scores import summary
 
@@ -45,16 +49,24 @@ def score(
     part: Part = "test",
     count: int = COUNT,
     model: Annotated[str, typer.Option(help="Bundled model or folder.")] = DEFAULT_MODEL,
+    predictions: Annotated[
+        Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="File to write.")] = None,
 ) -> None:
     """Print the figures of every row, some with standard errors, for photos and for cut-outs."""
-    estimator = Estimator(model, threads=1)
+    if predictions is None:
+        first, rows_on = SHIPPED, partial(rows_of, estimator=Estimator(model, threads=1))
+    else:
+        keys = [one.key for one in recipes_of(part, store_of(data, part) if part == "train" else None, count)]
+        first = predictions.resolve().name
+        rows_on = partial(predicted_rows, name=first, maps=read_predictions(predictions, keys))
     scores: dict[str, dict[str, list[dict[str, float]]]] = {"photos": {}, "cut-outs": {}}
     for number, photo in enumerate(whole_photos(data, part, kept, count), 1):
-        rows = score_photo(photo, rows_of(photo, estimator))
+        rows = score_photo(photo, rows_on(photo))
         for name, row in rows.items():
             scores["cut-outs" if photo.cut_out else "photos"].setdefault(name, []).append(row)
-        typer.echo(f"{number} {photo.recipe.key} LDR RMSE {rows['as shipped']['ldr_rmse']:.3f}", err=True)
+        typer.echo(f"{number} {photo.recipe.key} LDR RMSE {rows[first]['ldr_rmse']:.3f}", err=True)
     groups = {group: {name: summary(rows) for name, rows in by_name.items()} for group, by_name in scores.items()}
     for group, table in groups.items():
         typer.echo(f"{group}: {len(next(iter(scores[group].values()), []))} of {part}")
@@ -62,8 +74,24 @@ def score(
             figures = (f"{key} {value:.3f}" for key, value in row.items() if not key.endswith("_error"))
             errors = (f"{key} {row[f'{key}_error']:.3f}" for key in ("ldr_rmse", "ssim", "dominant_deg", "vase"))
             typer.echo(f"  {name}: {', '.join(figures)}; standard errors {', '.join(errors)}")
-    content = {"commit": commit(), "model": model_id(model), "groups": groups}
+    content = {"commit": commit(), "model": model_id(model) if predictions is None else first, "groups": groups}
     write_result(out or Path(f"runs/whole-{part}.json"), content)
+
+
+@app.command()
+def write_photos(
+    data: Data,
+    kept: Kept,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
+    part: Part = "test",
+    count: int = COUNT,
+) -> None:
+    """Write photo, mask and camera of every photo, by key: all that a method is given."""
+    with atomic_files(out) as scratch:
+        for photo in whole_photos(data, part, kept, count):
+            fov_deg = photo.long_fov_deg if photo.fov_known else None
+            write_photo(scratch, photo.recipe.key, photo.picture, photo.mask, fov_deg)
+    typer.echo(f"{out}: photos written; maps go to a folder of their own, named by key")
 
 
 @app.callback()

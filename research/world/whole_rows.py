@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from anyprobe.core.latlong import pixel_directions
@@ -13,6 +15,11 @@ from anyprobe.evaluate.methods import mean_map
 from research.world.whole_photos import WholePhoto
 
 SHIPPED = "as shipped"
+
+
+def predicted_rows(photo: WholePhoto, name: str, maps: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Maps [64, 128, 3] of another program, by recipe key, beside the mean map."""
+    return {"mean map": mean_map(), name: maps[photo.recipe.key]}
 
 
 def rows_of(photo: WholePhoto, estimator: Estimator) -> dict[str, np.ndarray]:

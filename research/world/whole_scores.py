@@ -11,7 +11,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_x, rotation_z, world_from_camera
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
-from anyprobe.evaluate.metrics import direction_error_deg, power_ratio_stops, rmse, ssim
+from anyprobe.evaluate.metrics import direction_error_deg, gain_rmse, power_ratio_stops, rmse, ssim
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import MAP_HEIGHT, rotate
 from anyprobe.light.filtering import blur_cap
@@ -19,7 +19,6 @@ from anyprobe.render.shapes import lathe
 from anyprobe.render.surface import cover, frame_object, pixel_rays, see
 from research.compare.three_spheres import clean_scores
 from research.compare.transport import light, reflectance_matrix
-from research.limits.figures import gain_rmse
 from research.world.whole_photos import WholePhoto
 
 PLACE_DEG, APART_DEG = 8.0, 16.0

@@ -12,7 +12,7 @@ pytest.importorskip("tensorboard", reason="needs the train extra")
 from anyprobe.errors import InputError, ModelError  # noqa: E402
 from anyprobe.train.checkpoint import load_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import normals, smoke  # noqa: E402
-from anyprobe.train.export_onnx import export  # noqa: E402
+from anyprobe.train.export_onnx import export_graphs  # noqa: E402
 from anyprobe.train.loop import load_nets, make_learner, save_checkpoint, train  # noqa: E402
 
 CONFIG = smoke(normals())
@@ -54,7 +54,7 @@ def test_a_damaged_checkpoint_is_one_clear_line(tmp_path, content, found):
     before = path.read_bytes()
     asked = (
         lambda: train(CONFIG, data=None, runs=tmp_path),
-        lambda: export(path, tmp_path / "to"),
+        lambda: export_graphs(path, tmp_path / "to"),
         lambda: save_init_weights(path, tmp_path / "to.pt"),
     )
     for ask in asked:

@@ -142,10 +142,10 @@ def test_exported_chain_agrees_with_torch(two_steps, tmp_path, monkeypatch):
     checkpoint = two_steps(paper)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        differences = export_onnx.export(checkpoint, tmp_path / "weights")
+        differences = export_onnx.export_graphs(checkpoint, tmp_path / "weights")
         monkeypatch.setattr(export_onnx, "TOLERANCE", 0.0)
         with pytest.raises(ModelError, match="expected ONNX within"):
-            export_onnx.export(checkpoint, tmp_path / "refused")
+            export_onnx.export_graphs(checkpoint, tmp_path / "refused")
     assert set(differences) == set(NETS)
     assert max(differences.values()) < 0.02
     assert not list((tmp_path / "refused").iterdir())
@@ -154,7 +154,7 @@ def test_exported_chain_agrees_with_torch(two_steps, tmp_path, monkeypatch):
 def test_exported_lift_agrees_with_torch_and_runs_on_a_crop(two_steps, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        differences = export_onnx.export(two_steps(lift), tmp_path / "mine")
+        differences = export_onnx.export_graphs(two_steps(lift), tmp_path / "mine")
     assert set(differences) == {"light"}
     assert differences["light"] < 0.02
     crop = np.random.default_rng(0).random((128, 128, 4), dtype=np.float32)
@@ -179,7 +179,7 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
     names = ("start", "assets", "mean_with", "mean_with_pairs")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
-        export_onnx.export(begun, tmp_path / "weights")
+        export_onnx.export_graphs(begun, tmp_path / "weights")
     model = onnx.load(str(tmp_path / "weights" / "light.onnx"))
     written = {one.key: one.value for one in model.metadata_props}
     assert written["computes"] == "float32"
@@ -189,7 +189,7 @@ def test_a_graph_tells_what_its_weights_come_from(run, tmp_path, monkeypatch):
     def hints(checkpoint) -> dict[str, str]:
         """What the graph would tell, without making it."""
         told.clear()
-        export_onnx.export(checkpoint, tmp_path)
+        export_onnx.export_graphs(checkpoint, tmp_path)
         assert (told["steps"], told["pairs"]) == ("1", "4")
         return {name: told[name] for name in names if name in told}
 
@@ -265,7 +265,7 @@ def test_lift_begins_from_normals_that_learned_alone(run, tmp_path):
 
 def test_no_checkpoint_is_one_clear_line(tmp_path):
     with pytest.raises(ModelError, match="train first"):
-        export_onnx.export(tmp_path / "checkpoint.pt", tmp_path)
+        export_onnx.export_graphs(tmp_path / "checkpoint.pt", tmp_path)
 
 
 def test_the_mean_of_a_run_and_what_it_began_from(run, two_steps, tmp_path):

@@ -213,7 +213,7 @@ def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch, alpha):
         ("plastic", 0.07, Material(albedo=grey, f0=np.full(3, 0.04, np.float32), alpha=alpha)),
         ("irradiance", 0.17, None),
     ):
-        radiance, first_factor = pairs.shade(
+        radiance, first_factor = pairs.shade_batch(
             [lit], [material or Material(albedo=black, f0=black, alpha=alpha)], normals, wo
         )
         found = (first_factor if material is None else radiance)[0, :, row, column].T

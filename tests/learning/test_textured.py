@@ -182,10 +182,10 @@ def test_a_pixel_shows_the_material_that_it_has(source):
     wo = pairs.pixel_wo(torch.full((2, 1, 1, 1), 0.2), SIZE)
     rng = np.random.default_rng(0)
     some = [draw_material(rng, lit[0].alpha, metal) for metal in (False, True, False)]
-    whole = [pairs.shade(lit, [one, one], normals, wo)[0] for one in some]
+    whole = [pairs.shade_batch(lit, [one, one], normals, wo)[0] for one in some]
     which = np.where(Y < 0, 2, np.where(X < 0, 0, 1))
     maps = {name: np.stack([getattr(one, name) for one in some])[which] for name in ("f0", "albedo")}
-    radiance, _ = pairs.shade(lit, [replace(some[0], **maps), some[1]], normals, wo)
+    radiance, _ = pairs.shade_batch(lit, [replace(some[0], **maps), some[1]], normals, wo)
     torch.testing.assert_close(radiance[1], whole[1][1])
     for k in range(3):
         part = torch.from_numpy((which == k) & (REACH < 1))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
 pytest.importorskip("tensorboard", reason="needs the train extra")
 
 from support.some_batch import some_batch  # noqa: E402
@@ -19,12 +20,14 @@ from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import SurfaceConfig, build_surfaces  # noqa: E402
 from anyprobe.errors import ModelError  # noqa: E402
+from anyprobe.estimate.runtime import Models  # noqa: E402
 from anyprobe.nets.context_net import CODE, ContextNet  # noqa: E402
 from anyprobe.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
 from anyprobe.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import heads, smoke, whole  # noqa: E402
+from anyprobe.train.export_onnx import export  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
-from anyprobe.train.loop import train  # noqa: E402
+from anyprobe.train.loop import load_nets, train  # noqa: E402
 from anyprobe.train.source_profiles import source_profiles  # noqa: E402
 from anyprobe.train.whole import Whole, posture_losses, profile_loss  # noqa: E402
 
@@ -200,6 +203,19 @@ def test_kept_heads_carry_the_body_twice_or_not_at_all(run, tmp_path):
     torch.save({}, body)
     with pytest.raises(ModelError, match=r"heads\.pt"):
         load_init_weights(Whole.networks(), tmp_path / "heads.pt")
+
+
+@pytest.mark.filterwarnings("ignore")  # of the exporter
+def test_exported_heads_say_something_else(run, tmp_path):
+    """The graph takes what that of `lift` takes; its map is that of the network without context."""
+    checkpoint = run(tmp_path / "runs", heads, steps=1)
+    assert export(checkpoint, tmp_path)["light"] < 0.01
+    batch = some_batch(1)
+    outputs = Models(str(tmp_path), threads=1)(batch.photo[0].permute(1, 2, 0).numpy(), float(batch.tan_half[0]))
+    with torch.no_grad():
+        guess = load_nets(checkpoint)["light"](batch.photo, batch.tan_half[:, None])
+    off = np.abs(outputs.ln_radiance - guess.ln_radiance[0].permute(1, 2, 0).numpy())
+    assert np.median(off) < 0.01
 
 
 def test_whole_run_leaves_out_its_heads(run, tmp_path):

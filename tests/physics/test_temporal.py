@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from anyprobe.core.color import luminance
+from anyprobe.core.frames import rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.evaluate.metrics import color_angle_deg
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.filtering import blur_cap
-from anyprobe.light.temporal import OFFSET, FilterState, Smoothing, encode, step
+from anyprobe.light.source_split import Source, draw_sources
+from anyprobe.light.steady import Smoothing
+from anyprobe.light.temporal import MOST_TURN, OFFSET, FilterState, encode, step
 from anyprobe.render.spheres import silver, sphere_normals
 
 HEIGHT, SPHERE = 32, 12
@@ -172,3 +176,67 @@ def test_slower_memory_is_stiller(rng):
             shown.append(state.radiance)
         ends.append(tremble(shown[-20:]))
     assert ends[1] < 0.5 * ends[0]
+
+
+FPS = 15
+SUN, LAMP = np.array([0.3, 0.6, 0.74]), np.array([-0.8, 0.3, -0.5])
+ROOM = np.full((64, 128, 3), 0.3, np.float32)
+
+
+def seen(rng, sun=SUN, lamp=LAMP, pose=None, has_lamp=True) -> np.ndarray:
+    """A frame's map: two sources, each up to 5 degrees from its place and of a fifth more or less power."""
+    found = []
+    for at, power in ((sun, 2.0), (lamp, 0.8)) if has_lamp else ((sun, 2.0),):
+        d = at / np.linalg.norm(at) + rng.uniform(-0.05, 0.05, 3)
+        d = d / np.linalg.norm(d) @ (np.eye(3) if pose is None else pose)
+        found.append(Source(direction=d, power=power * rng.uniform(0.8, 1.2) * np.ones(3), radius=np.radians(4.2)))
+    return ROOM + draw_sources(64, found)
+
+
+def angle_deg(one, other) -> float:
+    return float(np.degrees(np.arccos(np.clip(one @ other / np.linalg.norm(one) / np.linalg.norm(other), -1, 1))))
+
+
+def bright(radiance) -> int:
+    return int((radiance.max(axis=-1) > 5.0).sum())
+
+
+def test_sources_that_tremble_and_blink_leave_no_ghosts(rng):
+    frames = [seen(rng, has_lamp=i % 5 != 3) for i in range(6 * FPS)]
+    states = run(frames, [1 / FPS] * len(frames))
+    assert bright(states[-1].radiance) <= 1.5 * np.median([bright(frame) for frame in frames])
+    toward = [find_dominant_light(state.radiance).direction for state in states]
+    assert max(angle_deg(a, b) for a, b in zip(toward, toward[1:], strict=False)) < 5
+    assert angle_deg(toward[-1], SUN) < 2
+    kept = sum(luminance(one.power) for one in states[-1].sources)
+    assert kept == pytest.approx(2.0 + 0.8 * 0.8, rel=0.2)
+
+
+@pytest.mark.parametrize("moved_deg", [20, 90])
+def test_a_source_that_is_elsewhere_is_followed_within_half_a_second(rng, moved_deg):
+    to = rotation_y(np.radians(moved_deg)) @ SUN
+    frames = [seen(rng) for _ in range(3 * FPS)] + [seen(rng, sun=to) for _ in range(FPS // 2)]
+    light = run(frames, [1 / FPS] * len(frames))[-1].radiance
+    assert angle_deg(find_dominant_light(light).direction, to) < 6
+    assert angle_deg(find_dominant_light(frames[0]).direction, SUN) < 6
+    assert bright(light) <= 1.5 * bright(frames[-1])
+
+
+def test_light_stands_still_in_the_world_while_the_camera_turns(rng):
+    poses = [rotation_y(np.radians(30.0) * i / FPS) for i in range(3 * FPS)]
+    state = None
+    for i, pose in enumerate(poses):
+        state = step(state, seen(rng, pose=pose), 1 / FPS, world_from_camera=pose)
+        if i >= FPS:
+            assert angle_deg(find_dominant_light(state.radiance).direction, SUN) < 5
+            in_camera = find_dominant_light(state.seen_from(pose)).direction
+            assert angle_deg(pose @ in_camera, SUN) < 5
+
+
+def test_nothing_turns_faster_than_it_may(rng):
+    to = rotation_y(np.radians(25)) @ SUN
+    states = run([seen(rng) for _ in range(FPS)] + [seen(rng, sun=to) for _ in range(FPS)], [1 / FPS] * (2 * FPS))
+    toward = [max(state.sources, key=lambda one: one.power.sum()).direction for state in states]
+    steps = [angle_deg(a, b) for a, b in zip(toward, toward[1:], strict=False)]
+    assert max(steps) < np.degrees(MOST_TURN) / FPS + 0.1
+    assert max(steps) > 2

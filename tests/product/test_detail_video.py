@@ -112,7 +112,9 @@ def test_reflections_do_not_change_their_place_and_the_light_stays(begin, tmp_pa
     assert names[0] in map_attributes(tmp_path / "fine" / "lights" / "000004.exr")["detail"]
     for radiance, record in zip(maps, (fine.progress.frames[i] for i in (4, 7)), strict=True):
         np.testing.assert_allclose(project(radiance), record["sh9"], atol=0.01 * np.abs(record["sh9"]).max())
-    ln = [np.log(one + 0.02) for one in maps]
+    dim = np.maximum(*maps).max(axis=-1) < 2  # the rest are light sources, which turn by parts of a degree
+    assert dim.mean() > 0.98
+    ln = [np.log(one + 0.02)[dim] for one in maps]
     assert np.std(ln[1] - ln[0]) < 0.1 * np.std(ln[0])
     assert results(tmp_path / "fine")["relit.mp4"] != results(tmp_path / "plain")["relit.mp4"]
 

@@ -18,7 +18,7 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL, file_hashes
 
 def test_doctor_prints_versions_providers_and_hashes(command, monkeypatch):
     monkeypatch.setattr(doctor, "self_test", lambda model: (0.123, 4.0))
-    monkeypatch.setattr(doctor, "check_versions", lambda wanted: None)
+    monkeypatch.setattr(doctor, "check_package_versions", lambda wanted: None)
     outcome = command("doctor")
     assert (outcome.status, outcome.err) == (0, "")
     lines = outcome.out.splitlines()

@@ -75,6 +75,22 @@ def test_command_takes_a_list_with_spaces(command, light_path):
     assert [json.loads(line)["target"] for line in done.out.splitlines()] == ["webxr", "arcore"]
 
 
+def test_several_lights_have_a_folder_each(command, light_path, work):
+    Light(radiance=two_phase(32)).save(work / "other" / "lamp.hdr")
+    done = command("export", light_path, "other/lamp.hdr", "--to", "webxr,usd", "--json")
+    assert done.status == 0, done.err
+    said = [json.loads(line) for line in done.out.splitlines()]
+    assert [(one["light"], one["target"]) for one in said] == [
+        (str(light), target) for light in (light_path, "other/lamp.hdr") for target in ("webxr", "usd")
+    ]
+    assert sorted(path.name for path in (work / "export").iterdir()) == ["lamp", "vase"]
+    assert (work / "export" / "vase" / "vase_webxr.json").exists()
+    Light(radiance=two_phase(32)).save(work / "other" / "vase.hdr")
+    refused = command("export", light_path, "other/vase.hdr", "--to", "webxr", "-o", "out")
+    assert "expected names that differ" in refused.complaint
+    assert not (work / "out").exists()
+
+
 @pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
 def test_sidecar_with_a_number_that_is_none(command, light_path, work, number):
     light_path.with_suffix(".json").write_text(

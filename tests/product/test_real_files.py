@@ -75,11 +75,13 @@ def test_a_heic_of_p3_by_code_points_is_the_picture():
     close(case("p3nclx.heic").rgb, case("red.png").rgb, 0.01)
 
 
-def test_pq_gives_the_light_of_the_plain_picture():
-    lights = [anyprobe.estimate(CASES / name, mask=CASES / "plain_mask.png") for name in ("plain.png", "cicp_pq.png")]
-    plain, found = (light.dominant_light() for light in lights)
+@pytest.mark.parametrize(("surroundings", "most_deg"), [("none", 1.0), ("auto", 1.5)])
+def test_pq_gives_the_light_of_the_plain_picture(surroundings, most_deg):
+    names = ("plain.png", "cicp_pq.png")
+    given = {"mask": CASES / "plain_mask.png", "surroundings": surroundings}
+    plain, found = (anyprobe.estimate(CASES / name, **given).dominant_light() for name in names)
     np.testing.assert_allclose(found.irradiance, plain.irradiance, rtol=0.03)
-    assert np.degrees(np.arccos(min(1.0, float(found.direction @ plain.direction)))) < 1.0
+    assert np.degrees(np.arccos(min(1.0, float(found.direction @ plain.direction)))) < most_deg
 
 
 def encoded_p3() -> np.ndarray:
@@ -549,9 +551,11 @@ def test_a_cut_raw_photo_is_one_line(tmp_path):
 def test_two_photos_of_one_name_are_two_results(tmp_path, command):
     for suffix in ("png", "webp"):
         Image.fromarray(eight(DISPLAY)).save(tmp_path / f"vase.{suffix}")
-    done = command(
-        "estimate", tmp_path / "vase.png", tmp_path / "vase.webp", "--box", "20,10,70,50", "-o", tmp_path / "o"
-    )
+    mask = np.zeros(DISPLAY.shape[:2], np.uint8)
+    mask[10:50, 20:70] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    photos = tmp_path / "vase.png", tmp_path / "vase.webp"
+    done = command("estimate", *photos, "--mask", tmp_path / "mask.png", "-o", tmp_path / "o")
     assert done.status == 0, done.err
     assert {path.name for path in (tmp_path / "o").glob("*.exr")} == {"vase_png.exr", "vase_webp.exr"}
 

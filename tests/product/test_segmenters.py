@@ -198,7 +198,7 @@ def write_u2net(path) -> None:
 @pytest.fixture
 def rembg(tmp_path, monkeypatch) -> Rembg:
     """The real library with a small network in the place of U2-Net's file, which it finds where it keeps its own."""
-    pytest.importorskip("rembg", reason="needs the rembg extra")
+    pytest.importorskip("rembg.sessions", reason="needs the rembg extra")
     write_u2net(tmp_path / "u2net.onnx")
     monkeypatch.setenv("U2NET_HOME", str(tmp_path))
     return Rembg()

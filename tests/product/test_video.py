@@ -19,6 +19,7 @@ pytest.importorskip("av", reason="the extra `video` is not installed")
 from support.clips import SIZE, sphere_frame, sphere_mask, turned, write_clip, write_masks
 
 from anyprobe.cli import video as video_command
+from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import rotation_y
 from anyprobe.core.response import response
 from anyprobe.errors import InputError, InvalidMask
@@ -27,6 +28,7 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.light.harmonics import project
 from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
+from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
 from anyprobe.video.clip import join_pieces, open_clip, read_frames, upright_size, write_piece
 from anyprobe.video.following import MaskFollower, Seen, inner_point
@@ -65,7 +67,7 @@ def begin(made, estimator, monkeypatch):
 
 
 def files_of(folder) -> dict[str, bytes]:
-    return {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.name in ("track.json", "relit.mp4")}
+    return {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.suffix in (".json", ".mp4")}
 
 
 # Tracks
@@ -231,7 +233,7 @@ def test_stopped_run_goes_on_to_the_same_files(begin, tmp_path, every, stop_at):
     assert (again.progress.next_index > 0) == (stop_at > 6)
     again(lambda done: None)
     assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
-    assert len(files_of(tmp_path / "whole")) == 2
+    assert len(files_of(tmp_path / "whole")) == 3
 
 
 @pytest.mark.slow
@@ -261,7 +263,7 @@ def test_killed_command_goes_on_to_the_same_files(tmp_path):
     again = [path for path, written in saved.items() if path.stat().st_mtime_ns != written]
     assert all(int(path.stem) >= run_module.SAVE_EVERY for path in again)  # what was saved is not done again
     assert results(killed) == results(tmp_path / "whole")
-    assert len(results(killed)) == -(-count // 3) + 2
+    assert len(results(killed)) == -(-count // 3) + 3
 
 
 def test_finished_run_does_nothing_again(begin, tmp_path):
@@ -350,6 +352,20 @@ def test_colours_are_those_that_the_file_says(tmp_path):
     red = (y - 16) / 219 + 1.5748 * (v - 128) / 224  # ITU-R BT.709
     blue = (y - 16) / 219 + 1.8556 * (u - 128) / 224
     np.testing.assert_allclose([255 * red, 255 * blue], [200, 40], atol=4)
+
+
+def test_light_clip_shows_the_map_and_three_spheres_of_every_frame(begin, tmp_path):
+    run = begin(tmp_path)
+    run(lambda done: None)
+    shown = [frame.rgb for frame in read_frames(open_clip(tmp_path / "light.mp4"), [])]
+    assert len(shown) == COUNT
+    assert shown[0].shape == (128, 640, 3)
+    radiance = run.progress.light.radiance
+    seen = to_bytes(response(radiance)).astype(float).mean((0, 1))
+    np.testing.assert_allclose(shown[-1][:, :256].mean((0, 1)), seen, atol=4)
+    middles = [shown[-1][60:68, 256 + 128 * k + 60 : 256 + 128 * k + 68].mean() for k in range(3)]
+    wanted = [response(one[60:68, 60:68]).mean() * 255 for one in sphere_images(radiance, 128).values()]
+    np.testing.assert_allclose(middles, wanted, atol=4)
 
 
 def test_relit_clip_has_every_frame_and_the_object(begin, made, tmp_path):

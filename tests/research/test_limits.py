@@ -12,10 +12,10 @@ from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import draw_map
 from anyprobe.dataset.recipe import WORLD
-from anyprobe.evaluate.metrics import rmse
+from anyprobe.evaluate.metrics import gain_rmse, rmse
 from anyprobe.scatter.materials import Material
 from research.limits import sphere as sphere_limit
-from research.limits.figures import MEAN_MAP, Limits, alpha_bin, gain_rmse, groups, kind_of
+from research.limits.figures import MEAN_MAP, Limits, alpha_bin, groups, kind_of
 from research.limits.orders import basis, ln_error, order_powers
 from research.limits.sphere import SphereLimit, Views, reflected, sphere_terms, world_draw
 

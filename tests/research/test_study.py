@@ -5,7 +5,8 @@ import pytest
 from support.some_pair import sphere_pair
 
 from anyprobe.evaluate.scoring import Scores
-from research.compare.study import clustered_error, difference, means, one_way_variance
+from anyprobe.evaluate.standard_errors import clustered_error, one_way_variance
+from research.compare.study import difference, means
 
 
 def invented(**ssim):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
+from typer.testing import CliRunner
 
 from anyprobe.core.color import luminance
 from anyprobe.core.response import inverse_response
@@ -14,13 +18,15 @@ from anyprobe.dataset.catalog import MapAsset, ShapeAsset
 from anyprobe.dataset.recipe import WORLD, world_recipes
 from anyprobe.errors import InputError
 from anyprobe.estimate.ground import up_of
+from anyprobe.files.radiance import write_exr
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.render.shapes import lathe
+from research.world import whole as whole_command
 from research.world import whole_photos as whole
 from research.world.tables import ALBEDO, KINDS, draw_cover
 from research.world.whole_render import Render
 from research.world.whole_scenes import draw_scene
-from research.world.whole_scores import brightest_places, stage, world_from_photo
+from research.world.whole_scores import brightest_places, score, stage, summary, world_from_photo
 
 RADIANCE = np.exp(np.random.default_rng(3).normal(0, 1, (64, 128, 3))).astype(np.float32)
 STORE = AssetStore(
@@ -133,3 +139,39 @@ def test_the_stage_s_shadow_falls_away_from_the_light():
         dark = picture == 0
         values.append(np.nonzero(dark)[1].mean())
     assert values[0] > values[1]
+
+
+def test_own_maps_of_whole_photos_score_as_the_row_itself(tmp_path, monkeypatch):
+    """Photos are written with what a method may know; maps that are read back have the figures of those written."""
+    photos = [_photo(scene, recipe) for scene, recipe in zip(SCENES[:12], RECIPES[:12], strict=True)]
+    photos = [replace(one, truth=RADIANCE * (k + 1)) for k, one in enumerate(photos)]
+    monkeypatch.setattr(whole_command, "whole_photos", lambda data, part, kept, count: iter(photos))
+    monkeypatch.setattr(whole_command, "recipes_of", lambda part, store, count: RECIPES[:12])
+    lines = CliRunner().invoke(
+        whole_command.app, ["write-photos", *map(str, folders(tmp_path)), "-o", str(tmp_path / "p")]
+    )
+    assert lines.exit_code == 0, lines.output
+    (tmp_path / "program").mkdir()
+    scored = {}
+    for photo in photos:
+        key = photo.recipe.key
+        said = json.loads((tmp_path / "p" / f"{key}.json").read_text())
+        assert said["fov_deg"] == (photo.long_fov_deg if photo.fov_known else None)
+        with Image.open(tmp_path / "p" / said["photo"]) as picture:
+            np.testing.assert_array_equal(np.asarray(picture), photo.picture)
+        estimate = np.roll(photo.truth, 7, axis=1)
+        write_exr(tmp_path / "program" / said["prediction"], estimate, half=False)
+        scored[key] = score(photo, {"program": estimate})["program"]
+    arguments = ["score", *map(str, folders(tmp_path)), "--predictions", str(tmp_path / "program")]
+    ended = CliRunner().invoke(whole_command.app, [*arguments, "-o", str(tmp_path / "scores.json")])
+    assert ended.exit_code == 0, ended.output
+    groups = json.loads((tmp_path / "scores.json").read_text())["groups"]
+    for group, cut_out in (("photos", False), ("cut-outs", True)):
+        own = [scored[one.recipe.key] for one in photos if bool(one.cut_out) == cut_out]
+        if own:
+            assert groups[group]["program"] == summary(own)
+            assert set(groups[group]) == {"mean map", "program"}
+
+
+def folders(path):
+    return "--data", path, "--kept", path

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { download } from "../src/files/download.js";
 import { WorkerClient } from "../src/networks/workerClient.js";
-import { OPTIONS, checkHints, checkLight, checkNames, longFovOf } from "../src/options.js";
+import { OPTIONS, checkHints, checkLight, checkNames, longFovOf, rotationOfPose } from "../src/options.js";
 
 const refused = { name: "AnyProbeError", code: "invalid-option" };
 const degrees = (radians) => (radians * 180) / Math.PI;
@@ -132,4 +132,14 @@ test("a browser that lacks what is needed is told which it is", async () => {
   }
   const { AnyProbe: Bundled } = await import("../src/index.js");
   await assert.rejects(Bundled.load({ engine: "webgpu" }), { ...refused, message: /import AnyProbe from anyprobe\/webgpu/ });
+});
+
+test("a camera's pose is read from matrices by columns, from a transform, and from nine numbers by rows", () => {
+  const rows = [0, 0, 1, 0, 1, 0, -1, 0, 0]; // a quarter turn to the left
+  const matrix = [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 5, 6, 7, 1];
+  for (const pose of [rows, matrix, { elements: matrix }, { matrix }, { matrixWorld: { elements: matrix } }]) {
+    assert.deepEqual(rotationOfPose(pose), rows);
+  }
+  const wrong = [matrix.map((value) => 2 * value), [1, 0, 0, 0, 1, 0, 0, 0, -1], [1, 2, 3], new Array(16).fill(NaN)];
+  for (const pose of wrong) assert.throws(() => rotationOfPose(pose), { code: "invalid-option", message: /^pose: expected/ });
 });

@@ -229,7 +229,7 @@ def verify(
                 bad[shard] = wrong
     if again:
         whole = [shard for shard in there if shard not in bad]
-        bad |= render_job.differing(folder, data, _make(), whole, again, workers=workers, say=talk.print)
+        bad |= render_job.differing_pairs(folder, data, _make(), whole, again, workers=workers, say=talk.print)
     for shard, wrong in sorted(bad.items()):
         typer.echo(f"{shards.tar_path(folder, shard).name}: {wrong}")
         if repair:

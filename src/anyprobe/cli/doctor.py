@@ -30,7 +30,7 @@ def doctor(model: Annotated[str, typer.Option(help="Bundled model or folder of O
     talk.print(f"anyprobe {__version__}")
     for extra, packages in wanted.items():
         talk.print(_installed(extra, packages), soft_wrap=True)
-    check_versions({package: lowest for packages in wanted.values() for package, lowest in packages.items()})
+    check_package_versions({package: lowest for packages in wanted.values() for package, lowest in packages.items()})
     talk.print(f"providers {', '.join(onnxruntime.get_available_providers())}")
     for stage, digest in file_hashes(model).items():
         talk.print(f"model {model}/{stage} sha256 {digest}")
@@ -73,7 +73,7 @@ def _installed(extra: str, packages: dict[str, str]) -> str:
     return f"{extra or 'packages'}: {line}"
 
 
-def check_versions(wanted: dict[str, str]) -> None:
+def check_package_versions(wanted: dict[str, str]) -> None:
     """ModelError where a package is older than it must be; one that is absent is missed where it is used."""
     old = []
     for package, lowest in wanted.items():

@@ -19,6 +19,7 @@ from rich.table import Column, Table
 
 from anyprobe.cli.options import (
     STDIN,
+    ColorspaceOption,
     DetailOptions,
     JsonOption,
     ModelOptions,
@@ -68,6 +69,7 @@ def estimate(
         typer.Option(help="JSON with each photo's camera rotation: all photos, views of one object, give one light."),
     ] = None,
     size: Annotated[int | None, typer.Option(help="Rows of a map with detail, 64 to 512; default: 512.")] = None,
+    colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -77,7 +79,9 @@ def estimate(
     estimator = by.estimator(segmenter=taken.segmenter, **fine.settings(size))
     talk = Console(stderr=True, quiet=quiet, markup=False, emoji=False, highlight=False)
     steps = track(listed, "estimating", console=talk, transient=True, disable=len(listed) < 2 or not talk.is_terminal)
-    call = EstimateCall(estimator=estimator, out=out, hints=hints, as_json=as_json, listed=listed)
+    call = EstimateCall(
+        estimator=estimator, out=out, hints=hints, as_json=as_json, listed=listed, colorspace=colorspace
+    )
     if poses is not None:
         done = [call.together(steps, poses)]
         _report(done, talk, out)
@@ -103,6 +107,7 @@ class EstimateCall:
     hints: Hints
     as_json: bool
     listed: list[Path]
+    colorspace: str = "rec709"
 
     def one(self, path: Path) -> Done:
         """Estimate one photo and write its files; an error of ours ends this photo alone."""
@@ -143,7 +148,7 @@ class EstimateCall:
 
         photos = map(load, steps)
         first = next(photos)
-        light = self.estimator.multiview(chain([first], photos), turned, start=start)
+        light = self.estimator.multiview(chain([first], photos), list(turned), start=start)
         return self._write(self.listed[0], first, light, time.perf_counter() - start)
 
     def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
@@ -158,12 +163,13 @@ class EstimateCall:
         from anyprobe.estimate.outputs import write_results
 
         stem = result_stem(path, self.listed)
-        written = write_results(photo, light, self.out, stem)
+        written = write_results(photo, light, self.out, stem, self.colorspace)
         if self.as_json:
             files = {kind: str(target) for kind, target in written.items()}
             print(json.dumps({**light.sidecar(), "photo": str(path), "files": files}), flush=True)
         direction = light.dominant_light().direction
-        unsure = (light.info.get("uncertainty") or {}).get("level_stops")
+        uncertainty = light.info.get("uncertainty")
+        unsure = None if uncertainty is None else uncertainty.get("level_stops")
         return Done(
             photo=path, stem=stem, direction=direction, level_stops=unsure, seconds=seconds, warnings=light.warnings
         )
@@ -182,7 +188,7 @@ def _report(done: list[Done], talk: Console, out: Path) -> None:
     photo = Column("photo", overflow="fold")
     table = Table(photo, "dominant light", "brightness uncertainty", "seconds", box=None, pad_edge=False)
     for one in done:
-        if one.error:
+        if one.direction is None:
             table.add_row(str(one.photo), "failed")
             continue
         x, y, z = one.direction

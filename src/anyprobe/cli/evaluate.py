@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from anyprobe.dataset.recipe import Recipe
     from anyprobe.evaluate.methods import Estimate, Method
 
-UNPRINTED = ("total_power_stops", "ldr_rmse_seen", "ldr_rmse_unseen")
-"""Metrics that are in scores.json alone."""
 PAIRS = 200
 SEED = 2020
 WIDTH = 260
@@ -43,6 +41,9 @@ def evaluate(
     pairs: Annotated[int, typer.Option(min=4, help="Test pairs to render.")] = PAIRS,
     seed: Annotated[int, typer.Option(help="Seed of the test set.")] = SEED,
     frozen: Annotated[bool, typer.Option("--frozen", help="Take the first of the 1,000 frozen recipes.")] = False,
+    recipes: Annotated[
+        Path | None, typer.Option(help="Take the pairs of a list, one recipe a line: research/world/test.txt, say.")
+    ] = None,
     conditions: Annotated[
         Conditions, typer.Option(help="clean photos; world: as phones take them, with noise, JPEG, blur, rough masks.")
     ] = "clean",
@@ -56,21 +57,36 @@ def evaluate(
     hints: Annotated[
         bool, typer.Option("--hints", help="Also score with true normals, material and surroundings given.")
     ] = False,
+    write_photos: Annotated[
+        Path | None, typer.Option(help="Folder to write photos, masks and cameras to, by key; nothing is scored.")
+    ] = None,
+    predictions: Annotated[
+        Path | None, typer.Option(help="Folder of maps KEY.exr or KEY.hdr to score in the model's place.")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for scores.json and pictures.png.")] = Path(
         "evaluation"
     ),
     model: Annotated[str, typer.Option(help="Bundled model or folder of ONNX graphs.")] = DEFAULT_MODEL,
     engine: Annotated[str, typer.Option(help=f"Engine: {', '.join(ENGINES)}.")] = DEFAULT_ENGINE,
 ) -> None:
-    """Score a model and two baselines on a test set. Renders a fixed test set and prints the table."""
-    if frozen and seed != SEED:
-        raise InputError(f"--seed {seed}: expected pairs that are drawn, got --frozen; leave one of them out")
-    if textured and path_traced:
-        raise InputError("--textured: expected photos that anyprobe shades, got --path-traced; leave one of them out")
+    """Score a model, or any program's maps, on a test set. Renders it, scores two baselines beside, prints tables."""
+    refused = (
+        (seed != SEED and frozen, f"--seed {seed}", "pairs that are drawn", "--frozen"),
+        (seed != SEED and recipes, f"--seed {seed}", "pairs that are drawn", "--recipes"),
+        (frozen and recipes, "--frozen", "one list of pairs", "--recipes"),
+        (recipes and conditions != "clean", f"--conditions {conditions}", "pairs that do not say theirs", "--recipes"),
+        (textured and path_traced, "--textured", "photos that anyprobe shades", "--path-traced"),
+        (predictions and write_photos, "--predictions", "photos that are written already", "--write-photos"),
+        (predictions and hints, "--hints", "a model to give them to", "--predictions"),
+        (predictions and model != DEFAULT_MODEL, "--model", "a model's maps to score", "--predictions"),
+    )
+    for both, option, expected, other in refused:
+        if both:
+            raise InputError(f"{option}: expected {expected}, got {other}; leave one of them out")
     from anyprobe.dataset.pair import render_pair
     from anyprobe.dataset.recipe import digest
-    from anyprobe.estimate.runtime import Models, model_id
-    from anyprobe.evaluate.methods import baselines, model_methods, with_noisy_mask
+    from anyprobe.estimate.runtime import model_id
+    from anyprobe.evaluate.methods import baselines, with_noisy_mask
     from anyprobe.evaluate.scoring import METRICS, score_pairs
     from anyprobe.files.atomic import atomic_path
     from anyprobe.files.images import write_png
@@ -81,54 +97,94 @@ def evaluate(
 
         open_mitsuba()  # one clear line where it cannot run
         trace = partial(trace_mesh, num_paths=PATHS)
-    runtime, title = Models(model, engine=engine), Path(model).name
-    if hints and runtime.stages != LIFT_STAGES:
-        raise InputError(f"--hints: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
-    methods = model_methods(runtime, title, hints) | baselines()
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
-    recipes, store = _test_set(hdri, meshes, pairs, None if frozen else seed, conditions, talk)
-    photos = (render_pair(recipe, store, trace, textured=textured) for recipe in recipes)
-    watch = Watch(methods, title, len(recipes))
+    drawn = None if frozen or recipes else seed
+    chosen, store = _test_set(hdri, meshes, pairs, drawn, recipes, conditions, talk)
+    title = Path(model).name if predictions is None else predictions.resolve().name
+    methods: dict[str, Method] = {}
+    if write_photos is None:
+        methods = _judged(predictions, [one.key for one in chosen], model, engine, title, hints) | baselines()
+    photos: Iterable[Pair] = (render_pair(recipe, store, trace, textured=textured) for recipe in chosen)
+    photos = map(with_noisy_mask, photos) if noisy_masks else photos
     columns = (TextColumn("evaluating"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=talk) as progress:
-        task = progress.add_task("", total=len(recipes))
+        task = progress.add_task("", total=len(chosen))
+        if write_photos is not None:
+            _write_photos(write_photos, photos, lambda: progress.advance(task))
+        else:
+            watch = Watch(methods, title, len(chosen))
 
-        def seen(index: int, pair: Pair, estimates: dict[str, Estimate]) -> None:
-            watch(index, pair, estimates)
-            progress.advance(task)
+            def seen(index: int, pair: Pair, estimates: dict[str, Estimate]) -> None:
+                watch(index, pair, estimates)
+                progress.advance(task)
 
-        scores = score_pairs(map(with_noisy_mask, photos) if noisy_masks else photos, methods, watch=seen)
+            scores = score_pairs(photos, methods, watch=seen)
+    if write_photos is not None:
+        talk.print(f"{write_photos}: {len(chosen)} photos; maps go to a folder of their own, named by key")
+        return
     result = {
         "settings": {
-            "pairs": len(recipes),
-            **({"frozen": True} if frozen else {"seed": seed}),
+            "pairs": len(chosen),
+            **({"recipes": recipes.name} if recipes is not None else {"frozen": True} if frozen else {"seed": seed}),
             "conditions": conditions,
             "noisy_masks": noisy_masks,
             "path_traced": path_traced,
             "textured": textured,
             "engine": engine,
         },
-        "model": model_id(model),
-        "recipes": digest(recipes),
+        "model": model_id(model) if predictions is None else title,
+        "recipes": digest(chosen),
         "maps": [asset.name for asset in store.maps.values()],
         "shapes": [asset.name for asset in store.shapes.values()],
         "better": METRICS,
         **watch.result(),
         "scores": scores.table(),
+        "standard_errors": scores.standard_errors(),
     }
     with atomic_path(out / "scores.json") as temporary:
         temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     write_png(out / "pictures.png", np.concatenate(watch.rows).astype(np.float32))
-    _print(result["scores"], result["irradiance"])
+    _print(result["scores"], result["standard_errors"])
+    if result["irradiance"] is not None:
+        _print_irradiance(result["irradiance"])
     if result["confidence"] is not None:
         _print_confidence(title, result["confidence"], result["confidence_with_hints"])
     talk.print(f"{out / 'scores.json'}, {out / 'pictures.png'}")
 
 
+def _judged(
+    predictions: Path | None, keys: list[str], model: str, engine: str, title: str, hints: bool
+) -> dict[str, Method]:
+    """What is judged beside the baselines: maps of a folder, or a model."""
+    from anyprobe.estimate.runtime import Models
+    from anyprobe.evaluate.benchmark import predicted, read_predictions
+    from anyprobe.evaluate.methods import baselines, model_methods
+
+    if predictions is not None:
+        if title in baselines():
+            raise InputError(f"{predictions}: expected a folder named after its program, got {title!r}; rename it")
+        return {title: predicted(read_predictions(predictions, keys))}
+    runtime = Models(model, engine=engine)
+    if hints and runtime.stages != LIFT_STAGES:
+        raise InputError(f"--hints: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
+    return model_methods(runtime, title, hints)
+
+
+def _write_photos(folder: Path, pairs: Iterable[Pair], advance: Callable[[], None]) -> None:
+    """What a method is given of every pair: all of them, or nothing."""
+    from anyprobe.evaluate.benchmark import write_pair
+    from anyprobe.files.atomic import atomic_files
+
+    with atomic_files(folder) as scratch:
+        for pair in pairs:
+            write_pair(scratch, pair)
+            advance()
+
+
 def _test_set(
-    hdri: Path, meshes: Path, pairs: int, seed: int | None, conditions: Conditions, talk: Console
+    hdri: Path, meshes: Path, pairs: int, seed: int | None, path: Path | None, conditions: Conditions, talk: Console
 ) -> tuple[list[Recipe], AssetStore]:
-    """Recipes of so many pairs, drawn by seed or the frozen ones, and the assets they name."""
+    """Recipes of so many pairs, drawn by seed, of a list at path or the frozen ones, and the assets they name."""
     from anyprobe.dataset.asset_store import AssetStore
     from anyprobe.dataset.catalog import load_maps, load_shapes
     from anyprobe.dataset.recipe import balanced_recipes, read_recipes
@@ -138,12 +194,15 @@ def _test_set(
     def warn(line: str) -> None:
         talk.print(f"warning: {line}", soft_wrap=True)
 
-    listed = read_recipes(FROZEN) if seed is None else []
+    listed = read_recipes(path or FROZEN) if seed is None else []
     if seed is None and pairs > len(listed):
+        name = "--frozen" if path is None else path.name
         raise InputError(
-            f"--pairs {pairs}: expected at most the {len(listed)} pairs that --frozen has, got more; ask for fewer"
+            f"--pairs {pairs}: expected at most the {len(listed)} pairs that {name} has, got more; ask for fewer"
         )
     store = AssetStore(load_maps(hdri, report=warn), load_shapes(meshes, report=warn))
+    if path is not None:
+        return listed[:pairs], store  # a list says the conditions of its pairs
     recipes = listed[:pairs] if seed is None else balanced_recipes(store, pairs, seed)
     return [replace(one, conditions=CONDITIONS.index(conditions)) for one in recipes], store
 
@@ -168,8 +227,10 @@ class Watch:
         from anyprobe.evaluate.scoring import groups_of
 
         # whole picture, as in the paper's Table 1
-        images = estimates[self.title].irradiance, pair.irradiance / 255.0
-        self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
+        estimated = estimates[self.title].irradiance
+        if estimated is not None:
+            images = estimated, pair.irradiance / 255.0
+            self.irradiance.append({"psnr": psnr(*images), "rmse": rmse(*images), "ssim": ssim(*images)})
         for name, calibration in self.calibrations.items():
             one = estimates[name]
             if one.confidence is not None:
@@ -178,14 +239,15 @@ class Watch:
             self.rows.append(_cells(pair, estimates))
 
     def result(self) -> dict[str, Any]:
-        """Means of the irradiance image's figures, and the confidence of the model, alone and with hints."""
+        """Means of the irradiance image's figures, None where there is none, and the confidence of the model, alone and
+        with hints."""
         found = {name: one.result() for name, one in self.calibrations.items()}
         irradiance = {
             name: round(sum(one[name] for one in self.irradiance) / len(self.irradiance), 5)
-            for name in self.irradiance[0]
+            for name in next(iter(self.irradiance), {})
         }
         confidence = found.pop(self.title)
-        return {"irradiance": irradiance, "confidence": confidence, "confidence_with_hints": found}
+        return {"irradiance": irradiance or None, "confidence": confidence, "confidence_with_hints": found}
 
 
 def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
@@ -201,18 +263,28 @@ def _cells(pair: Pair, estimates: Mapping[str, Estimate]) -> np.ndarray:
     return np.concatenate(cells, axis=1)
 
 
-def _print(table: dict, irradiance: dict[str, float]) -> None:
-    from anyprobe.evaluate.scoring import METRICS
+def _print(table: dict, errors: dict) -> None:
+    from anyprobe.evaluate.scoring import HEADINGS
 
     show = Console(highlight=False, width=WIDTH)
-    columns = [name for name in METRICS if name not in UNPRINTED]
-    titles = [name.replace("_deg", "").replace("_stops", "") for name in columns]
     for group in next(iter(table.values())):
-        sheet = Table("method", *titles, title=group, title_justify="left")
-        for method, groups in table.items():
-            sheet.add_row(method, *[f"{groups[group][name]:.3f}" for name in columns])
-        show.print(sheet)
-    show.print("irradiance image: " + ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items()))
+        show.print(_sheet(group, table, group, HEADINGS))
+    means = {name: heading for name, heading in HEADINGS.items() if name in errors[next(iter(errors))]["all"]}
+    show.print(_sheet("standard errors of all, by map and shape", errors, "all", means))
+
+
+def _sheet(title: str, table: dict, group: str, headings: Mapping[str, str]) -> Table:
+    """A group's figures, a row for each method."""
+    sheet = Table("method", *headings.values(), title=title, title_justify="left")
+    for method, groups in table.items():
+        values = (groups[group][name] for name in headings)
+        sheet.add_row(method, *("" if value is None else f"{value:.3f}" for value in values))
+    return sheet
+
+
+def _print_irradiance(irradiance: dict[str, float]) -> None:
+    values = ", ".join(f"{name} {value:.4f}" for name, value in irradiance.items())
+    Console(highlight=False, width=WIDTH).print(f"irradiance image: {values}")
 
 
 def _print_confidence(title: str, confidence: dict, hints: dict[str, dict]) -> None:

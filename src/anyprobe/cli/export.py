@@ -19,9 +19,13 @@ MAX_PIXELS = 8192 * 4096
 
 
 def export(
-    light: Annotated[Path, typer.Argument(metavar="LIGHT", help="Map that estimate wrote: .exr (full range) or .hdr.")],
+    lights: Annotated[
+        list[Path], typer.Argument(metavar="LIGHT...", help="Maps that estimate wrote: .exr (full range) or .hdr.")
+    ],
     to: Annotated[str, typer.Option(metavar="TARGET[,TARGET...]", help=f"Any of {', '.join(TARGETS)}; or all.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the files.")] = Path("export"),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the files; of several lights a folder each in it.")
+    ] = Path("export"),
     world_from_camera: Annotated[
         str | None,
         typer.Option(
@@ -34,23 +38,38 @@ def export(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per target on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
-    """Export a light to Blender, Unity, three.js and others. A .json beside each file describes its orientation."""
+    """Export lights to Blender, Unity, three.js and others. A .json beside each file describes its orientation."""
     from anyprobe.export import targets
     from anyprobe.files.radiance import read_radiance
 
     names = target_names(to)
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
-    radiance = read_radiance(light, MAX_PIXELS)
-    check_front(light)
-    origin = origin_beside(light)
-    for name in names:
-        written = targets.export(
-            radiance, name, out, light.stem, world_from_camera=rotation, exposure_ev=exposure, origin=origin
-        )
-        if as_json:
-            print(json.dumps({"target": name, "files": [str(path) for path in written]}), flush=True)
-        elif not quiet:
-            print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
+    for light, folder in folders(lights, out):
+        radiance = read_radiance(light, MAX_PIXELS)
+        check_front(light)
+        origin = origin_beside(light)
+        for name in names:
+            written = targets.export(
+                radiance, name, folder, light.stem, world_from_camera=rotation, exposure_ev=exposure, origin=origin
+            )
+            if as_json:
+                said = {"light": str(light), "target": name, "files": [str(path) for path in written]}
+                print(json.dumps(said), flush=True)
+            elif not quiet:
+                print(f"{name}: {', '.join(str(path) for path in written)}", file=sys.stderr)
+
+
+def folders(lights: list[Path], out: Path) -> list[tuple[Path, Path]]:
+    """Each light once, and where its files go: out, or of several out/<stem>. InputError for two of one stem."""
+    listed = list(dict.fromkeys(lights))
+    by_stem: dict[str, Path] = {}
+    for light in listed:
+        if not light.exists():
+            raise InputError(f"{light}: no such file; check the path")
+        other = by_stem.setdefault(light.stem, light)
+        if other != light:
+            raise InputError(f"{light}: expected names that differ, got {other} before it; export them one by one")
+    return [(light, out if len(listed) == 1 else out / light.stem) for light in listed]
 
 
 def target_names(text: str) -> list[str]:

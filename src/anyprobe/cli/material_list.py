@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -22,7 +22,7 @@ def materials(
     from anyprobe.scatter.materials import MATERIALS, PRESETS
 
     chosen = {name: one for name, one in MATERIALS.items() if all(word.lower() in name for word in words or [])}
-    rows = {}
+    rows: dict[str, dict[str, Any]] = {}
     for name, one in chosen.items():
         metal = not np.any(one.albedo)
         rows[name] = {

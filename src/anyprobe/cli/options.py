@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
@@ -33,6 +33,10 @@ STDIN = Path("-")
 """A photo that comes through standard input."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
+Colorspace = Literal["rec709", "acescg"]
+ColorspaceOption = Annotated[
+    Colorspace, typer.Option(help="Linear primaries of the .exr: Rec. 709 or ACEScg; its header says which.")
+]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 
 
@@ -209,7 +213,7 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
     bundles: dict[str, type] = {}
     for parameter in inspect.signature(command).parameters.values():
         kind = hints[parameter.name]
-        if is_dataclass(kind):
+        if isinstance(kind, type) and is_dataclass(kind):
             bundles[parameter.name] = kind
             inner = get_type_hints(kind, include_extras=True)
             spread += [_option(one.name, inner[one.name], one.default) for one in fields(kind)]
@@ -223,7 +227,7 @@ def with_bundles(command: Callable[..., None]) -> Callable[..., None]:
         }
         command(**made, **values)
 
-    run.__signature__ = inspect.Signature(spread)  # what typer reads
+    run.__signature__ = inspect.Signature(spread)  # type: ignore[attr-defined]  # what typer reads
     run.__annotations__ = {one.name: one.annotation for one in spread}
     del run.__wrapped__
     return run
@@ -236,7 +240,9 @@ def _option(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 def refuse_unused(context: typer.Context, why: str, *names: str) -> None:
     """InputError where the command line gives one of these parameters, which does nothing there; why: `beside --x`."""
     for name in names:
-        if context.get_parameter_source(name).name == "COMMANDLINE":
+        source = context.get_parameter_source(name)
+        assert source is not None, name
+        if source.name == "COMMANDLINE":
             option = next(one.opts[0] for one in context.command.params if one.name == name)
             raise InputError(f"{option}: does nothing {why}; leave it out")
 

@@ -15,6 +15,7 @@ import numpy as np
 import typer
 
 from anyprobe.cli.options import (
+    ColorspaceOption,
     DetailOptions,
     JsonOption,
     ModelOptions,
@@ -37,6 +38,8 @@ Renderer = Literal["auto", "own", "mitsuba"]
 """What renders the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
+SUFFIXES = (".png", ".tif", ".tiff", ".exr")
+PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
     *(name for name, hint in HINTS.items() if hint.about == "light"),
@@ -60,9 +63,12 @@ class InsertOptions:
     ] = None
     scale: Annotated[float, typer.Option(help="Its height, relative to the real object's.")] = 0.5
 
-    def foot(self) -> tuple[float, ...] | None:
+    def foot(self) -> tuple[float, float] | None:
         """The pixel of --at; None where it is absent."""
-        return None if self.at is None else pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        if self.at is None:
+            return None
+        x, y = pixels_of("--at", self.at, 2, "X,Y", "400,380")
+        return x, y
 
     def refuse(self, context: typer.Context) -> None:
         """InputError where any is given without --insert."""
@@ -93,7 +99,10 @@ def relight(
     ] = "sphere",
     turn: Annotated[float, typer.Option(help="Its rotation about the vertical axis, degrees.")] = 0.0,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="File to write; default: relit/<stem>_relit.png.")
+        Path | None,
+        typer.Option(
+            "-o", "--out", help="File to write: .png, .tif, or .exr with passes; default: relit/<stem>_relit.png."
+        ),
     ] = None,
     strip: Annotated[bool, typer.Option("--strip", help=f"Photo, then the object in {', '.join(STRIP)}.")] = False,
     before: Annotated[bool, typer.Option("--before", help="Show photo and result side by side.")] = False,
@@ -103,6 +112,7 @@ def relight(
     light: Annotated[
         Path | None, typer.Option(help="Use this .exr or .hdr map that estimate wrote, instead of an estimate.")
     ] = None,
+    colorspace: ColorspaceOption = "rec709",
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -110,7 +120,9 @@ def relight(
     from anyprobe.core.color import to_bytes
     from anyprobe.estimate.photo import load_photo
     from anyprobe.files.images import picture_bytes, write_png
+    from anyprobe.files.kept_encoding import stored_as, write_as
     from anyprobe.relight.insert import Arrangement, Stage, uses_mitsuba
+    from anyprobe.relight.passes import passes_of, write_passes
 
     if light is not None:
         refuse_unused(context, "beside --light", *OF_ESTIMATES)
@@ -120,30 +132,49 @@ def relight(
     hints, segmenter = hints_for(photo, taken.hints()), taken.segmenter
     foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or Path("relit") / f"{photo.stem}_relit.png"
-    if out.suffix.lower() != ".png":
-        raise OutputError(f"{out}: the picture is a PNG; choose a name that ends in .png")
+    kind = out.suffix.lower()
+    if kind not in SUFFIXES:
+        raise OutputError(f"{out}: expected a name that ends in {', '.join(SUFFIXES)}; choose one of them")
+    if kind == ".exr":
+        refuse_unused(context, "beside an .exr, which has layers", "strip", "before")
+    else:
+        refuse_unused(context, "without an .exr", "colorspace")
     inputs = (photo, light, *hints.files().values())
     if out.resolve() in {one.resolve() for one in inputs if isinstance(one, Path)}:
         raise OutputError(f"{out}: the result would replace an input; choose another name with -o")
     traced = uses_mitsuba(renderer)
     silent = quiet or as_json
     with progress(f"reading {photo}", silent):
-        taken = load_photo(photo, hints, segmenter=segmenter)
+        loaded = load_photo(photo, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain = _radiance(taken, light, by, fine)
-    stage = placing(Stage)(taken, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
+        radiance, gain = _radiance(loaded, light, by, fine)
+    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
     names = STRIP if strip else (material,)
-    with progress(f"drawing the {insert}", silent):
-        shown = picture_bytes(taken.rgb)
-        pictures = [shown] if strip or before else []
-        shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
-        for one in names:
-            part, changed = stage.change(radiance, one, renderer, shadow)
-            pictures.append(shown.copy() if pictures else shown)
-            pictures[-1][part] = to_bytes(changed)
-    with progress(f"writing {out}", silent):
-        write_png(out, np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0])
+    stored = stored_as(photo)
+    plain = stored.plain and kind == ".png"
+    if kind == ".exr":
+        with progress(f"drawing the {insert}", silent):
+            passes = passes_of(stage, radiance, material, renderer)
+        with progress(f"writing {out}", silent):
+            write_passes(out, passes, colorspace)
+    else:
+        with progress(f"drawing the {insert}", silent):
+            shown = picture_bytes(loaded.rgb) if plain else loaded.rgb.copy()
+            pictures = [shown] if strip or before else []
+            shadow = stage.shadow(radiance) if strip else None  # else while the object is drawn
+            for one in names:
+                part, changed = stage.change(radiance, one, renderer, shadow)
+                pictures.append(shown.copy() if pictures else shown)
+                pictures[-1][part] = to_bytes(changed) if plain else changed
+        with progress(f"writing {out}", silent):
+            picture = np.concatenate(pictures, axis=1) if len(pictures) > 1 else pictures[0]
+            if plain:
+                write_png(out, picture)
+            else:
+                write_as(out, picture, stored)
     spot = stage.view.pixels(stage.placement.foot)
+    lost = [PROFILE_LOST] if stored.lost and kind != ".exr" else []
+    warnings = [*loaded.warnings, *stage.warnings, *lost]
     summary = {
         "photo": str(photo),
         "picture": str(out),
@@ -155,9 +186,9 @@ def relight(
         "long_fov_deg": round(stage.view.long_fov_deg, 2),
         "light_gain": round(gain, 3),
         "scale": round(size * stage.placement.share, 3),
-        "warnings": [*taken.warnings, *stage.warnings],
+        "warnings": warnings,
     }
-    for line in summary["warnings"]:
+    for line in warnings:
         if not silent:
             print(f"warning: {line_of(line)}", file=sys.stderr)
     if as_json:

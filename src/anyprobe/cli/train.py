@@ -105,7 +105,7 @@ def weights(
     from anyprobe.train.checkpoint import keep_apart, read_checkpoint, save_init_weights
     from anyprobe.train.config import RUNS as NAMED
     from anyprobe.train.dataloader import make_pairs
-    from anyprobe.train.export_onnx import export, write_mean_map
+    from anyprobe.train.export_onnx import export_graphs, write_mean_map
 
     if mean_map is not None and run not in NAMED:
         raise InputError(
@@ -117,7 +117,7 @@ def weights(
     if mean_map is not None:
         read_checkpoint(checkpoint)  # there is one, or its pairs would be made in vain
         pairs = make_pairs(NAMED[run](), data, runs / "cache", "cpu")
-    for stage, difference in export(checkpoint, to).items():
+    for stage, difference in export_graphs(checkpoint, to).items():
         typer.echo(f"{to / (stage + '.onnx')}: within {difference:.2g} of torch")
     if keep is not None:
         save_init_weights(checkpoint, keep)

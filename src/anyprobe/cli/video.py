@@ -58,8 +58,9 @@ def video(
 ) -> None:
     """Estimate the light in every frame of a clip.
 
-    Writes track.json, and relit.mp4 with --insert; an interrupted run resumes. Clicks and box are of the first frame;
-    --mask, --depth and --normals are folders of one file a frame, sorted by name (--normals may be sphere).
+    Writes track.json, light.mp4 (map and spheres of each frame), and relit.mp4 with --insert; an interrupted run
+    resumes. Clicks and box are of the first frame; --mask, --depth and --normals are folders of one file a frame,
+    sorted by name (--normals may be sphere).
     """
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
@@ -154,6 +155,7 @@ def video(
         talk.print(f"warning: {line_of(line)}", soft_wrap=True)
     summary = {
         "track": str(out / "track.json"),
+        "light": str(out / "light.mp4"),
         "relit": str(out / "relit.mp4") if virtual else None,
         "frames": outcome.frames,
         "bad": [{"index": index, "error": line} for index, line in outcome.bad],
@@ -170,7 +172,7 @@ def video(
 @placing
 def _watched(run, total: int | None, begun: int, talk: Console):
     """A bar on a terminal, else a line for the first frame and every LINE_S."""
-    said = -LINE_S
+    said: float = -LINE_S
     with Progress(console=talk, transient=True, disable=not talk.is_terminal) as bar:
         task = bar.add_task("frames", total=total, completed=begun)
 

@@ -14,6 +14,9 @@ REC709 = (0.2126, 0.7152, 0.0722)
 REC709_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """CIE x, y of red, green, blue and white (D65)."""
 
+COLORSPACES = {"rec709": REC709_CHROMATICITIES, "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)}
+"""Linear ones that light is written in, by CIE x, y of red, green, blue and white; ACEScg's are AP1."""
+
 SAME_CHROMATICITIES = 1e-3
 """Chromaticities that differ by no more are the same: files round them."""
 
@@ -68,3 +71,11 @@ def rec709_from_rgb(chromaticities) -> Float[np.ndarray, "3 3"]:
         raise ValueError("a white that no eye adapts to")
     adapt = np.linalg.solve(BRADFORD, (wanted / white)[:, None] * BRADFORD)
     return np.linalg.solve(ours, adapt @ theirs)
+
+
+def from_rec709(rgb: np.ndarray, colorspace: str) -> np.ndarray:
+    """Linear Rec. 709 [..., 3] in one of COLORSPACES, white to white by Bradford; Rec. 709 stays as it is."""
+    if colorspace == "rec709":
+        return rgb
+    matrix = np.linalg.inv(rec709_from_rgb(COLORSPACES[colorspace])).astype(np.float32)
+    return rgb @ matrix.T

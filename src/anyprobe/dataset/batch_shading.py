@@ -20,7 +20,7 @@ from anyprobe.scatter.materials import Material
 from anyprobe.scatter.microfacet import albedo_table
 
 
-def shade(
+def shade_batch(
     chosen: list[LitMaterial],
     materials: list[Material],
     normals: torch.Tensor,

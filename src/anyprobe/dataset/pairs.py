@@ -21,7 +21,7 @@ from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.dataset import distributions
-from anyprobe.dataset.batch_shading import column_of, curves, pixel_wo, see_behind, shade, take_photos
+from anyprobe.dataset.batch_shading import column_of, curves, pixel_wo, see_behind, shade_batch, take_photos
 from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot
 from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.ground_plane import Scenes, make_scenes
@@ -99,7 +99,7 @@ CANDIDATES = 24
 """Surfaces of which the most upright one is put on a ground."""
 GIVEN_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
-GIVEN_MATERIAL_ERROR = np.float32([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0])
+GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
 """Standard deviations of a given material's numbers, in the order of scatter.materials.material_input."""
 
 
@@ -176,17 +176,16 @@ class PairSource:
         on_ground = np.array([lit.stand is not None for lit in chosen])
         for one in np.nonzero(on_ground)[0]:
             index[one] = self._upright(chosen[one], mirror[one], rng)
-        normals = np.asarray(self.surfaces.normals[index])
-        shadows = self.surfaces.hidden is not None
-        hidden = np.array(self.surfaces.hidden[index]) if shadows else None
+        drawn = np.asarray(self.surfaces.normals[index])
+        shadows = None if self.surfaces.hidden is None else np.array(self.surfaces.hidden[index])
         scenes = self._scenes(chosen, index, mirror, on_ground) if on_ground.any() else None
         for one in np.nonzero(mirror)[0]:
-            normals[one] = normals[one, :, :, ::-1]
-            normals[one, 0] *= -1
-            if shadows:
-                hidden[one] = mirrored(hidden[one])
-        hidden = torch.from_numpy(hidden).to(self.device) if shadows else None
-        normals = torch.from_numpy(normals).to(self.device).float()
+            drawn[one] = drawn[one, :, :, ::-1]
+            drawn[one, 0] *= -1
+            if shadows is not None:
+                shadows[one] = mirrored(shadows[one])
+        hidden = None if shadows is None else torch.from_numpy(shadows).to(self.device)
+        normals = torch.from_numpy(drawn).to(self.device).float()
         tan_half = self.surfaces.tan_half[index]
         angles = torch.from_numpy(tan_half).to(self.device)
         if self.config.joined > 0:
@@ -196,21 +195,22 @@ class PairSource:
             alone = normals
             normals = join_some(normals, angles, others, other_angles, rng, self.config.joined)
             normals[on_ground] = alone[on_ground]  # its shadow is cast
-            if shadows:  # what the other hides from itself is left out
+            if hidden is not None:  # what the other hides from itself is left out
                 changed = (normals != alone).any(dim=1, keepdim=True).float()
                 hidden *= F.adaptive_max_pool2d(changed, hidden.shape[-1]) == 0
         if self.config.shape_augment > 0:
-            alone = normals[on_ground], None if hidden is None else hidden[on_ground]
+            alone, shaded = normals[on_ground], None if hidden is None else hidden[on_ground]
             normals = reshape_some(normals, angles, rng, self.config.shape_augment, hidden)
-            normals[on_ground] = alone[0]
-            if shadows:
-                hidden[on_ground] = alone[1]
+            normals[on_ground] = alone
+            if hidden is not None and shaded is not None:
+                hidden[on_ground] = shaded
         return self.compose(chosen, normals, tan_half, rng, hidden, scenes)
 
     def _upright(self, lit: LitMaterial, mirror: bool, rng: np.random.Generator) -> int:
         """The surface, of some of the lit material's elevation, that stands most upright on its ground."""
         some = rng.choice(self._by_elevation[lit.elevation], CANDIDATES)
-        up = self.surfaces.up[some] * np.float32([-1.0 if mirror else 1.0, 1.0, 1.0])
+        assert self.surfaces.up is not None  # of all surfaces that are put on a ground
+        up = self.surfaces.up[some] * np.array([-1.0 if mirror else 1.0, 1.0, 1.0], np.float32)
         return int(some[np.argmax(up @ lit.up)])
 
     def _scenes(
@@ -219,6 +219,8 @@ class PairSource:
         """Those of chosen that are on_ground, on theirs."""
         index, mirror = index[on_ground], mirror[on_ground]
         flip = np.where(mirror[:, None] & (np.arange(3) == 0), -1.0, 1.0).astype(np.float32)
+        assert self.surfaces.points is not None  # as of up
+        assert self.surfaces.center is not None
         points = self.surfaces.points[index].astype(np.float32) * flip[:, None]
         center = self.surfaces.center[index] * flip
         stands = [lit.stand for lit in chosen if lit.stand is not None]
@@ -253,7 +255,7 @@ class PairSource:
 
         mask = (normals.abs().sum(dim=1, keepdim=True) > 0).float()
         wo = pixel_wo(column(tan_half), size)
-        radiance, first_factor = shade(chosen, materials, normals, wo, self._places, hidden)
+        radiance, first_factor = shade_batch(chosen, materials, normals, wo, self._places, hidden)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
         shots = [_as_phones(shot, lit, rng) for shot, lit in zip(shots, chosen, strict=True)]

@@ -51,7 +51,7 @@ def _first_difference(name: str, old: bytes, new: bytes) -> str:
     return f" ({', '.join(keys[:3])})"
 
 
-def differing(
+def differing_pairs(
     folder: Path,
     data: Path | None,
     make: Make,

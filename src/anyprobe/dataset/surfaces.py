@@ -79,7 +79,7 @@ def draw_elevation(rng: np.random.Generator, which: int) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class View:
+class SurfaceView:
     """How a shape is looked at: world_from_camera [3, 3], elevation class, field of view and margin of frame_object.
 
     Before that, waves (pushes, waves, phases of mesh.waved) and a matrix [3, 3] make another shape of it.
@@ -97,12 +97,12 @@ Seen = tuple[np.ndarray, float, int, np.ndarray, np.ndarray, np.ndarray, np.ndar
 """Of a view what SurfaceSet has, in its order; no hidden cells and no points where they are not asked for."""
 
 
-def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[View]:
+def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[SurfaceView]:
     """So many views a class; nothing that is drawn depends on the shape."""
     return [_draw_view(which, config, rng) for which in range(NUM_ELEVATIONS) for _ in range(views)]
 
 
-def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> View:
+def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> SurfaceView:
     waves = matrix = None
     if config.bend > 0 or config.relief > 0:
         slow, fast = _waves(rng, 3, (0.8, 3.0), config.bend), _waves(rng, 3, (5.0, 18.0), config.relief)
@@ -110,7 +110,7 @@ def _draw_view(which: int, config: SurfaceConfig, rng: np.random.Generator) -> V
         waves = pushes, lengths, phases
     if any((config.stretch, config.tilt_deg, config.bend, config.relief)):
         matrix = _stretch_and_lean(config, rng)
-    return View(
+    return SurfaceView(
         world_from_camera=world_from_camera(rng.uniform(0, 2 * np.pi), draw_elevation(rng, which)),
         elevation=which,
         fov_deg=np.exp(rng.uniform(np.log(6.0), np.log(50.0))),
@@ -141,7 +141,7 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def see_views(mesh: Mesh, views: list[View], size: int, shadows: bool = False, points: int = 0) -> list[Seen]:
+def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False, points: int = 0) -> list[Seen]:
     """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells; points: so many."""
     result = []
     for view in views:
@@ -178,13 +178,13 @@ def even_points(mesh: Mesh, count: int) -> np.ndarray:
     return points.astype(np.float32)
 
 
-def drawn_part(number: int, config: SurfaceConfig) -> tuple[Mesh, list[View]]:
+def drawn_part(number: int, config: SurfaceConfig) -> tuple[Mesh, list[SurfaceView]]:
     """Machined part `number` and its views; it is not bent, and nothing is pressed into it."""
     rng = np.random.default_rng((config.seed, 1, number))
     return part(rng), draw_views(1, replace(config, bend=0.0, relief=0.0), rng)
 
 
-def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterator[tuple[Mesh, list[View]]]:
+def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterator[tuple[Mesh, list[SurfaceView]]]:
     rng = np.random.default_rng(config.seed)
     meshes = [shape.mesh for shape in shapes] + [draw_shape(rng) for _ in range(config.procedural)]
     meshes += [figure(rng) for _ in range(config.figures)]
@@ -195,7 +195,7 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
         yield drawn_part(number, config)
 
 
-def _seen(jobs: Iterator[tuple[Mesh, list[View]]], config: SurfaceConfig, workers: int) -> Iterator[list[Seen]]:
+def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
     see = partial(see_views, size=config.size, shadows=config.shadows, points=config.points)
     if workers == 0:

@@ -301,7 +301,7 @@ def _entries(
 
 def _digest(path: Path) -> str:
     with open_regular(path, InputError) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]  # any binary file has readinto
 
 
 def check_unchanged(library: Library, index: int) -> None:

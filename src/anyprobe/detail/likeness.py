@@ -142,8 +142,8 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
     misfit = np.stack([_search(shown, matt, coats, pitch) for pitch in pitches])  # [pitches, coats, N, yaws]
     flat = misfit.transpose(2, 0, 3, 1).reshape(len(lights), -1)
     best = np.argpartition(flat, KEPT, axis=1)[:, :KEPT]
-    pitch, yaw, coat = np.unravel_index(best.ravel(), (len(pitches), YAWS, 2 * len(SHARPNESS)))
-    pitch, yaw = pitches[pitch], yaw * (2 * np.pi / YAWS)
+    at_pitch, at_yaw, coat = np.unravel_index(best.ravel(), (len(pitches), YAWS, 2 * len(SHARPNESS)))
+    pitch, yaw = pitches[at_pitch], at_yaw * (2 * np.pi / YAWS)
     index = np.repeat(np.arange(len(lights)), KEPT)
     cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat)
     reach = np.diff(pitches).min() / 2

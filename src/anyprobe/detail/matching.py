@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -145,13 +145,16 @@ def rank_maps(
     library = folder if isinstance(folder, Library) else open_library(folder)
     if not library.files:
         raise InputError(f"{library.path}: expected a folder of .exr and .hdr maps, got a library without files")
+    order: Sequence[int]
+    turns: np.ndarray | dict[int, np.ndarray]
+    misfits: np.ndarray | dict[int, float]
     if shown is not None:
         camera = rotate(radiance, light_from_camera.T)
         places = best_places(shown, library.lights, pitch_deg)
-        order = np.argsort(places.misfit, kind="stable")
-        turns, misfits = places.map_from_camera, places.misfit
-        gains = {i: gain_of(shown, camera, library.lights[i], turns[i]) / library.levels[i] for i in order}
-        turns = turns @ light_from_camera.T
+        order = np.argsort(places.misfit, kind="stable").tolist()
+        found_turns, misfits = places.map_from_camera, places.misfit
+        gains = {i: gain_of(shown, camera, library.lights[i], found_turns[i]) / library.levels[i] for i in order}
+        turns = found_turns @ light_from_camera.T
     else:
         found = {one.index: one for one in find_matches(radiance, confidence, library)}
         order = list(found)

@@ -235,7 +235,8 @@ class Estimator:
         if confidence is None:
             confidence = np.full(outputs.radiance.shape[:2], exposed, np.float32)
         found = rotate(np.dstack([outputs.radiance, confidence]), crop.camera_from_crop)
-        radiance, doubts = np.maximum(found[..., :3], 0.0), ()
+        radiance = np.maximum(found[..., :3], 0.0)
+        doubts: tuple[str, ...] = ()
         if exposed >= ENOUGH_EXPOSED:  # else that is said already
             doubts = light_doubts(radiance, photo.ground, photo.pitch_deg, photo.name)
         return Light(

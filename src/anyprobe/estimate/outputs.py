@@ -97,8 +97,8 @@ def _fit(picture: np.ndarray, height: int) -> np.ndarray:
 SUFFIXES = (".exr", ".hdr", ".json", ".png")
 
 
-def write_results(photo: Photo, light: Light, folder: Path, stem: str) -> dict[str, Path]:
-    """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones.
+def write_results(photo: Photo, light: Light, folder: Path, stem: str, colorspace: str = "rec709") -> dict[str, Path]:
+    """Write <stem>.exr, .hdr, .json and .png into folder, replacing older ones; the .exr in a colorspace of Light.save.
 
     Returns:
         Suffix without dot -> path.
@@ -106,7 +106,8 @@ def write_results(photo: Photo, light: Light, folder: Path, stem: str) -> dict[s
         OutputError: the folder cannot be made or written; what was there stays as it was.
     """
     with atomic_files(folder) as scratch:
-        for kind in ("exr", "hdr", "json"):
+        light.save(scratch / f"{stem}.exr", colorspace=colorspace)
+        for kind in ("hdr", "json"):
             light.save(scratch / f"{stem}.{kind}")
         write_png(scratch / f"{stem}.png", draw_preview(photo, light))
     return {suffix[1:]: folder / f"{stem}{suffix}" for suffix in SUFFIXES}

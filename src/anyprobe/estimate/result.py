@@ -322,8 +322,11 @@ class Light:
             return None
         return round(float(integral(self.confidence[..., None])[0] / (4 * np.pi)), 4)
 
-    def save(self, path: str | Path) -> Path:
-        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png; see load."""
+    def save(self, path: str | Path, *, colorspace: str = "rec709") -> Path:
+        """Write .exr (half float, or float where half would clip), .hdr, .json or a tone-mapped .png; see load.
+
+        colorspace: of an .exr, linear: rec709 or acescg; its header says which, and load turns it back.
+        """
         path = Path(path)
         kind = path.suffix.lower()
         turned = {name: str(value) for name, value in self._frame().items()}
@@ -331,7 +334,13 @@ class Light:
         if "detail" in self.info:
             attributes["detail"] = "{kind}, from {from}, seed {seed}".format(**self.info["detail"])
         if kind == ".exr":
-            write_exr(path, self.radiance, half=bool(self.radiance.max() < 65504), attributes=attributes)
+            write_exr(
+                path,
+                self.radiance,
+                half=bool(self.radiance.max() < 65504),
+                attributes=attributes,
+                colorspace=colorspace,
+            )
         elif kind == ".hdr":
             write_hdr(path, self.radiance, attributes=attributes)
         elif kind == ".json":

@@ -188,8 +188,9 @@ def visible_surroundings(
     if not cover.any() or np.std(shown[cover > 0], axis=0).max() <= PLAIN:
         return None
     if radiance is not None:
-        linear = np.maximum(_sample(_resize(radiance, size), column.clip(0, 1), row.clip(0, 1)), 0.0)
-        return surroundings_of(linear, cover[..., None], cover[..., None])
+        linear = _sample(_resize(radiance, size), column.clip(0, 1), row.clip(0, 1))
+        shown = np.where(linear > 1, linear, shown.clip(0.0, 1.0))  # up to white as without it
+        return np.dstack([shown * cover[..., None], cover, cover]).astype(np.float32)
     return np.dstack([shown * cover[..., None], cover]).clip(0.0, 1.0).astype(np.float32)
 
 

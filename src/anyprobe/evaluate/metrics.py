@@ -10,11 +10,15 @@ import math
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.response import response
 from anyprobe.light.environment import integral
 
 SSIM_SIGMA = 1.5
 SSIM_RADIUS = 5
 """The 11 x 11 window of Wang et al. 2004."""
+
+STOPS = np.arange(-5.0, 5.01, 0.5)
+"""Gains that gain_rmse looks among before it looks closer [stops]."""
 
 
 def rmse(a: np.ndarray, b: np.ndarray) -> float:
@@ -76,6 +80,17 @@ def si_rmse(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:
     power = (p * p).sum()
     scale = (p * g).sum() / power if power > 0 else 0.0
     return rmse(scale * p, g)
+
+
+def gain_rmse(p: np.ndarray, g: np.ndarray) -> float:
+    """RMSE of display values after the single gain, within 5.4 stops, that makes it least; p, g [..., 3] radiance."""
+    target = response(g)
+
+    def error(stops: float) -> float:
+        return rmse(response(p * 2.0**stops), target)
+
+    best = min(STOPS, key=error)
+    return min(error(best + step) for step in np.linspace(-0.45, 0.45, 13))
 
 
 def color_angle_deg(p: np.ndarray, g: np.ndarray, mask: np.ndarray) -> float:

@@ -14,7 +14,17 @@ from anyprobe.core.latlong import pixel_directions
 from anyprobe.core.response import response
 from anyprobe.dataset.pair import Pair
 from anyprobe.evaluate.methods import Estimate, Method
-from anyprobe.evaluate.metrics import color_angle_deg, direction_error_deg, power_ratio_stops, psnr, rmse, si_rmse, ssim
+from anyprobe.evaluate.metrics import (
+    color_angle_deg,
+    direction_error_deg,
+    gain_rmse,
+    power_ratio_stops,
+    psnr,
+    rmse,
+    si_rmse,
+    ssim,
+)
+from anyprobe.evaluate.standard_errors import clustered_error, rounded
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import integral
 from anyprobe.render.spheres import sphere_images, sphere_normals
@@ -70,6 +80,7 @@ LN_FLOOR = 1e-3
 METRICS = {
     "ldr_psnr": "higher",
     "ldr_rmse": "lower",
+    "ldr_gain_rmse": "lower",
     "ldr_ssim": "higher",
     "ln_hdr_rmse": "lower",
     "angle_diffuse_deg": "lower",
@@ -90,6 +101,23 @@ METRICS = {
 seen: the half of the map behind the camera, which the object faces; unseen: the half behind the object.
 """
 
+HEADINGS = {
+    "ldr_rmse": "LDR RMSE",
+    "ldr_gain_rmse": "after best gain",
+    "ldr_ssim": "LDR SSIM",
+    "ln_hdr_rmse": "ln HDR RMSE",
+    "angle_diffuse_deg": "colour angle, white",
+    "angle_silver_deg": "silver",
+    "angle_mirror_deg": "mirror",
+    "si_rmse_diffuse": "si-RMSE, white",
+    "si_rmse_silver": "silver",
+    "dominant_light_deg": "dominant light, mean",
+    "dominant_light_median_deg": "median",
+    "total_power_stops": "power, stops, mean",
+    "total_power_median_stops": "median",
+}
+"""What is printed, under the headings of docs/results.md; the other metrics are in scores.json."""
+
 MEDIANS = {"dominant_light_median_deg": "dominant_light_deg", "total_power_median_stops": "total_power_stops"}
 
 
@@ -104,6 +132,7 @@ def score(estimate: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     scores = {
         "ldr_psnr": psnr(ldr, true_ldr),
         "ldr_rmse": rmse(ldr, true_ldr),
+        "ldr_gain_rmse": gain_rmse(estimate, truth),
         "ldr_ssim": ssim(ldr, true_ldr),
         "ln_hdr_rmse": rmse(np.log(np.maximum(estimate, LN_FLOOR)), np.log(np.maximum(truth, LN_FLOOR))),
         "dominant_light_deg": direction_error_deg(
@@ -166,6 +195,23 @@ class Scores:
                     means[name] = float(np.median([row[source] for row in chosen]))
                 result[method][group] = {name: round(means[name], 5) for name in METRICS}
         return result
+
+    def standard_errors(self) -> dict[str, dict[str, dict[str, float | None]]]:
+        """Of the means that `table` has, by map and shape: method -> group -> metric; None where one map and shape are
+        all there is."""
+        errors: dict[str, dict[str, dict[str, float | None]]] = {}
+        for method, rows in self.rows.items():
+            errors[method] = {}
+            for group in GROUPS:
+                found = [index for index, member in enumerate(self.groups) if group in member]
+                if found:
+                    where = [self.maps[index] for index in found], [self.shapes[index] for index in found]
+                    errors[method][group] = {
+                        name: rounded(clustered_error([rows[index][name] for index in found], *where), 5)
+                        for name in METRICS
+                        if name not in MEDIANS
+                    }
+        return errors
 
 
 def score_pairs(

@@ -16,7 +16,7 @@ import numpy as np
 
 from anyprobe.core.frames import is_rotation
 from anyprobe.errors import InputError
-from anyprobe.export.target_frames import FRONT, Frame, webxr
+from anyprobe.export.target_frames import FRONT, TargetFrame, webxr
 from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_radiance, write_exr, write_hdr
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
@@ -141,7 +141,7 @@ def primary_light(light: ExportedLight) -> dict[str, dict[str, float]]:
     }
 
 
-def sidecar(light: ExportedLight, target: str, frame: Frame, more: Mapping[str, Any]) -> dict[str, Any]:
+def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping[str, Any]) -> dict[str, Any]:
     """What every export says about itself, ready for JSON; `more` is the target's own."""
     return {
         "target": target,
@@ -173,7 +173,7 @@ def write_json(path: Path, value: Mapping[str, Any]) -> None:
     path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def write_maps(light: ExportedLight, folder: Path, frame: Frame, suffix: str) -> None:
+def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: str) -> None:
     """<name>.hdr or .exr, rolled for the target, and <name>_ambient beside it.
 
     .exr holds halfs, or floats where halfs would clip or the darkest pixels lose digits, so that nothing is lost.

@@ -81,7 +81,7 @@ def unity(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "3 9"]:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Frame:
+class TargetFrame:
     """Axes of a target and the layout of its latitude-longitude maps.
 
     axes: rows of the matrix that carries our coordinates to the target's; its determinant is -1
@@ -115,7 +115,7 @@ class Frame:
         return np.roll(radiance, width * self.quarters // 4, axis=1)
 
 
-FRONT = Frame(
+FRONT = TargetFrame(
     axes=((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     quarters=0,
     text="right-handed, +X right, +Y up, -Z in front",
@@ -124,21 +124,21 @@ FRONT = Frame(
 )
 THREE = replace(FRONT, quarters=-1, u="0.5 + atan2(z, x) / 2 pi")
 OPENEXR = replace(FRONT, quarters=2, u="0.5 - atan2(x, z) / 2 pi")
-BLENDER = Frame(
+BLENDER = TargetFrame(
     axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     quarters=-1,
     text="right-handed, +X right, +Z up, +Y in front",
     u="0.5 - atan2(y, x) / 2 pi",
     v="acos(z) / pi",
 )
-UNITY = Frame(
+UNITY = TargetFrame(
     axes=((1, 0, 0), (0, 1, 0), (0, 0, -1)),
     quarters=-1,
     text="left-handed, +X right, +Y up, +Z in front",
     u="0.5 - atan2(z, x) / 2 pi",
     v="acos(y) / pi",
 )
-UNREAL = Frame(
+UNREAL = TargetFrame(
     axes=((0, 0, -1), (1, 0, 0), (0, 1, 0)),
     quarters=1,
     text="left-handed, +Y right, +Z up, +X in front",

@@ -25,7 +25,18 @@ from anyprobe.export.exported_light import (
     write_json,
     write_maps,
 )
-from anyprobe.export.target_frames import BLENDER, FRONT, OPENEXR, THREE, UNITY, UNREAL, Frame, planar, unity, webxr
+from anyprobe.export.target_frames import (
+    BLENDER,
+    FRONT,
+    OPENEXR,
+    THREE,
+    UNITY,
+    UNREAL,
+    TargetFrame,
+    planar,
+    unity,
+    webxr,
+)
 from anyprobe.files.atomic import atomic_files
 
 if TYPE_CHECKING:
@@ -178,7 +189,7 @@ class Target:
     """
 
     write: Callable[[ExportedLight, Path], Mapping[str, Any]]
-    frame: Frame
+    frame: TargetFrame
     checked: str
 
 

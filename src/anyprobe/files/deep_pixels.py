@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageFile
 from PIL.TiffImagePlugin import TiffImageFile
 
 from anyprobe.errors import InvalidPhoto
@@ -40,7 +40,7 @@ Entry = tuple[int, int, bytes]
 """Type, number of values, and their bytes."""
 
 
-def sixteen_bits(image: Image.Image, reopen: Callable[[], Image.Image]) -> np.ndarray | None:
+def sixteen_bits(image: ImageFile.ImageFile, reopen: Callable[[], ImageFile.ImageFile]) -> np.ndarray | None:
     """A PNG or TIFF of 16-bit colour as uint16 [H, W, 2, 3 or 4]; None for any other.
 
     Pillow keeps the upper byte of each value; read a second time as if in the other byte order, it keeps the lower.
@@ -61,7 +61,8 @@ def sixteen_bits(image: Image.Image, reopen: Callable[[], Image.Image]) -> np.nd
         return np.asarray(again).view(">u2").astype(np.uint16)
     other = layout[:-1] + OTHER_HALF[layout[-1]]
     again.tile = [
-        tile._replace(args=other if isinstance(tile.args, str) else (other, *tile.args[1:])) for tile in again.tile
+        tile._replace(args=other if isinstance(tile.args, str) else (other, *(tile.args or ())[1:]))
+        for tile in again.tile
     ]
     lower = np.asarray(again)
     channels = 3 if layout.startswith("RGBX") else upper.shape[2]
@@ -77,7 +78,7 @@ def heif_sixteen_bits(stream: BinaryIO) -> np.ndarray | None:
     return np.array(picture) if picture.mode in ("RGB;16", "RGBA;16") else None
 
 
-def _layout(image: Image.Image) -> str:
+def _layout(image: ImageFile.ImageFile) -> str:
     """Pillow's name of how the file's values lie."""
     arguments = image.tile[0].args if image.tile else ""
     first = arguments[0] if isinstance(arguments, tuple) and arguments else arguments
@@ -142,7 +143,7 @@ def read_float_tiff(data: bytes, name: str) -> FloatPicture | None:
     values = _unpredicted(raw, predictor, samples, size, order).reshape(height, -1, samples)[:, :width]
     alpha = len(extra) > 0 and extra[0] in (1, 2) and samples > colors
     return FloatPicture(
-        values=np.ascontiguousarray(turned(values[..., : colors + alpha], turn), np.float32),
+        values=np.ascontiguousarray(turned_upright(values[..., : colors + alpha], turn), np.float32),
         premultiplied=alpha and extra[0] == 1,
         profile=profile,
         image=image,
@@ -161,7 +162,7 @@ def float_tiff_size(data: bytes) -> tuple[int, int] | None:
     return None
 
 
-def turned(values: np.ndarray, orientation: int) -> np.ndarray:
+def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
     """An array [H, W, ...] upright, of EXIF's orientation."""
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)

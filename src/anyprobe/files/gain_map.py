@@ -90,10 +90,10 @@ def _checked(picture: bytes, *numbers: np.ndarray) -> GainMap | None:
     if not usual or not (np.abs([base_offset, offset]) <= 1.0).all() or (high < low).any():
         raise ValueError
     try:
-        image = JpegImageFile(io.BytesIO(picture), "")
-        if image.width * image.height > MAX_MAP_PIXELS:
+        stored = JpegImageFile(io.BytesIO(picture), "")
+        if stored.width * stored.height > MAX_MAP_PIXELS:
             raise ValueError
-        image = image.convert("L" if image.mode == "L" else "RGB")
+        image = stored.convert("L" if stored.mode == "L" else "RGB")
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         raise ValueError from error
     return GainMap(image=image, low=low, high=high, gamma=gamma, base_offset=base_offset, offset=offset)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from PIL import (
@@ -12,6 +12,7 @@ from PIL import (
     ExifTags,
     GifImagePlugin,
     Image,
+    ImageFile,
     Jpeg2KImagePlugin,
     JpegImagePlugin,
     MpoImagePlugin,
@@ -86,7 +87,7 @@ class UnknownPicture(Exception):
     """No format of PHOTO_FORMATS, or a header that is damaged."""
 
 
-def open_picture(stream: BinaryIO, name: str = "photo") -> Image.Image:
+def open_picture(stream: BinaryIO, name: str = "photo") -> ImageFile.ImageFile:
     """A picture whose header is read and whose pixels are not.
 
     Image.open would warn of pictures that are large; how large they may be is judged here.
@@ -141,7 +142,7 @@ def upright_size(image: Image.Image) -> tuple[int, int]:
     if _exif(image).get(ExifTags.Base.Orientation) not in ON_ITS_SIDE:
         return width, height
     if image.format == "TIFF":  # Pillow turns the size of these alone, and not in all its versions
-        tags = image.tag_v2
+        tags = cast(TiffImagePlugin.TiffImageFile, image).tag_v2
         width, height = tags[ExifTags.Base.ImageWidth], tags[ExifTags.Base.ImageLength]
     return height, width
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import ExifTags, Image, ImageOps
+from PIL import ExifTags, Image, ImageFile, ImageOps
 
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
@@ -28,7 +28,7 @@ from anyprobe.files.deep_pixels import (
     heif_sixteen_bits,
     read_float_tiff,
     sixteen_bits,
-    turned,
+    turned_upright,
 )
 from anyprobe.files.embedded_color import Shown, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
@@ -205,8 +205,9 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         # not n_frames, which walks through all of them; a phone's MPO holds a photo and its thumbnail or depth
         animated = image.format != "MPO" and getattr(image, "is_animated", False)
         encoding, profile, notes = (None, b"", ()) if as_data else said_encoding(image, stream)
-        deep = None
-        if stream is not None:
+        deep: np.ndarray | None = None
+        picture: Image.Image | np.ndarray
+        if stream is not None and isinstance(image, ImageFile.ImageFile):
             deep = sixteen_bits(image, lambda: _again(stream, name))
             if encoding is not None and encoding.brighter and image.format == "HEIF":
                 deep = heif_sixteen_bits(stream)
@@ -214,7 +215,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
         orientation = _orientation(image)
         if deep is not None:
-            deep = turned(deep, orientation)
+            deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
         else:
@@ -240,7 +241,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure, radiance=radiance)
 
 
-def _again(stream: BinaryIO, name: str) -> Image.Image:
+def _again(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
     stream.seek(0)
     return open_picture(stream, name)
 
@@ -300,36 +301,38 @@ def _upright(image: Image.Image) -> Image.Image:
 def _from_raw(stream: BinaryIO, num_bytes: int, name: str) -> Pixels:
     radiance, notes = develop(stream.read(num_bytes), name)
     stream.seek(0)
-    pixels = _from_linear(radiance, name)
     warnings = tuple(f"{name}: {note}" for note in notes)
+    pixels = replace(_from_linear(radiance, name), warnings=warnings, radiance=None)  # none is above the sensor's white
     try:
         with open_picture(stream, name) as preview:  # which has the EXIF
-            said = {"long_fov_deg": exif_fov_deg(preview), "exposure": exif_exposure(preview)}
+            return _with_exif(pixels, preview)
     except (UnknownPicture, InvalidPhoto):
-        said = {}
-    return replace(pixels, warnings=warnings, radiance=None, **said)  # nothing is above the sensor's white
+        return pixels
+
+
+def _with_exif(pixels: Pixels, image: Image.Image) -> Pixels:
+    return replace(pixels, long_fov_deg=exif_fov_deg(image), exposure=exif_exposure(image))
 
 
 def _from_float_tiff(found: FloatPicture, name: str, as_data: bool) -> Pixels:
     """Linear radiance, unless a profile says that they are coded; those above 1 are brighter than white."""
-    said = {"long_fov_deg": exif_fov_deg(found.image), "exposure": exif_exposure(found.image)}
     values, channels = found.values, found.values.shape[2]
     alpha = values[..., -1:] if channels in (2, 4) else values[..., :0]
     color = np.repeat(values[..., :1], 3, axis=-1) if channels < 3 else values[..., :3]
     encoding = encoding_of(found.profile) if found.profile else None
     if as_data:
-        return replace(_from_array(np.concatenate([color, alpha], axis=-1), name), **said)
+        return _with_exif(_from_array(np.concatenate([color, alpha], axis=-1), name), found.image)
     if encoding is None or is_linear(encoding):
         linear = color if encoding is None else encoding.linear(color)
         times = 1.0 if found.premultiplied or not alpha.size else alpha
         pixels = _from_linear(np.concatenate([linear * times, alpha], axis=-1), name)
         doubt = found.profile == b"" and pixels.radiance is None
         notes = (f"{name}: {TAKEN_FOR_LINEAR}",) if doubt else ()
-        return replace(pixels, warnings=notes, **said)
+        return _with_exif(replace(pixels, warnings=notes), found.image)
     _check_finite(values, name)
     done = shown(color, replace(encoding, brighter=bool(color.max() > 1.0)))
     pixels = _from_array(np.concatenate([np.clip(done.values, 0.0, 1.0), alpha.clip(0.0, 1.0)], axis=-1), name)
-    return replace(pixels, radiance=done.radiance, **said)
+    return _with_exif(replace(pixels, radiance=done.radiance), found.image)
 
 
 def _check_finite(pixels: np.ndarray, name: str) -> None:

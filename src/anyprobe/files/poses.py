@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -36,7 +37,7 @@ class Lens:
 
     def long_fov_deg(self, width: int, height: int) -> float | None:
         """Field of view of the longer side of a picture of that shape; 0 x 0: of any."""
-        tangents = self.tan_x, self.tan_y
+        tangents: tuple[float | None, ...] = (self.tan_x, self.tan_y)
         if width and height:
             of_x = None if self.tan_x is None else self.tan_x * height / width
             of_y = None if self.tan_y is None else self.tan_y * width / height
@@ -57,9 +58,10 @@ class Poses:
 
     def in_order(self) -> np.ndarray:
         """[N, 3, 3] of a clip's frames: as they are listed, by name where there are names (frame_2 before frame_10)."""
-        if self.names is None:
+        names = self.names
+        if names is None:
             return self.world_from_camera
-        return self.world_from_camera[sorted(range(len(self.names)), key=lambda k: natural_order(self.names[k]))]
+        return self.world_from_camera[sorted(range(len(names)), key=lambda k: natural_order(names[k]))]
 
     def of(self, photos: list[Path]) -> np.ndarray:
         """[len(photos), 3, 3], by name where there are names, else in order; InputError where one is missing."""
@@ -72,7 +74,8 @@ class Poses:
         data: the files themselves, where photos are names alone.
         """
         found = []
-        for place, source in zip(self._places(photos), photos if data is None else data, strict=True):
+        sources: Sequence[Path | bytes] = photos if data is None else data
+        for place, source in zip(self._places(photos), sources, strict=True):
             size, by_exif = photo_header(source)
             found.append(self.lenses[place].long_fov_deg(*size) if by_exif is None else None)
         return found
@@ -97,10 +100,12 @@ class Poses:
             if count > 1:
                 raise InputError(f"{self.file}: expected names that differ, got two {what} {name}; rename one")
         places = {name: place for place, name in enumerate(self.names)}
-        found = [places.get(photo.name, places.get(photo.stem)) for photo in bare]  # some write no suffix
-        for photo, one in zip(photos, found, strict=True):
+        found = []
+        for photo, plain in zip(photos, bare, strict=True):
+            one = places.get(plain.name, places.get(plain.stem))  # some write no suffix
             if one is None:
                 raise InputError(f"{self.file}: expected a pose of {photo.name}, got none of that name")
+            found.append(one)
         return found
 
 

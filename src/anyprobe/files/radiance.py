@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anyprobe.core.color import COLORSPACES, from_rec709
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.errors import InputError, InvalidEnvironment, OutputError
 from anyprobe.files.atomic import atomic_path
@@ -141,6 +142,7 @@ def write_exr(
     *,
     half: bool = True,
     attributes: Mapping[str, str] | None = None,
+    colorspace: str = "rec709",
 ) -> float:
     """Write a map [H, 2H, 3] as OpenEXR with envmap and chromaticities, atomically.
 
@@ -150,11 +152,12 @@ def write_exr(
     Args:
         half: 16-bit floats, clamped at 65504; else 32-bit, exact.
         attributes: stored in the header as strings named "anyprobe:" + key.
+        colorspace: of core.color.COLORSPACES, to which light is turned; the header has its chromaticities.
     Returns:
         Share of the energy, the sum of L dOmega over the channels, lost to the
         clamp: 0 when nothing was clipped.
     """
-    radiance = check_radiance(radiance)
+    radiance = from_rec709(check_radiance(radiance), colorspace)
     clipped_share = 0.0
     pixels = radiance
     if half:
@@ -168,7 +171,7 @@ def write_exr(
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
     with atomic_path(path) as temporary:
         try:
-            write_channels(temporary, channels, said)
+            write_channels(temporary, channels, {"chromaticities": COLORSPACES[colorspace], **said})
             # a disk that fills up at the last few kilobytes is not reported: see whether they are there
             read_exr(temporary, temporary.name, InvalidEnvironment, radiance.size)
         except InvalidEnvironment as error:

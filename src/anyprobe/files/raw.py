@@ -47,7 +47,8 @@ def is_raw(head: bytes, name: str) -> bool:
 def _has_mosaic(data: bytes) -> bool:
     """Whether a directory of a TIFF is of raw data."""
     order = "<" if data[:2] == b"II" else ">"
-    places, seen = [struct.unpack_from(f"{order}I", data, 4)[0]] if len(data) >= 8 else [], set()
+    places = [struct.unpack_from(f"{order}I", data, 4)[0]] if len(data) >= 8 else []
+    seen: set[int] = set()
     while places and len(seen) < MAX_DIRECTORIES:
         at = places.pop(0)
         if at in seen or not 8 <= at <= len(data) - 2:

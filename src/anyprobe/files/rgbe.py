@@ -69,7 +69,8 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     blank = BLANK.search(start)
     if not data.startswith(HDR_MAGIC) or blank is None:
         raise InvalidEnvironment(f"{name}: expected a Radiance .hdr file, got other or no data; copy it again")
-    exposure, primaries, form = np.ones(3), REC709_CHROMATICITIES, FORMATS[0]
+    exposure, form = np.ones(3), FORMATS[0]
+    primaries: tuple[float, ...] = REC709_CHROMATICITIES
     for line in start[: blank.start()].split(b"\n"):
         key, _, value = line.partition(b"=")
         key, value = key.strip(), value.strip()
@@ -103,11 +104,12 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
         raise InvalidEnvironment(
             f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels, got {width} x {height}; shrink it first"
         )
+    red, green, blue = exposure.tolist()
     return HdrHeader(
         height=height,
         width=width,
         axes=(size[1], size[3]),
-        exposure=tuple(exposure.tolist()),
+        exposure=(red, green, blue),
         primaries=primaries,
         at=blank.end() + len(line) + 1,
     )

@@ -97,7 +97,7 @@ class FilterState:
         soft, sources = _decode(self.soft.steady), self.sources
         if world_from_camera is not None:
             soft = np.maximum(rotate(soft, np.transpose(world_from_camera)), 0.0)
-            sources = [replace(one, direction=one.direction @ world_from_camera) for one in sources]
+            sources = tuple(replace(one, direction=one.direction @ world_from_camera) for one in sources)
         return soft + draw_sources(len(soft), sources)
 
 
@@ -128,7 +128,7 @@ def step(
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
     is_cut = state is not None and _apart(y, state.soft.fast) > c.cut_level
-    if is_cut and not state.held:
+    if state is not None and is_cut and not state.held:
         return replace(state, held=True)
     if state is None or is_cut:
         tracks = tuple(_new(one, share=1.0) for one in sources)
@@ -197,7 +197,7 @@ def _unseen(track: Track, dt_s: float) -> Track:
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
-    return float(2.0 * np.arcsin(min(np.linalg.norm(one - other) / 2.0, 1.0)))
+    return float(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other) / 2.0, 1.0)))
 
 
 def _distance(one: np.ndarray, other: np.ndarray) -> float:

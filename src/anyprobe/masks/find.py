@@ -76,7 +76,7 @@ def find_mask(
         if alpha is not None:
             return _given(alpha, "alpha", pixels.name)
     finder = load_segmenter(segmenter) if isinstance(segmenter, str) else segmenter
-    if finder is not None and not hasattr(finder, "cover"):
+    if finder is not None and not isinstance(finder, Network):
         return _segmented(pixels, prompts, finder, "segmenter" if source == "network" else source)
     network = shared_network() if finder is None else finder
     found = find_object(network, pixels.rgb, prompts)

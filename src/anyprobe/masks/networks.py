@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -33,6 +33,7 @@ CONTRACT = {
 """Metadata that the small graph carries; another value means other conventions, and is refused."""
 
 
+@runtime_checkable
 class Network(Protocol):
     """A graph, opened once; safe to share between threads. name: its key in the contract's quality."""
 

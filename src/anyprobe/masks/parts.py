@@ -48,12 +48,11 @@ def label_parts(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             other += 1
     roots = np.array([root(one) for one in range(len(rows))], np.int64)
     _, number = np.unique(roots, return_inverse=True)
-    labels = np.zeros(inside.size, np.int64)
+    flat = np.zeros(inside.size, np.int64)
     lengths = stops - starts
     offset = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    labels[np.repeat(rows * inside.shape[1] + starts, lengths) + offset] = np.repeat(number + 1, lengths)
-    labels = labels.reshape(inside.shape)
-    return labels, np.bincount(labels.ravel(), minlength=1 + (number.max() + 1 if len(number) else 0))
+    flat[np.repeat(rows * inside.shape[1] + starts, lengths) + offset] = np.repeat(number + 1, lengths)
+    return flat.reshape(inside.shape), np.bincount(flat, minlength=1 + (number.max() + 1 if len(number) else 0))
 
 
 def _runs(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

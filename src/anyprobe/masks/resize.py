@@ -17,4 +17,5 @@ def resize(picture: np.ndarray, width: int, height: int, box: Sequence[float] | 
     if picture.ndim == 3:
         return np.stack([resize(picture[..., c], width, height, box) for c in range(picture.shape[2])], axis=-1)
     image = Image.fromarray(np.ascontiguousarray(picture, np.float32))
-    return np.asarray(image.resize((width, height), Image.Resampling.BILINEAR, box=None if box is None else tuple(box)))
+    part = None if box is None else (box[0], box[1], box[2], box[3])
+    return np.asarray(image.resize((width, height), Image.Resampling.BILINEAR, box=part))

@@ -74,9 +74,9 @@ class Rembg:
     def __init__(self, model: str = "") -> None:
         try:
             import rembg
-        except ImportError as error:
+            from rembg.sessions import sessions_class
+        except ImportError as error:  # a package that only brings weights may have the name
             raise MissingExtra("rembg", "rembg", "--segmenter rembg") from error
-        from rembg.sessions import sessions_class
 
         model = model or "u2net"
         known = {one.name(): one for one in sessions_class if one.is_local()}
@@ -184,7 +184,7 @@ class Sam:
             )
         )
         best = int(np.asarray(answer["iou_predictions"]).reshape(-1).argmax())
-        odds = answer.get("low_res_masks", answer["masks"])[0, best]
+        odds = np.asarray(answer.get("low_res_masks", answer["masks"]))[0, best]
         return self._enlarged(odds, size, width, height)
 
     def _encode(self, picture: np.ndarray) -> dict[str, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeGuard
 
 import numpy as np
 from PIL import Image
@@ -98,7 +99,7 @@ def _read_exr(source: str | os.PathLike[str] | bytes, name: str) -> tuple[np.nda
     return np.clip(luminance(values), 0.0, 1.0), alpha
 
 
-def _is_exr(source: MaskPicture) -> bool:
+def _is_exr(source: MaskPicture) -> TypeGuard[str | os.PathLike[str] | bytes]:
     """Whether the first bytes are an .exr's; a file that cannot be opened is read_image's to refuse."""
     if isinstance(source, (bytes, bytearray, memoryview)):
         return bytes(source[: len(EXR_MAGIC)]) == EXR_MAGIC

@@ -45,12 +45,14 @@ class SourceHead(nn.Module):
 
     def __init__(self, code: int) -> None:
         super().__init__()
-        self.profile = nn.Sequential(nn.Linear(code, 128), nn.LeakyReLU(0.1), nn.Linear(128, SOURCES * len(RADII_DEG)))
-        self.direction = nn.Sequential(nn.Linear(code, 128), nn.LeakyReLU(0.1), nn.Linear(128, 4 * COMPONENTS))
+        of_profile = nn.Linear(code, 128), nn.Linear(128, SOURCES * len(RADII_DEG))
+        of_direction = nn.Linear(code, 128), nn.Linear(128, 4 * COMPONENTS)
+        self.profile = nn.Sequential(of_profile[0], nn.LeakyReLU(0.1), of_profile[1])
+        self.direction = nn.Sequential(of_direction[0], nn.LeakyReLU(0.1), of_direction[1])
         with torch.no_grad():  # untrained, every direction is as likely as before
-            self.direction[-1].weight *= 0.1
-            self.direction[-1].bias.zero_()
-            self.profile[-1].bias.copy_(torch.tensor([1.5, 1.5, 1.0, -1.0]).flip(0).repeat(SOURCES) - 0.3)
+            of_direction[1].weight.mul_(0.1)
+            of_direction[1].bias.zero_()
+            of_profile[1].bias.copy_(torch.tensor([1.5, 1.5, 1.0, -1.0]).flip(0).repeat(SOURCES) - 0.3)
 
     def profiles(self, code: torch.Tensor) -> torch.Tensor:
         """Shares of the map's total power, growing with the radius."""
@@ -100,6 +102,10 @@ class SourceMap(nn.Module):
     """Draws a map of its parts: what a display shows, sources of their profiles at their places, and the rest of the
     power above white as likely as it is."""
 
+    directions: torch.Tensor
+    solid_angles: torch.Tensor
+    luminance: torch.Tensor
+
     def __init__(self, height: int = MAP_HEIGHT) -> None:
         super().__init__()
         d = torch.from_numpy(pixel_directions(height)).reshape(-1, 3)
@@ -128,7 +134,8 @@ class SourceMap(nn.Module):
         beyond = (profiles * total[:, None, None] - there).clamp(min=0.0)
         size = rings @ self.solid_angles  # [N, S, R], sr
         power = torch.cat([beyond[..., :1], (beyond[..., 1:] - beyond[..., :-1]).clamp(min=0.0)], dim=2)
-        density, falling = power / size, []
+        density = power / size
+        falling: list[torch.Tensor] = []
         for r in range(len(RADII_DEG)):  # no ring brighter than what it surrounds
             falling.append(density[..., r] if r == 0 else torch.minimum(density[..., r], falling[-1]))
         falling[DRAWN:] = [torch.zeros_like(one) for one in falling[DRAWN:]]

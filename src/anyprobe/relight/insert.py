@@ -16,8 +16,9 @@ from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
+from anyprobe.relight.ground_map import with_ground
 from anyprobe.relight.ground_view import STRIP_PIXELS, View, view_of
-from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, Ground, open_mitsuba, trace_mesh
+from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, GroundDisc, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
 from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
@@ -44,12 +45,15 @@ THREADS = 2
 MOST_PATHS = 1 << 25
 """The most paths that are traced for one object."""
 
+MIRRORED_DIRECTIONS, MIRRORED_GRID = 32, 64
+"""Of the shadow on the ground that an object mirrors."""
+
 LEAST_SHADOW = 1 / 1024
 """A quarter of a display step; where less is missing the photo stays as it is."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Window:
+class ObjectWindow:
     """The square part of the photo that the object covers: its corner and side [px], and its camera."""
 
     left: int
@@ -65,7 +69,7 @@ class Window:
         )
 
 
-def window_of(placement: Placement, view: View) -> Window | None:
+def window_of(placement: Placement, view: View) -> ObjectWindow | None:
     """The smallest square of whole pixels around what the photo shows of the object; None where that is nothing."""
     pixels, sides = view.pixels(placement.mesh.positions), np.array([view.width, view.height])
     low = np.floor(np.clip(pixels.min(axis=0), 0, sides)).astype(int)
@@ -82,7 +86,7 @@ def window_of(placement: Placement, view: View) -> Window | None:
         size=size,
         center=(float((middle[0] - view.width / 2) / view.focal), float((view.height / 2 - middle[1]) / view.focal)),
     )
-    return Window(left=int(low[0]), top=int(low[1]), size=size, camera=camera)
+    return ObjectWindow(left=int(low[0]), top=int(low[1]), size=size, camera=camera)
 
 
 def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | None = None) -> np.ndarray:
@@ -93,12 +97,12 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
     """
     part = part or (slice(0, view.height), slice(0, view.width))
     picture, shown = photo.rgb[part].copy(), view.part_around(shadow.foot, shadow.reach)
-    ratio_of = _ratio_over(view, shadow, shown)
+    ratio_of = ratio_over(view, shadow, shown)
 
     def darken(strip: Part) -> None:
         ratio = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - photo.mask[strip][..., None])
         touched = (ratio < 1.0 - LEAST_SHADOW).any(axis=-1)
-        under = picture[_within(strip, part)]
+        under = picture[within(strip, part)]
         under[touched] = response(inverse_response(under[touched]) * ratio[touched])
 
     with ThreadPoolExecutor(THREADS) as pool:  # each strip is its own part of the picture
@@ -106,7 +110,7 @@ def cast_shadow(photo: Photo, view: View, shadow: GroundShadow, part: Part | Non
     return picture
 
 
-def _ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:
+def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part], np.ndarray]:
     """What the shadow leaves of strips of a part of the photo, [R, C, 3]; from MOST_SHADED places along its sides."""
     corner, size = [side.start for side in part], [side.stop - side.start for side in part]
     count = [min(side, MOST_SHADED) for side in size]
@@ -136,7 +140,7 @@ def _ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part]
     return enlarged_over
 
 
-def _within(part: Part, outer: Part) -> Part:
+def within(part: Part, outer: Part) -> Part:
     """Rows and columns of the photo as those of a part of it."""
     rows, columns = (
         slice(side.start - whole.start, side.stop - whole.start) for side, whole in zip(part, outer, strict=True)
@@ -144,10 +148,12 @@ def _within(part: Part, outer: Part) -> Part:
     return rows, columns
 
 
-def lay_over(
-    picture: np.ndarray, part: Part, drawn: np.ndarray, window: Window, photo: Photo, behind: bool = False
+def lay_object_over(
+    picture: np.ndarray, part: Part, drawn: np.ndarray, window: ObjectWindow, photo: Photo, behind: bool = False
 ) -> None:
     """Lay an object [S, S, 4] (linear radiance, coverage) over a part of a display picture, which is changed.
+
+    Edges are mixed in linear light, as compositors do.
 
     Args:
         picture: [R, C, 3], those rows and columns of the photo; they hold what it shows of the window.
@@ -155,13 +161,14 @@ def lay_over(
     """
     height, width = photo.mask.shape
     shown = window.part(height, width)
-    drawn = drawn[_within(shown, (slice(window.top, height), slice(window.left, width)))]
+    drawn = drawn[within(shown, (slice(window.top, height), slice(window.left, width)))]
     coverage = drawn[..., 3:]
     if behind:
         coverage = coverage * (1.0 - photo.mask[shown][..., None])
-    under = picture[_within(shown, part)]
-    mixed = under + coverage * (response(drawn[..., :3]) - under)
-    np.copyto(under, mixed, where=coverage > 0)
+    under = picture[within(shown, part)]
+    on = (coverage > 0)[..., 0]
+    covered, behind_it = coverage[on], inverse_response(under[on])
+    under[on] = response(behind_it + covered * (drawn[on][:, :3] - behind_it))
 
 
 def enlarged(drawn: np.ndarray, size: int) -> np.ndarray:
@@ -221,7 +228,7 @@ class Stage:
         window = window_of(self.placement, self.view)
         if window is None:
             raise InputError("at: the photo shows nothing of the object there; choose another place")
-        self.window: Window = window
+        self.window: ObjectWindow = window
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -288,13 +295,18 @@ class Stage:
 
         with ThreadPoolExecutor(1) as pool:  # while the object is drawn
             shading = pool.submit(shaded)
-            drawn = self.draw(radiance, material, renderer) if drawn is None else drawn
+            drawn = self.draw(radiance, material, renderer, shadow) if drawn is None else drawn
         part, picture = shading.result()
-        lay_over(picture, part, drawn, self.window, self.photo, behind=self._behind())
+        lay_object_over(picture, part, drawn, self.window, self.photo, behind=self.is_behind())
         return part, picture
 
-    def draw(self, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> np.ndarray:
-        """The object alone in its window, [S, S, 4] as render.picture.draw_mesh has it; see relit."""
+    def draw(
+        self, radiance: np.ndarray, material: str | Material, renderer: str = "auto", shadow: GroundShadow | None = None
+    ) -> np.ndarray:
+        """The object alone in its window, [S, S, 4] as render.picture.draw_mesh has it; see relit.
+
+        shadow: on the ground that it mirrors, where it is at hand.
+        """
         if isinstance(material, str):
             material = self.material(material, radiance)
         mesh, camera = self.placement.mesh, self.window.camera
@@ -304,7 +316,9 @@ class Stage:
             drawn = trace_mesh(mesh, camera, radiance, material, self._ground(radiance), paths)
         else:
             finer = {} if camera.size == self.window.camera.size else {"supersample": ENLARGED_SUPERSAMPLE}
-            drawn = draw_mesh(mesh, camera, radiance, material, **finer)
+            cast = self.shadow(radiance, MIRRORED_DIRECTIONS, MIRRORED_GRID) if shadow is None else shadow
+            lit = with_ground(self.photo, self.view, self.placement, radiance, self._ground_color(), cast)
+            drawn = draw_mesh(mesh, camera, lit, material, **finer)
         return enlarged(drawn, self.window.size)
 
     def material(self, name: str, radiance: np.ndarray) -> Material:
@@ -313,24 +327,28 @@ class Stage:
             return material_from_photo(self.photo, radiance)
         return material_named(name, PHOTO_MATERIAL)
 
-    def _behind(self) -> bool:
+    def is_behind(self) -> bool:
         """Whether the real object's base is nearer to the camera, that is lower in the picture."""
         foot_row = self.view.pixels(self.placement.mesh.positions)[:, 1].max()
         rows = np.flatnonzero((self.photo.mask > 0.5).any(axis=1))
         return len(rows) > 0 and bool(foot_row < rows[-1])  # a video's frame may have no mask
 
-    def _ground(self, radiance: np.ndarray) -> Ground:
-        """A ground whose radiance under the map is what the photo shows around the object's foot."""
+    def _ground_color(self) -> np.ndarray:
+        """Mean linear radiance [3] of what the photo shows around the object's foot."""
         foot, reach = self.placement.foot, 2 * self.placement.radius
         colors = [self.photo.rgb[-1]]
         for strip, ground in self.view.ground_strips(self.view.part_around(foot, reach)):
             near = (np.linalg.norm(ground - foot, axis=-1) < reach) & (self.photo.mask[strip] < 0.05)
             colors.append(self.photo.rgb[strip][near])
         seen = np.concatenate(colors[1:]) if any(len(one) for one in colors[1:]) else colors[0]
+        return inverse_response(seen).mean(axis=0)
+
+    def _ground(self, radiance: np.ndarray) -> GroundDisc:
+        """A ground whose radiance under the map is what the photo shows around the object's foot."""
         irradiance = np.maximum(sky_irradiance(radiance, self.view.up), 1e-6)
-        albedo = np.clip(np.pi * inverse_response(seen).mean(axis=0) / irradiance, 0.0, 0.95)
+        albedo = np.clip(np.pi * self._ground_color() / irradiance, 0.0, 0.95)
         radius = GROUND_RADII * self.placement.radius
-        return Ground(foot=foot, up=self.view.up, radius=radius, albedo=albedo)
+        return GroundDisc(foot=self.placement.foot, up=self.view.up, radius=radius, albedo=albedo)
 
 
 def uses_mitsuba(renderer: str) -> bool:

@@ -101,7 +101,7 @@ ALBEDO = "vertex_albedo"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Ground:
+class GroundDisc:
     """A Lambert disc that a mesh stands on, so far only in the path tracer.
 
     foot, up: [3], a point of it and its normal. radius: of the disc. albedo: [3] in [0, 1].
@@ -154,7 +154,7 @@ def trace_mesh(
     camera: Camera,
     radiance: np.ndarray,
     material: Material,
-    ground: Ground | None = None,
+    ground: GroundDisc | None = None,
     num_paths: int = NUM_PATHS,
 ) -> np.ndarray:
     """render.picture.draw_mesh by paths: the same arguments and the same [S, S, 4].
@@ -241,7 +241,7 @@ def _environment(mi, radiance: np.ndarray) -> dict:
     return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(to_world)}
 
 
-def _disc(mi, ground: Ground) -> dict:
+def _disc(mi, ground: GroundDisc) -> dict:
     across, along = orthonormal_basis(ground.up)
     to_world = np.eye(4)
     to_world[:3, :3] = np.stack([across, along, ground.up], axis=1) @ np.diag([ground.radius] * 2 + [1.0])

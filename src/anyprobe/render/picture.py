@@ -67,7 +67,7 @@ def radiance_by_maps(
     """Lo [P, 3] of Eq. 3 at points with normals n seen from wo [P, 3], world frame.
 
     The maps are seen from the middle of all wo: the further one is from it, the less they hold
-    (tests/physics/test_by_maps.py: 0.9 % of the mean under a sky and a sun, where none is further than 15 degrees).
+    (tests/physics/test_reflectance.py: 0.9 % of the mean under a sky and a sun, where none is further than 15 degrees).
 
     Args:
         u, u_diffuse: [N, 2], samples of each normal; u_diffuse None for a metal, whose albedo is zero.

@@ -138,7 +138,7 @@ class WorkerPool:
                 {"Connection": "close"},
             ) from error
 
-    async def decode(self, task: Callable[[], Answer], quick: bool, gone: Callable[[], Awaitable[None]]) -> Answer:
+    async def decode(self, task: Callable[[], Answer], quick: bool, gone: Callable[[], Awaitable[object]]) -> Answer:
         """What a function of serve.tasks, a partial with its arguments, returns in a process; raises as it, Lane.call
         and run do."""
         if quick:
@@ -149,7 +149,7 @@ class WorkerPool:
         return await self.run(lambda _: self._lanes["slow"].call(task), gone, "slow")
 
     async def run(
-        self, work: Callable[[Cancellation], Answer], gone: Callable[[], Awaitable[None]], kind: str = "compute"
+        self, work: Callable[[Cancellation], Answer], gone: Callable[[], Awaitable[object]], kind: str = "compute"
     ) -> Answer:
         """Compute work(cancellation) in a thread, unless gone() returns first.
 

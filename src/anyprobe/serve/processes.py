@@ -19,7 +19,7 @@ import traceback
 import weakref
 from collections.abc import Callable
 from functools import partial
-from typing import Any, BinaryIO, ParamSpec, TypeVar
+from typing import IO, Any, ParamSpec, TypeVar
 
 from anyprobe.errors import AnyprobeError, InputError
 
@@ -105,6 +105,9 @@ class _Worker:
             stderr=subprocess.DEVNULL,
             env={**os.environ, **threads, "PYTHONPATH": path},
         )
+        assert self._process.stdin is not None  # as PIPE asks
+        assert self._process.stdout is not None
+        self._questions, self._answers = self._process.stdin, self._process.stdout
 
     def call(self, message: Any, seconds: float) -> dict[str, Any]:
         late = threading.Event()
@@ -116,8 +119,8 @@ class _Worker:
         timer = threading.Timer(WALL_FACTOR * seconds + START_S, end)
         timer.start()
         try:
-            _send(self._process.stdin, message)
-            return pickle.load(self._process.stdout)
+            _send(self._questions, message)
+            return pickle.load(self._answers)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             if late.is_set() or self._process.wait(5) == -SIGXCPU:
                 raise TooSlow(
@@ -134,7 +137,7 @@ class _Worker:
     def end(self) -> None:
         self._process.kill()
         self._process.wait(5)
-        for pipe in (self._process.stdin, self._process.stdout):
+        for pipe in (self._questions, self._answers):
             with contextlib.suppress(OSError):
                 pipe.close()
 
@@ -150,7 +153,7 @@ def _outcome(answer: dict[str, Any]) -> Any:
     raise error
 
 
-def _send(pipe: BinaryIO, message: Any) -> None:
+def _send(pipe: IO[bytes], message: Any) -> None:
     pickle.dump(message, pipe, pickle.HIGHEST_PROTOCOL)
     pipe.flush()
 

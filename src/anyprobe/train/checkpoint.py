@@ -138,7 +138,9 @@ def read_checkpoint(path: Path, device: str = "cpu", holds: str = "nets") -> dic
     return dict(stored)
 
 
-def current_names(weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+def current_weight_names(
+    weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
     """Weights under the names that networks of this release have (`wanted`), where they were RENAMED."""
     result = {}
     for name, value in weights.items():
@@ -152,7 +154,7 @@ def current_names(weights: Mapping[str, torch.Tensor], wanted: Mapping[str, torc
 def load_weights(nets: nn.Module, weights: Mapping[str, torch.Tensor], path: Path) -> None:
     """Give networks the weights that a checkpoint at path holds; ModelError that names the first that does not fit."""
     wanted = nets.state_dict()
-    weights = current_names(weights, wanted)
+    weights = current_weight_names(weights, wanted)
     for name in {**wanted, **weights}:
         expected, found = (
             list(state[name].shape) if isinstance(state.get(name), torch.Tensor) else "none"
@@ -219,7 +221,7 @@ def keep_apart(checkpoint: Path, path: Path) -> None:
 def load_init_weights(nets: nn.Module, path: Path) -> None:
     """Give networks the weights that save_init_weights or keep_run kept; ModelError if they are none of theirs."""
     fresh = nets.state_dict()
-    kept = current_names(read_init_weights(path)[0], fresh)
+    kept = current_weight_names(read_init_weights(path)[0], fresh)
     kept = {name: value for name, value in fresh.items() if name.startswith(ADDED)} | kept
     try:
         nets.load_state_dict(kept)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -106,14 +106,14 @@ class LightGraph(nn.Module):
 def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str, Graph]:
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
-        net = LightGraph(nets["light"], sureness).eval()
+        net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
 
 
-def export(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
+def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
     """Write the graphs of a run and return each one's largest difference from torch.
 
     Raises:

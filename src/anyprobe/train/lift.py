@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import cast
 
 import numpy as np
 import torch
@@ -49,7 +50,7 @@ class Normals:
     def __init__(self, config: object, device: str) -> None:
         self.device = device
         self.nets = self.networks()
-        self.nets.to(device, memory_format=torch.channels_last)
+        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     @staticmethod
     def networks() -> nn.ModuleDict:
@@ -67,7 +68,7 @@ class Normals:
         return batch.photo[:, :3], 0.5 + 0.5 * true, 0.5 + 0.5 * guess
 
     def _guess(self, batch: Batch) -> torch.Tensor:
-        net = self.nets["light"]
+        net = cast(LightNet, self.nets["light"])
         with autocast(self.device):
             photo = batch.photo.contiguous(memory_format=torch.channels_last)
             return net.normals(photo, *net.camera_rays(batch.tan_half[:, None]))
@@ -149,7 +150,7 @@ class Lift:
         weighed = (field.name for field in fields(config) if field.type == "float")
         self.columns = tuple(name for name in weighed if getattr(config, name) > 0)
         self.nets = self.networks()
-        self.nets.to(device, memory_format=torch.channels_last)
+        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]  # [1, 1, H, 2H]
         # halfway between equal pixels and true solid angles
@@ -202,7 +203,7 @@ class Lift:
         shown = torch.where((shown > 1) & (batch.ldr >= 1), shown.clip(max=1.0), shown)
         difference = shown - batch.ldr
         weight = self._weight
-        scales, one = 0.0, difference
+        scales, one = difference.new_zeros(()), difference
         for _ in range(4):
             one = F.avg_pool2d(one, 2)
             scales = scales + one.square().mean() + 0.3 * one.abs().mean()
@@ -241,7 +242,7 @@ class Lift:
         for ln in (guess.ln_expected, batch.ln_radiance):
             means.append((torch.exp(ln.clip(*LN_RANGE)) * self._angles).sum(dim=(2, 3)))
         level = (torch.log(means[0] @ self._luminance) - torch.log(means[1] @ self._luminance)).abs()
-        cosine = F.cosine_similarity(*means).clip(max=1 - 1e-5)
+        cosine = F.cosine_similarity(means[0], means[1]).clip(max=1 - 1e-5)
         color = torch.rad2deg(torch.acos(cosine)) / 10.0
         metal, reflectance, *scales = guess.posterior.split([1, 3, 1, 1, 1], dim=1)
         wrong = (reflectance - batch.material[:, 2:5]).abs().mean(dim=1)

@@ -7,7 +7,7 @@ import sys
 import time
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -28,11 +28,24 @@ PICTURED = 4
 
 
 class Learner(Protocol):
-    """What trains. One whose `pictures(batch)` gives pictures [N, 3, H, W] of display values, from left to right, has
-    them drawn at each checkpoint."""
+    """What trains: networks, and their losses by name, which columns lists."""
 
-    columns: tuple[str, ...]
-    nets: nn.Module
+    @property
+    def columns(self) -> tuple[str, ...]: ...
+
+    @property
+    def nets(self) -> nn.ModuleDict: ...
+
+    def losses(self, batch: Any, progress: float) -> dict[str, torch.Tensor]: ...
+
+
+@runtime_checkable
+class Pictured(Learner, Protocol):
+    """One that has pictures drawn at each checkpoint."""
+
+    def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
+        """Display values [N, 3, H, W], from left to right."""
+        ...
 
 
 def run_folder(runs: Path, name: str) -> Path:
@@ -103,7 +116,7 @@ class RunLogger:
     def see(self, batch: Any) -> None:
         """A step's batch: the run's first one has the pairs that pictures are of. They are kept in its folder, for when
         it goes on; where it has none, the first batch at hand serves."""
-        if self._pairs is not None or not hasattr(self._learner, "pictures"):
+        if self._pairs is not None or not isinstance(self._learner, Pictured):
             return
         path = self._folder / "pictures.pt"
         self._pairs = _read_pairs(path, batch) if self._first > 0 else None
@@ -117,7 +130,7 @@ class RunLogger:
 
         Nothing that the next step depends on changes: no statistics, no random numbers.
         """
-        if self._pairs is None:
+        if self._pairs is None or not isinstance(self._learner, Pictured):
             return
         self._learner.nets.eval()
         with torch.no_grad():

@@ -8,9 +8,10 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import torch
 import torch.distributed as dist
 from torch import nn
 
-from anyprobe.dataset.pairs import PairSource
+from anyprobe.dataset.pairs import Batch, PairSource
 from anyprobe.errors import InputError, ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
@@ -26,8 +27,8 @@ from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, r
 from anyprobe.train.config import RunConfig
 from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches, pairs_by_number
 from anyprobe.train.lift import Lift, Normals
-from anyprobe.train.logger import RunLogger, run_folder
-from anyprobe.train.whole import Heads, Whole
+from anyprobe.train.logger import Learner, RunLogger, run_folder
+from anyprobe.train.whole import Features, Heads, Whole
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -38,12 +39,21 @@ def learning_rate(config: Any, step: int) -> float:
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
-LEARNERS = {"paper": Chain, "lift": Lift, "normals": Normals, "heads": Heads, "whole": Whole}
+LEARNERS: dict[str, type[Chain | Lift | Normals | Heads]] = {
+    "paper": Chain,
+    "lift": Lift,
+    "normals": Normals,
+    "heads": Heads,
+    "whole": Whole,
+}
 
 
 def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Heads:
     """What trains: networks, and their losses by name."""
-    return LEARNERS[config.model](config if config.model in ("paper", "normals") else config.lift, device)
+    kind = LEARNERS[config.model]
+    if issubclass(kind, (Chain, Normals)):
+        return kind(config, device)
+    return kind(config.lift, device)
 
 
 def load_nets(checkpoint: Path) -> torch.nn.ModuleDict:
@@ -128,7 +138,7 @@ def train(
     path = runs / config.name / "checkpoint.pt"
     if workers > 0:
         config = replace(config, pairs=replace(config.pairs, lanes=workers * processes.size))
-    learner = make_learner(config, device)
+    learner: Learner = make_learner(config, device)
     nets = learner.nets
     optimizer = torch.optim.AdamW(
         nets.parameters(), lr=config.learning_rate, betas=(0.9, 0.999), weight_decay=config.weight_decay
@@ -146,6 +156,8 @@ def train(
     if first >= last:
         return path
     steps = range(first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size)
+    make: Callable[[int], Batch] | None = None
+    batches: Iterable[Batch | Features] = ()
     if pairs is not None:
         if isinstance(pairs, ShardSource):
             origin = agreed(path, origin, {"assets": pairs.identity})
@@ -158,7 +170,7 @@ def train(
         else:
             batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
         del store  # hundreds of maps, of which the batches keep what they need
-    if isinstance(learner, Heads):
+    if isinstance(learner, Heads) and make is not None:
         if workers or processes.size > 1:
             raise InputError("heads: expected one process without --workers, whose pairs are kept; leave them out")
         batches = learner.kept(make, runs / "cache" / f"features-{_key(config, origin)}", config.period, steps)
@@ -171,7 +183,7 @@ def train(
                 group["lr"] = rate
             losses = learner.losses(batch, step / config.steps)
             optimizer.zero_grad(set_to_none=True)
-            sum(losses.values()).backward()
+            reduce(torch.add, losses.values()).backward()
             due = processes.average_gradients(nets.parameters(), time.monotonic() - saved > CHECKPOINT_SECONDS)
             for net in nets.values():
                 torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
@@ -91,6 +92,7 @@ class Whole(Lift):
     def _posterior(self, guess: LightPrediction, batch: Batch) -> dict[str, torch.Tensor]:
         bright = torch.einsum("c,nchw->nhw", self._luminance, torch.exp(batch.ln_radiance))
         present = (batch.context[:, 4].amax(dim=(1, 2)) > 0).float()
+        assert guess.profiles is not None  # there are, with a context
         return {
             **super()._posterior(guess, batch),
             **posture_losses(self._posture, batch.up, batch.stands, present),
@@ -127,8 +129,9 @@ class Heads:
     def __init__(self, config: LiftConfig, device: str) -> None:
         self.config, self.device = config, device
         self.nets = self.networks()
-        self.nets.to(device, memory_format=torch.channels_last)
-        self._light = self.nets["light"].eval().requires_grad_(False)
+        self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._light = cast(LightNet, self.nets["light"])
+        self._light.eval().requires_grad_(False)
         self._light.sources.train().requires_grad_(True)
         angles = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self._angles = angles.expand(-1, 2 * MAP_HEIGHT)[None, None]

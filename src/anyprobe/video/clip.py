@@ -141,7 +141,8 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
     """
     av = _av()
     index, first_s, last_s = 0, None, -1.0
-    size, sizes = None, set()
+    size: tuple[int, int] | None = None
+    sizes: set[tuple[int, int]] = set()
     with _open(clip.path) as container:  # open_clip has seen that it can be
         stream = next(one for one in container.streams.video if one.index == clip.stream)
         stream.thread_type = "AUTO"
@@ -153,9 +154,9 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                     return
                 pictures = []
                 for picture in packet.decode():
-                    *pixels, own = shown_pixels(picture, _pixel_aspect(stream), size, clip.path)
+                    rgb, radiance, own = shown_pixels(picture, _pixel_aspect(stream), size, clip.path)
                     size = size or own
-                    pictures.append((picture.time, pixels, own))
+                    pictures.append((picture.time, rgb, radiance, own))
             except InputError:
                 raise
             except av.error.EOFError:
@@ -165,11 +166,11 @@ def read_frames(clip: Clip, damaged: list[int]) -> Iterator[Frame]:
                     raise _unreadable(clip.path, error) from error
                 damaged.append(index)
                 continue
-            for shown_s, (rgb, radiance), own in pictures:
+            for shown_s, rgb, radiance, own in pictures:
                 time_s = index / clip.fps if shown_s is None else float(shown_s)
                 first_s = time_s if first_s is None else first_s
                 last_s = max(time_s - first_s, last_s + LEAST_STEP_S) if index else 0.0
-                note = "" if own == size or own in sizes else _resized(clip.path, index, own, size)
+                note = "" if size is None or own == size or own in sizes else _resized(clip.path, index, own, size)
                 sizes.add(own)
                 yield Frame(index=index, time_s=last_s, rgb=rgb, radiance=radiance, note=note)
                 index += 1

@@ -79,11 +79,13 @@ class MaskFollower:
         if hints and not self.finds:
             raise InputError("mask= or depth=, and a box or clicks: expected one of them, got both")
         self.hints = hints
-        is_word = surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE))
-        self._every = {**every_frame, "surroundings": (surroundings or AUTO) if is_word else NONE}
         self._panorama: np.ndarray | None = None  # [64, 128, 4 or 5], see estimate.surroundings
-        if not is_word:
+        word = NONE
+        if surroundings is None or (isinstance(surroundings, str) and surroundings in (AUTO, PHOTO, NONE)):
+            word = surroundings or AUTO
+        else:
             self._panorama = read_surroundings(surroundings, above_white=True)
+        self._every = {**every_frame, "surroundings": word}
         self.last: list[float] | None = None
         self._seen: Seen | None = None
 
@@ -109,7 +111,7 @@ class MaskFollower:
             own[kind] = paths[frame.index]
         if not self.finds:
             return self._load(frame, name, own)
-        where = self.hints if self.last is None else self._prompts_from_last(frame.rgb.shape)
+        where = self.hints if self.last is None else _prompts_from(self.last, frame.rgb.shape)
         photo = self._quickly(frame, name, own) or self._load(frame, name, own, **where)
         pixels = float(photo.mask.sum())
         if self.last is not None and not 1 / MOST_CHANGE < pixels / self.last[2] < MOST_CHANGE:
@@ -128,22 +130,13 @@ class MaskFollower:
         if frame.index % ANEW and self._seen is not None:
             mask = self._seen.moved(frame.rgb)
         if mask is None:
-            mask = self._looked_for(frame.rgb)
+            mask = _looked_for(frame.rgb, self.last)
             self._seen = None if mask is None else Seen(frame.rgb, mask)
         if mask is None:
             return None
         return replace(self._load(frame, name, own, mask=mask), mask_source="network")
 
-    def _looked_for(self, rgb: np.ndarray) -> np.ndarray | None:
-        """The mask by one look at the last one's box and a margin, [H, W]; None where nothing is there."""
-        height, width = rgb.shape[:2]
-        prompts = Prompts(on=[tuple(self.last[:2])], box=tuple(self.last[3:]))
-        window = Window(x0=0, y0=0, x1=width, y1=height).around(prompts.box, MARGIN)
-        cover = look(shared_network(), rgb.astype(np.float32) / 255.0, window, prompts)
-        found = choose(window, cover, prompts)
-        return None if found is None else found.mask(width, height)
-
-    def _load(self, frame: Frame, name: str, own: Mapping[str, Path], **where: Any) -> Photo:
+    def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
         try:
             photo = load_photo(frame.rgb, name=name, **self._every, **own, **where)
@@ -154,10 +147,25 @@ class MaskFollower:
             files = ", ".join(path.name for path in own.values())
             raise type(error)(f"{name} with {files}: {error}") from error
 
-    def _prompts_from_last(self, shape: tuple[int, ...]) -> dict:
-        x0, y0, x1, y1 = self.last[3:]
-        whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
-        return {"click": self.last[:2]} if whole else {"click": self.last[:2], "box": (x0, y0, x1, y1)}
+
+def _looked_for(rgb: np.ndarray, last: list[float]) -> np.ndarray | None:
+    """The mask by one look at the last one's box and a margin, [H, W]; None where nothing is there.
+
+    last: of MaskFollower.
+    """
+    height, width = rgb.shape[:2]
+    x, y, _, x0, y0, x1, y1 = last
+    prompts = Prompts(on=[(x, y)], box=(x0, y0, x1, y1))
+    window = Window(x0=0, y0=0, x1=width, y1=height).around((x0, y0, x1, y1), MARGIN)
+    cover = look(shared_network(), rgb.astype(np.float32) / 255.0, window, prompts)
+    found = choose(window, cover, prompts)
+    return None if found is None else found.mask(width, height)
+
+
+def _prompts_from(last: list[float], shape: tuple[int, ...]) -> dict:
+    x0, y0, x1, y1 = last[3:]
+    whole = (x1 - x0) * (y1 - y0) >= shape[0] * shape[1]
+    return {"click": last[:2]} if whole else {"click": last[:2], "box": (x0, y0, x1, y1)}
 
 
 class Seen:

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.scatter.materials import Material
 from anyprobe.video.clip import Clip, Frame, join_pieces, read_frames, write_piece
 from anyprobe.video.following import MaskFollower
+from anyprobe.video.preview import light_picture
 from anyprobe.video.track import PIECES, Progress, describe, forget_progress, load_progress, save_progress, write_track
 
 SAVE_EVERY = 24
@@ -38,6 +40,9 @@ SHADOW_DIRECTIONS, SHADOW_GRID = 64, 128
 
 DETAIL_ROWS = 256
 """Rows of a frame's map with detail."""
+
+LIGHT = "_light"
+"""In the names of pieces of light.mp4."""
 
 DULL_ALPHA = 0.5
 """GGX width of a material above which detail is not drawn in it."""
@@ -107,6 +112,7 @@ class ClipRun:
         self._stage: Stage | None = None
         self._shown: tuple[GroundShadow, np.ndarray] | None = None  # shadow and object under the last light
         self._photo: Photo | None = None
+        self._preview: np.ndarray | None = None  # of the last light
 
     def __call__(self, watch: Callable[[int], None]) -> Outcome:
         """Do what is not done yet; watch gets the number of frames done.
@@ -116,6 +122,7 @@ class ClipRun:
         done = self.progress
         damaged: list[int] = []
         pictures: list[tuple[float, np.ndarray]] = []
+        previews: list[tuple[float, np.ndarray]] = []
         size, frame, notes = (0, 0), None, []
         save_every = -(-SAVE_EVERY // self.every) * self.every  # the first frame after it gets a light
         for frame in read_frames(self.clip, damaged):
@@ -123,30 +130,32 @@ class ClipRun:
             if frame.note:
                 notes.append(frame.note)
             if frame.index < done.next_index:
-                if frame.index == done.stage_index:
+                if frame.index == done.stage_index and self.virtual is not None:
                     self.follower.last = done.stage_last
-                    self._set_up(self.follower.photo(frame))
+                    self._stage = _set_up(self.follower.photo(frame), self.virtual)
                 continue
             if frame.index == done.next_index and done.next_index:
-                self.follower.last, self._shown = done.last, None
+                self.follower.last, self._shown, self._preview = done.last, None, None
             done.frames.append(self._one(frame))
             if self.virtual is not None:
                 pictures.append((frame.time_s, self._picture(frame)))
+            previews.append((frame.time_s, self._light_picture(frame.index)))
             watch(frame.index + 1)
             if (frame.index + 1) % save_every == 0:
-                self._save(frame.index + 1, pictures)
-                pictures = []
+                self._save(frame.index + 1, pictures, previews)
+                pictures, previews = [], []
         if frame is None:
             raise InputError(f"{self.clip.path}: no frame of it can be decoded; convert it to mp4")
         if frame.index + 1 > done.next_index:
-            self._save(frame.index + 1, pictures)
+            self._save(frame.index + 1, pictures, previews)
         if done.light is None:
             shutil.rmtree(self.folder / PIECES, ignore_errors=True)
             forget_progress(self.folder)
             raise InputError(f"{self.clip.path}: no frame gave a light; {done.frames[0]['error']}")
         write_track(self.folder / "track.json", done, self.clip.fps, size)
+        join_pieces(self.folder / "light.mp4", self._pieces(LIGHT))
         if self.virtual is not None:
-            join_pieces(self.folder / "relit.mp4", [self._piece(number) for number in range(done.pieces)])
+            join_pieces(self.folder / "relit.mp4", self._pieces())
         bad = [(one["index"], one["error"]) for one in done.frames if "error" in one]
         return Outcome(frames=len(done.frames), bad=bad, damaged=len(damaged), notes=tuple(notes))
 
@@ -156,7 +165,7 @@ class ClipRun:
         The first is refused where the caller gave its object.
         """
         done = self.progress
-        record = {"index": frame.index, "time_s": round(frame.time_s, 5)}
+        record: dict[str, Any] = {"index": frame.index, "time_s": round(frame.time_s, 5)}
         if self.poses is not None and frame.index >= len(self.poses):
             raise InputError(f"poses: expected one a frame, got {len(self.poses)}; make the others")
         if frame.index % self.every and done.light is not None:
@@ -174,7 +183,7 @@ class ClipRun:
         dt_s = max(frame.time_s - done.light_time_s, 1e-3)
         pose = None if self.poses is None else self.poses[frame.index]
         done.light = step(done.light, light.radiance, dt_s, world_from_camera=pose)
-        done.light_time_s, self._shown = frame.time_s, None
+        done.light_time_s, self._shown, self._preview = frame.time_s, None, None
         steady = self._seen(frame.index)
         if self.library is not None:
             done.held = hold_match(done.held, done.light.radiance, light.confidence, self.library)
@@ -188,7 +197,7 @@ class ClipRun:
         if self.virtual is not None:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
-            self._set_up(self._photo)
+            self._stage = _set_up(self._photo, self.virtual)
             done.stage_index, done.stage_last = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
@@ -208,17 +217,20 @@ class ClipRun:
             crop = replace(crop, surroundings_map=turned(photo.surroundings_map, self.poses[0].T @ world_from_crop))
         if crop.surroundings_map is not None:
             done.panorama = lay_over(window(crop.surroundings_map, world_from_crop), done.panorama)
-        known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
+        known = None
+        if done.panorama is not None:
+            known = seen_from(done.panorama, world_from_crop, crop.surroundings_map)
         return self.estimator.from_crop(photo, crop, material=self.material, merged_surroundings=known)
 
     def _seen(self, index: int) -> np.ndarray:
         """The steady light in a frame's camera, [H, 2H, 3]."""
+        assert self.progress.light is not None  # asked for where there is one
         return self.progress.light.seen_from(None if self.poses is None else self.poses[index])
 
     def _detailed(self, index: int) -> np.ndarray:
         """The same with the detail of the place that is held, [DETAIL_ROWS, 2 DETAIL_ROWS, 3]; without, as it is."""
         held, seen = self.progress.held, self._seen(index)
-        if self.library is None or held is None:
+        if self.library is None or held is None or self.progress.light is None:
             return seen
         match = exposed_match(held, self.progress.light.radiance)
         turn = match.candidate_from_estimate
@@ -240,36 +252,51 @@ class ClipRun:
         """Stage.warnings of the virtual object's place; none without one, or before it has one."""
         return () if self._stage is None else self._stage.warnings
 
-    def _set_up(self, photo: Photo) -> None:
-        """The place of the virtual object, from the first frame with a mask, for all."""
-        self._stage = Stage(photo, self.virtual.mesh, self.virtual.arrangement)
-
     def _picture(self, frame: Frame) -> np.ndarray:
         """The frame with the object in it, [H, W, 3] uint8; as it is while there is no light yet."""
-        state = self.progress.light
-        if self._stage is None or state is None:
+        state, virtual = self.progress.light, self.virtual
+        if self._stage is None or state is None or virtual is None:
             return frame.rgb
         rgb = frame.rgb.astype(np.float32) / 255
         mask = np.zeros(rgb.shape[:2], np.float32) if self._photo is None else self._photo.mask
         stage = self._stage.on(replace(self._stage.photo, rgb=rgb, mask=mask))
         radiance = state.radiance * np.float32(self.progress.gain)
         if self._shown is None:
-            numbers = {key: np.array(value) for key, value in self.progress.material.items()}
+            assert self.progress.material is not None  # as there is a stage
+            numbers: dict[str, Any] = {key: np.array(value) for key, value in self.progress.material.items()}
             material = Material(**{**numbers, "alpha": float(numbers["alpha"])})
             lit = radiance if is_dull(material) else self._detailed(frame.index) * np.float32(self.progress.gain)
-            drawn = stage.draw(lit, material, self.virtual.renderer)
-            self._shown = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID), drawn
+            shadow = stage.shadow(radiance, SHADOW_DIRECTIONS, SHADOW_GRID)
+            self._shown = shadow, stage.draw(lit, material, virtual.renderer, shadow)
         shadow, drawn = self._shown
-        return to_bytes(stage.relit(radiance, self.virtual.material, shadow=shadow, drawn=drawn))
+        return to_bytes(stage.relit(radiance, virtual.material, shadow=shadow, drawn=drawn))
 
-    def _save(self, next_index: int, pictures: list[tuple[float, np.ndarray]]) -> None:
+    def _light_picture(self, index: int) -> np.ndarray:
+        """What light.mp4 shows of a frame."""
+        if self._preview is None or self.poses is not None:
+            self._preview = light_picture(None if self.progress.light is None else self._detailed(index))
+        return self._preview
+
+    def _save(
+        self, next_index: int, pictures: list[tuple[float, np.ndarray]], previews: list[tuple[float, np.ndarray]]
+    ) -> None:
         done = self.progress
         if pictures:
             write_piece(self._piece(done.pieces), pictures)
+        if previews:
+            write_piece(self._piece(done.pieces, LIGHT), previews)
             done.pieces += 1
         done.next_index = next_index
         done.last = self.follower.last
         save_progress(self.folder, done)
 
-    def _piece(self, number: int) -> Path:
-        return self.folder / PIECES / f"{number:05d}.mp4"
+    def _piece(self, number: int, kind: str = "") -> Path:
+        return self.folder / PIECES / f"{number:05d}{kind}.mp4"
+
+    def _pieces(self, kind: str = "") -> list[Path]:
+        return [self._piece(number, kind) for number in range(self.progress.pieces)]
+
+
+def _set_up(photo: Photo, virtual: VirtualObject) -> Stage:
+    """The place of the virtual object, from the first frame with a mask, for all."""
+    return Stage(photo, virtual.mesh, virtual.arrangement)

@@ -24,7 +24,7 @@ from anyprobe.light.temporal import FilterState, Track
 STATE = ".state.npz"
 
 PIECES = ".pieces"
-"""Folder in the result's of what the relit clip is joined from."""
+"""Folder in the result's of what light.mp4 and relit.mp4 are joined from."""
 
 MAPS = ("steady", "fast", "last")
 """Of light.steady.Steady: arrays, all else are numbers."""
@@ -38,7 +38,7 @@ class Progress:
     settings: what the result depends on; another run may go on only with the same.
     next_index: the first frame that is not done. frames: records of those that are.
     light: the filter's state, and time_s of the light it last saw.
-    last: of the follower. pieces: of the relit clip that are written.
+    last: of the follower. pieces: of light.mp4, and of relit.mp4, that are written.
     stage_index: the frame that the virtual object was placed in. stage_last: last as it was before that frame, by which
     its mask is found again. material: the object's, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
@@ -82,7 +82,7 @@ def forget_run(folder: Path) -> None:
     """Delete what a run left in its folder, and nothing else; nothing at all in a folder that had none."""
     if not (folder / STATE).is_file():
         return
-    for left in (folder / STATE, folder / "track.json", folder / "relit.mp4"):
+    for left in (folder / STATE, folder / "track.json", folder / "light.mp4", folder / "relit.mp4"):
         left.unlink(missing_ok=True)
     for light in (folder / "lights").glob("[0-9]" * 6 + ".exr"):
         light.unlink()

@@ -44,7 +44,7 @@ export class PhotoStage {
 
   #fit(width, height) {
     this.frame.style.aspectRatio = `${width} / ${height}`;
-    const fitted = `min(100%, calc(27rem * ${width / height}))`;
+    const fitted = `min(100%, calc(var(--tallest) * ${width / height}))`;
     this.frame.style.width = fitted;
     element("divide").style.width = fitted; // its knob stands below the line
   }

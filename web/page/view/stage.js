@@ -334,7 +334,8 @@ export class Stage {
    */
   async render() {
     const { renderer, canvas } = this;
-    const ratio = this.isLive && this.isSoftware ? COARSE : Math.min(window.devicePixelRatio, 2);
+    const sharp = Math.min(window.devicePixelRatio, 2);
+    const ratio = this.isSoftware ? (this.isLive ? COARSE : 2 * sharp) : sharp; // software draws edges without half tones
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (!this.canDraw || !width || !height || !this.box) return;
     const size = renderer.getDrawingBufferSize(new Vector2());

@@ -1,4 +1,4 @@
-"""What somebody knows of the object: its normals, its material; told by the API and the command line."""
+"""What is known of the object: its normals, its material; given to the API and the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""anyprobe video told more than the clip: poses, their lens, panoramas; and going on with the same alone."""
+"""anyprobe video given more than the clip: poses, their lens, panoramas; and going on with the same alone."""
 
 from __future__ import annotations
 

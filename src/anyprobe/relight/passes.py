@@ -1,0 +1,109 @@
+"""A relit photo in its parts, for compositors: the photo, the shadow that multiplies it, and the object over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anyprobe.core.color import COLORSPACES, from_rec709
+from anyprobe.core.response import inverse_response
+from anyprobe.errors import OutputError
+from anyprobe.files.radiance import HALF_MAX
+from anyprobe.relight.insert import Stage, ratio_over, within
+from anyprobe.relight.shadow import GroundShadow
+from anyprobe.scatter.materials import Material
+
+EVEN_ROWS = 32
+"""Of the even light of the occlusion pass."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Passes:
+    """Linear Rec. 709 in the photo's exposure units, float32.
+
+    plate: [H, W, 3], the photo. shadow: [H, W, 3], by which the plate is multiplied. occlusion: [H, W], the same under
+    even light from all sides. object: [H, W, 4], premultiplied by its alpha.
+    """
+
+    plate: np.ndarray
+    shadow: np.ndarray
+    occlusion: np.ndarray
+    object: np.ndarray
+
+    def composed(self) -> np.ndarray:
+        """plate * shadow with the object over it, [H, W, 3]."""
+        return self.plate * self.shadow * (1 - self.object[..., 3:]) + self.object[..., :3]
+
+    def layers(self, convert: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.ndarray]:
+        """Channels of an .exr by name: R, G, B, A of what is composed, plate.*, object.*, shadow.*, occlusion.Y.
+
+        convert: of light [..., 3] from linear Rec. 709 to the file's primaries. The shadow is made again from both
+        plates, so that the parts compose in those too.
+        """
+        plate, composed = convert(self.plate), convert(self.composed())
+        thing = convert(self.object[..., :3])
+        dark = convert(self.plate * self.shadow)
+        left = np.where(plate > 1e-6, dark / np.maximum(plate, 1e-6), self.shadow)
+        found = {
+            "A": np.ones(plate.shape[:2], np.float32),
+            "object.A": self.object[..., 3],
+            "occlusion.Y": self.occlusion,
+        }
+        for k, name in enumerate("RGB"):
+            found[name] = composed[..., k]
+            found |= {f"plate.{name}": plate[..., k], f"object.{name}": thing[..., k], f"shadow.{name}": left[..., k]}
+        return found
+
+
+def passes_of(stage: Stage, radiance: np.ndarray, material: str | Material, renderer: str = "auto") -> Passes:
+    """The parts of stage.relit of the same arguments."""
+    photo, spot, window = stage.photo, stage.placement, stage.window
+    shadow = stage.shadow(radiance)
+    drawn = stage.draw(radiance, material, renderer)
+    height, width = photo.mask.shape
+    shown = window.part(height, width)
+    drawn = drawn[within(shown, (slice(window.top, height), slice(window.left, width)))]
+    coverage = drawn[..., 3:]
+    if stage.is_behind():
+        coverage = coverage * (1.0 - photo.mask[shown][..., None])
+    laid = np.zeros((height, width, 4), np.float32)
+    laid[shown] = np.concatenate([drawn[..., :3] * coverage, coverage], axis=-1)
+    even_light = np.ones((EVEN_ROWS, 2 * EVEN_ROWS, 3), np.float32)
+    even = GroundShadow(spot.mesh, spot.foot, spot.radius, stage.view.up, even_light)
+    plate = inverse_response(photo.rgb)
+    if photo.radiance is not None:
+        plate = np.where(photo.radiance > 1, photo.radiance, plate)
+    return Passes(
+        plate=plate.astype(np.float32),
+        shadow=_multiplier(stage, shadow),
+        occlusion=_multiplier(stage, even)[..., 0],
+        object=laid,
+    )
+
+
+def _multiplier(stage: Stage, shadow: GroundShadow) -> np.ndarray:
+    """What a shadow leaves of each pixel of the photo, [H, W, 3]."""
+    left = np.ones((*stage.photo.mask.shape, 3), np.float32)
+    shown = stage.view.part_around(shadow.foot, shadow.reach)
+    ratio_of = ratio_over(stage.view, shadow, shown)
+    for strip in stage.view.strips(shown):
+        left[strip] = 1.0 - (1.0 - ratio_of(strip)) * (1.0 - stage.photo.mask[strip][..., None])
+    return left
+
+
+def write_passes(path: Path, passes: Passes, colorspace: str) -> None:
+    """Write an .exr of 16-bit floats with all layers, whole or not at all."""
+    from anyprobe.files.atomic import atomic_path
+    from anyprobe.files.exr import write_channels
+
+    layers = passes.layers(lambda rgb: from_rec709(rgb, colorspace))
+    halves = {name: np.ascontiguousarray(np.clip(one, -HALF_MAX, HALF_MAX), np.float16) for name, one in layers.items()}
+    with atomic_path(path) as temporary:
+        try:
+            write_channels(temporary, halves, {"chromaticities": COLORSPACES[colorspace]}, latlong=False)
+        except RuntimeError as error:  # its only report of a full disk or a closed folder
+            reason = " ".join(str(error).replace(str(temporary), str(path)).split())
+            raise OutputError(f"{path}: cannot be written ({reason})") from error

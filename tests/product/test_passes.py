@@ -1,0 +1,130 @@
+"""The parts of a relit photo compose to it, files keep colours and bits, and objects mirror their ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import OpenEXR
+import pytest
+from support.picture_files import gamma_curve, icc, scene, srgb
+from support.scenes import made_map, sphere_photo
+
+from anyprobe.core.color import COLORSPACES
+from anyprobe.core.response import inverse_response, response
+from anyprobe.errors import InvalidEnvironment
+from anyprobe.estimate.photo import load_photo
+from anyprobe.files.exr import read_exr
+from anyprobe.files.icc import encoding_of
+from anyprobe.files.images import read_image
+from anyprobe.files.kept_encoding import Stored, stored_as, write_as
+from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.relight.insert import Arrangement, Stage
+from anyprobe.relight.passes import passes_of, write_passes
+from anyprobe.render.shapes import sphere
+from anyprobe.scatter.materials import Material
+
+MIRROR = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=0.02)
+LIGHT = made_map()
+
+
+@pytest.fixture(scope="module")
+def photo():
+    return load_photo(sphere_photo((60, 90), 60, 160, 240))
+
+
+@pytest.mark.parametrize("at", [None, (90, 112)])
+def test_parts_compose_to_the_relit_photo(photo, at):
+    """photo * shadow, and the object over it; the second is partly behind the real one."""
+    stage = Stage(photo, sphere(24), Arrangement(at=at))
+    passes = passes_of(stage, LIGHT, "gold", "own")
+    relit = stage.relit(LIGHT, "gold", "own")
+    assert np.abs(response(passes.composed()) - relit).max() < 1 / 255
+    by_hand = inverse_response(photo.rgb) * passes.shadow
+    by_hand = by_hand * (1 - passes.object[..., 3:]) + passes.object[..., :3]
+    np.testing.assert_allclose(passes.composed(), by_hand, atol=1e-5)
+    assert passes.shadow.min() < 0.7
+    assert passes.occlusion.min() < 0.9
+    assert passes.object[..., 3].max() == 1
+
+
+@pytest.mark.parametrize("colorspace", ["rec709", "acescg"])
+def test_the_file_s_layers_compose_in_its_primaries(photo, tmp_path, colorspace):
+    passes = passes_of(Stage(photo, sphere(24)), LIGHT, "gold", "own")
+    write_passes(tmp_path / "a.exr", passes, colorspace)
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        found = {name: one.pixels.astype(np.float32) for name, one in file.channels().items()}
+        said = file.header()["chromaticities"]
+    np.testing.assert_allclose(said, COLORSPACES[colorspace], atol=1e-6)
+    for c in "RGB":
+        composed = found[f"plate.{c}"] * found[f"shadow.{c}"] * (1 - found["object.A"]) + found[f"object.{c}"]
+        np.testing.assert_allclose(composed, found[c], rtol=0.004, atol=1e-3)
+    back = read_exr(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7, rec709=True)[..., :3]
+    np.testing.assert_allclose(back, passes.composed(), rtol=0.004, atol=2e-3)
+
+
+def test_acescg_keeps_white_and_comes_back(tmp_path):
+    light = np.full((32, 64, 3), 0.5, np.float32)
+    light[:16] = 0.8, 0.1, 0.05
+    write_exr(tmp_path / "a.exr", light, half=False, colorspace="acescg")
+    stored = read_exr(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7)
+    np.testing.assert_allclose(stored[20], 0.5, atol=1e-5)
+    # AP1 from Rec. 709 by Bradford, as the ACES documents print it: 0.6131 0.3395 0.0474 in the first row
+    assert stored[2, 0, 0] == pytest.approx(0.6131 * 0.8 + 0.3395 * 0.1 + 0.0474 * 0.05, abs=2e-4)
+    np.testing.assert_allclose(read_radiance(tmp_path / "a.exr"), light, atol=1e-5)
+
+
+def test_a_mirror_shows_the_ground_below_and_the_light_above(photo):
+    """A sphere in a photo of one colour under black light: its lower half is that colour, its upper half black."""
+    colour = np.array([0.6, 0.4, 0.2], np.float32)
+    flat = load_photo(np.broadcast_to(colour, photo.rgb.shape).copy(), mask=photo.mask, pitch_deg=20)
+    stage = Stage(flat, sphere(48))
+    drawn = stage.draw(np.zeros((64, 128, 3), np.float32), MIRROR, "own")
+    upper, lower = (
+        drawn[round(a * len(drawn)) : round(b * len(drawn)), round(0.35 * len(drawn)) : round(0.65 * len(drawn))]
+        for a, b in ((0.15, 0.35), (0.66, 0.85))
+    )
+    np.testing.assert_allclose(
+        lower[..., :3], np.broadcast_to(inverse_response(colour), lower[..., :3].shape), rtol=0.03
+    )
+    assert upper[..., :3].max() < 0.01
+
+
+def test_a_mirrored_ground_has_its_pattern(photo):
+    """The left half of the ground is red and the right half green: so is the sphere's lower half."""
+    rgb = np.full_like(photo.rgb, 0.5)
+    stage = Stage(photo, sphere(48))
+    middle = round(float(stage.view.pixels(stage.placement.foot)[0]))
+    rgb[:, :middle], rgb[:, middle:] = (0.7, 0.1, 0.1), (0.1, 0.7, 0.1)
+    plain = load_photo(rgb, mask=photo.mask)
+    drawn = Stage(plain, sphere(48)).draw(np.zeros((64, 128, 3), np.float32), MIRROR, "own")
+    size = len(drawn)
+    row = round(0.6 * size)
+    assert drawn[row, round(0.3 * size), 0] > 3 * drawn[row, round(0.3 * size), 1]
+    assert drawn[row, round(0.75 * size), 1] > 3 * drawn[row, round(0.75 * size), 0]
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+@pytest.mark.parametrize("deep", [False, True])
+@pytest.mark.parametrize("profile", [None, "linear", "gamma 2.2"])
+def test_bits_and_profile_of_the_photo_are_kept(tmp_path, suffix, deep, profile):
+    rgb = srgb(scene(32, 48))
+    data = b"" if profile is None else icc(gamma_curve(1 if profile == "linear" else 2.2))
+    encoding = None if profile is None else encoding_of(data)
+    path = tmp_path / f"a.{suffix}"
+    write_as(path, rgb, Stored(deep=deep, profile=data, encoding=encoding))
+    found = stored_as(path)
+    assert (found.deep, found.profile, found.lost) == (deep, data, False)
+    back = read_image(path).rgb
+    assert np.abs(back - rgb).max() < (0.003 if deep else 0.05 if profile == "linear" else 0.012)
+
+
+def test_the_command_keeps_16_bits_and_writes_passes(command, tmp_path, photo):
+    write_as(tmp_path / "deep.png", photo.rgb, Stored(deep=True))
+    order = ("relight", tmp_path / "deep.png", "--box", "25,55,95,125", "--renderer", "own")
+    for name in ("a.png", "a.exr"):
+        done = command(*order, "-o", tmp_path / name, *(["--colorspace", "acescg"] if name == "a.exr" else []))
+        assert done.status == 0, done.err
+    assert stored_as(tmp_path / "a.png").deep
+    linear = read_exr(tmp_path / "a.exr", "a", InvalidEnvironment, 10**7, rec709=True)[..., :3]
+    assert np.abs(response(linear) - read_image(tmp_path / "a.png").rgb).max() < 0.02
+    refused = command(*order, "-o", tmp_path / "b.png", "--colorspace", "acescg")
+    assert "--colorspace: does nothing without an .exr" in refused.err
