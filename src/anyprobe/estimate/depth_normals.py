@@ -83,7 +83,7 @@ def normals_from_depth(source: DepthSource, mask: Float[np.ndarray, "H W"], long
     found = np.zeros((*depth.shape, 3), np.float32)
     large = normals.repeat(block, axis=0).repeat(block, axis=1)[: inside.shape[0], : inside.shape[1]]
     found[box] = np.where(on[box][..., None], large, 0.0)
-    known = found.any(axis=-1)
+    known = np.asarray(found.any(axis=-1))
     share = known.sum() / on.sum()
     if share < ENOUGH:
         return DepthNormals(

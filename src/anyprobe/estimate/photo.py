@@ -163,9 +163,10 @@ def load_photo(
     else:
         long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
     on = found.mask > 0.5
-    normals, depth_doubts = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg), ()
+    normals = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg)
+    depth_doubts: tuple[str, ...] = ()
     by_depth = normals is None and hints.depth is not None
-    if by_depth:
+    if normals is None and hints.depth is not None:
         normals, depth_doubts = _normals_by_depth(hints.depth, found.mask, long_fov_deg, fov_source, pixels.name)
     photo = Photo(
         rgb=pixels.rgb,
