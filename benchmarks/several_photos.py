@@ -1,6 +1,6 @@
 """What more photos of the same object add: one light of 1, 2, 4 and 8 photos whose cameras' poses are known.
 
-    PYTHONPATH=. python benchmarks/several_photos.py [--data DATA] [--left-out] [--places 40] [--arc 360] [--room 0.2] [--json]
+    PYTHONPATH=. python benchmarks/several_photos.py [--data DATA] [--left-out] [--places 40] [--arc 360] [--room R]
 
 Each place has a map, a shape and a material; the camera goes round the object, evenly over --arc degrees, with its
 exposure and white balance locked. DATA: held-out maps and shapes of DATA/hdri/test and DATA/meshes/test, or with
