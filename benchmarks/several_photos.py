@@ -1,6 +1,6 @@
 """What more photos of the same object add: one light of 1, 2, 4 and 8 photos whose cameras' poses are known.
 
-    python benchmarks/several_photos.py [--data DATA] [--left-out] [--places 40] [--arc 360] [--room 0.2] [--json]
+    PYTHONPATH=. python benchmarks/several_photos.py [--data DATA] [--left-out] [--places 40] [--arc 360] [--room R]
 
 Each place has a map, a shape and a material; the camera goes round the object, evenly over --arc degrees, with its
 exposure and white balance locked. DATA: held-out maps and shapes of DATA/hdri/test and DATA/meshes/test, or with
@@ -21,12 +21,13 @@ from pathlib import Path
 import numpy as np
 from places import draw_place
 
-from anyprobe.dataset.asset_store import AssetStore, load_asset_store, load_left_out
+from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.errors import InputError
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.estimate.photo import Photo, crop_object
 from anyprobe.evaluate.scoring import score
+from research.left_out import load_left_out
 
 MOST = 8
 COUNTS = (1, 2, 4, 8)

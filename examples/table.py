@@ -29,7 +29,7 @@ from anyprobe.dataset.sky import direction_at, soft_cap
 from anyprobe.estimate.photo import Photo
 from anyprobe.files.objects import open_object
 from anyprobe.light.environment import shrink
-from anyprobe.relight.insert import Arrangement, Stage, lay_over
+from anyprobe.relight.insert import Arrangement, Stage, lay_object_over, within
 from anyprobe.relight.shadow import sky_irradiance
 from anyprobe.render.picture import draw_mesh
 from anyprobe.scatter.materials import Material
@@ -122,9 +122,11 @@ class Table:
         picture = response(gain * (past + albedo * ground / np.pi)).astype(np.float32)
         drawn = room_lit.drawn.copy()
         drawn[..., :3] = gain * (drawn[..., :3] + emitter_lit.drawn[..., :3] * color)
-        cover = np.concatenate([np.ones_like(drawn[..., :3]), drawn[..., 3:]], axis=-1)
-        cover = lay_over(np.zeros_like(picture), cover, self.stage.window, self.stage.photo)
-        return lay_over(picture, drawn, self.stage.window, self.stage.photo), cover[..., 0]
+        window, whole = self.stage.window, (slice(0, self.height), slice(0, self.width))
+        lay_object_over(picture, whole, drawn, window, self.stage.photo)
+        cover, shown = np.zeros((self.height, self.width), np.float32), window.part(self.height, self.width)
+        cover[shown] = drawn[within(shown, (slice(window.top, self.height), slice(window.left, self.width)))][..., 3]
+        return picture, cover
 
     def gain(self, azimuth_deg: float, color: np.ndarray) -> float:
         """The exposure that gives the vase a mean radiance of 0.35."""

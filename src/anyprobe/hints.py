@@ -143,11 +143,12 @@ class Hints:
 
     Attributes:
         mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function from
-            the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, depth, click or box the photo's alpha
-            channel is taken, else the mask network's proposal.
+            the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, click, box or depth to cut the photo's
+            alpha channel is taken, else the mask network's proposal.
         click, exclude: x, y in pixels of the upright photo on the object and beside it, one or several.
         box: x0, y0, x1, y1 around the object, likewise.
-        depth: depth image of the same view; near, far: where to cut it, in its unit.
+        depth: depth image of the same view, along the camera's axis, which gives normals; near, far: where to cut it,
+            in its unit, which gives the mask too.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
         pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
@@ -190,7 +191,12 @@ class Hints:
         example="40,30,220,260",
         in_web="box",
     )
-    depth: DepthSource | None = _hint("place", "Depth image of the same view.", suffixes=ARRAYS, over_http=False)
+    depth: DepthSource | None = _hint(
+        "place",
+        "Depth image of the same view: gives normals; with near or far the mask too.",
+        suffixes=ARRAYS,
+        over_http=False,
+    )
     near: float | None = _hint(
         "place", "Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,), over_http=False
     )
@@ -292,7 +298,8 @@ def check_together(given: Sequence[str], called: Callable[[str], str] = str) -> 
 
     called: what the line calls a hint, as its option.
     """
-    ways = [name for name in ("mask", "depth", "box", "click") if name in given]
+    cut = [name for name in ("near", "far") if name in given]
+    ways = [name for name in ("mask", "depth", "box", "click") if name in given and (name != "depth" or cut)]
     if len(ways) > 1 and ways != ["box", "click"]:
         raise InputError(f"{' and '.join(map(called, ways))}: expected one of them, got both")
     if "exclude" in given and ways and ways[0] in ("mask", "depth"):
@@ -300,7 +307,6 @@ def check_together(given: Sequence[str], called: Callable[[str], str] = str) -> 
             f"{called('exclude')}: expected {called('click')}, {called('box')} or neither with it, "
             f"got {called(ways[0])}; leave one of them out"
         )
-    cut = [name for name in ("near", "far") if name in given]
     if cut and "depth" not in given:
         raise InvalidMask(
             f"{called(cut[0])}: expected {called('depth')} with it, a depth image to cut, got none; add it"

@@ -25,7 +25,7 @@ from anyprobe.nets.context_net import CODE, ContextNet  # noqa: E402
 from anyprobe.nets.source_head import RADII_DEG, SOURCES, SourceHead, SourceMap  # noqa: E402
 from anyprobe.train.checkpoint import load_init_weights, save_init_weights  # noqa: E402
 from anyprobe.train.config import heads, smoke, whole  # noqa: E402
-from anyprobe.train.export_onnx import export  # noqa: E402
+from anyprobe.train.export_onnx import export_graphs  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.loop import load_nets, train  # noqa: E402
 from anyprobe.train.source_profiles import source_profiles  # noqa: E402
@@ -209,7 +209,7 @@ def test_kept_heads_carry_the_body_twice_or_not_at_all(run, tmp_path):
 def test_exported_heads_say_something_else(run, tmp_path):
     """The graph takes what that of `lift` takes; its map is that of the network without context."""
     checkpoint = run(tmp_path / "runs", heads, steps=1)
-    assert export(checkpoint, tmp_path)["light"] < 0.01
+    assert export_graphs(checkpoint, tmp_path)["light"] < 0.01
     batch = some_batch(1)
     outputs = Models(str(tmp_path), threads=1)(batch.photo[0].permute(1, 2, 0).numpy(), float(batch.tan_half[0]))
     with torch.no_grad():

@@ -112,7 +112,7 @@ def test_texts_are_read_as_what_they_mean():
 
 TOGETHER = [
     ({"mask": "m.png", "box": (1, 2, 90, 90)}, "mask and box: expected one of them"),
-    ({"depth": "d.npy", "click": (3, 3)}, "depth and click: expected one of them"),
+    ({"depth": "d.npy", "near": 1.0, "click": (3, 3)}, "depth and click: expected one of them"),
     ({"mask": "m.png", "exclude": (3, 3)}, "exclude: expected click, box or neither with it, got mask"),
     ({"far": 3.0}, "far: expected depth with it"),
     ({"fov_deg": float("nan")}, "fov_deg: expected a field of view"),

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from anyprobe.cli.options import MaskOptions, check_names, hints_for, line_of, list_photos, result_stem, with_bundles
-from anyprobe.errors import AnyprobeError, InputError
+from anyprobe.errors import AnyprobeError, InputError, InvalidMask
 from anyprobe.hints import Hints
 
 
@@ -58,6 +58,8 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
 
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
+    if hints.depth is not None and hints.near is None and hints.far is None:
+        raise InvalidMask("--depth: expected --near or --far with it, where to cut, got neither; add one of them")
     pixels = read_image(path)
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     prompts = check_prompts(hints.click, hints.exclude, hints.box, *found.mask.shape[::-1])

@@ -210,6 +210,8 @@ class Estimator:
         material = photo.material if material is None else as_material(material)
         if photo.ground is not None and self.models.stages != LIFT_STAGES:
             crop = replace(crop, surroundings_map=None)  # that nobody asked for
+        if photo.normals_from_depth and self.models.stages != LIFT_STAGES:
+            crop = replace(crop, normals=None)  # likewise
         self._check_use(crop, material)
         outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
         used: dict[str, Any] = {"normals": crop.normals is not None}

@@ -11,6 +11,7 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
+from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import exposure_doubts, ground_doubts
 from anyprobe.estimate.ground import Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
@@ -31,6 +32,7 @@ from anyprobe.hints import (
     spread,
 )
 from anyprobe.masks.check import object_box
+from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.scatter.materials import Material
@@ -56,6 +58,7 @@ class Photo:
         mask_source: how the object was found, see masks.find.FoundMask.
         mask_confidence: of the mask network, in [0, 1]; None where it was not asked.
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
+        normals_from_depth: whether they came of a depth image.
         use_background: whether what the photo shows beside the object is known of the map.
         ground: whose colour goes on below the horizon; None where the object is cut out, or something else was asked.
         surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
@@ -76,6 +79,7 @@ class Photo:
     mask_source: str = "mask"
     mask_confidence: float | None = None
     normals: np.ndarray | None = None
+    normals_from_depth: bool = False
     use_background: bool = False
     ground: Ground | None = None
     surroundings_map: np.ndarray | None = None
@@ -159,6 +163,11 @@ def load_photo(
     else:
         long_fov_deg, fov_source = DEFAULT_LONG_FOV_DEG, "default"
     on = found.mask > 0.5
+    normals = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg)
+    depth_doubts: tuple[str, ...] = ()
+    by_depth = normals is None and hints.depth is not None
+    if normals is None and hints.depth is not None:
+        normals, depth_doubts = _normals_by_depth(hints.depth, found.mask, long_fov_deg, fov_source, pixels.name)
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
@@ -167,10 +176,12 @@ def load_photo(
         name=pixels.name,
         warnings=pixels.warnings
         + found.warnings
+        + depth_doubts
         + exposure_doubts(pixels.rgb[on], pixels.name, None if pixels.radiance is None else pixels.radiance[on]),
         mask_source=found.source,
         mask_confidence=found.confidence,
-        normals=_known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg),
+        normals=normals,
+        normals_from_depth=by_depth and normals is not None,
         use_background=word == PHOTO,
         surroundings_map=surroundings_map,
         panorama=panorama,
@@ -196,6 +207,19 @@ def _known_normals(
     if isinstance(source, str) and source == SPHERE:
         return normals_from_outline(mask, long_fov_deg)
     return read_normals(source, mask.shape)
+
+
+def _normals_by_depth(
+    source: DepthSource, mask: np.ndarray, long_fov_deg: float, fov_source: str, name: str
+) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    """Normals of a depth image, None where they would be worse than the network's, and what is doubtful of them."""
+    found = normals_from_depth(source, mask, long_fov_deg)
+    if found.normals is None:
+        return None, (f"{name}: {found.doubt}; normals are estimated from the photo, pass normals= if you have them",)
+    if fov_source == "default":
+        line = f"{name}: normals are from depth seen through an assumed lens of {long_fov_deg:g} degrees; pass fov_deg="
+        return found.normals, (line,)
+    return found.normals, ()
 
 
 def crop_object(photo: Photo, size: int = 128) -> Crop:

@@ -1,4 +1,4 @@
-"""The paper's way to cut the object out: keep what a depth sensor saw between a near and a far plane (its Sect. 3)."""
+"""Depth images, and the paper's way to cut the object out: keep what lies between a near and a far plane (Sect. 3)."""
 
 from __future__ import annotations
 
@@ -58,6 +58,18 @@ def read_depth(source: DepthSource) -> np.ndarray:
     return values.astype(np.float32)
 
 
+def depth_of_view(source: DepthSource, shape: tuple[int, int]) -> np.ndarray:
+    """read_depth of a photo of this height and width, at its own size; InvalidMask where it is of another view."""
+    depth = read_depth(source)
+    height, width = shape
+    if abs(depth.shape[1] / depth.shape[0] / (width / height) - 1.0) > ASPECT_TOLERANCE:
+        raise InvalidMask(
+            f"depth: expected the photo's view, {width} x {height} or that shape smaller, "
+            f"got {depth.shape[1]} x {depth.shape[0]}; crop both alike"
+        )
+    return depth
+
+
 def mask_from_depth(
     source: DepthSource, shape: tuple[int, int], near: float | None = None, far: float | None = None
 ) -> np.ndarray:
@@ -77,13 +89,8 @@ def mask_from_depth(
     low, high = 0.0 if near is None else float(near), np.inf if far is None else float(far)
     if not 0.0 <= low < high:
         raise InvalidMask(f"depth: expected 0 <= near < far, got near {low:g} and far {high:g}")
-    depth = read_depth(source)
+    depth = depth_of_view(source, shape)
     height, width = shape
-    if abs(depth.shape[1] / depth.shape[0] / (width / height) - 1.0) > ASPECT_TOLERANCE:
-        raise InvalidMask(
-            f"depth: expected the photo's view, {width} x {height} or that shape smaller, "
-            f"got {depth.shape[1]} x {depth.shape[0]}; crop both alike"
-        )
     rows = (np.arange(height) + 0.5) * depth.shape[0] / height
     columns = (np.arange(width) + 0.5) * depth.shape[1] / width
     depth = depth[np.ix_(rows.astype(int), columns.astype(int))]

@@ -51,7 +51,7 @@ def find_mask(
     box: Sequence[float] | None = None,
     segmenter: SegmenterSource | None = None,
 ) -> FoundMask:
-    """The object's mask: by the first given of mask, depth, click or box, alpha that cuts; else by what stands out.
+    """The object's mask: by the first given of mask, depth to cut, click or box, alpha; else by what stands out.
 
     Args:
         mask, click, exclude, box, depth, near, far: as hints.Hints has them.
@@ -65,7 +65,7 @@ def find_mask(
         return _given(mask_from_function(mask, pixels.rgb), "function", pixels.name)
     if mask is not None:
         return _given(mask_from_file(mask, shape), "mask", pixels.name)
-    if depth is not None:
+    if depth is not None and (near is not None or far is not None):
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
     if near is not None or far is not None:
         raise InvalidMask("near, far: expected a depth image to cut, got none; pass depth= too")

@@ -74,7 +74,8 @@ class MaskFollower:
             if not folder.is_dir():
                 raise InputError(f"{kind}: expected a folder with one file for each frame, got {folder}")
         self._files = {kind: visible_files(folder, SUFFIXES[kind]) for kind, folder in given.items()}
-        self.finds = not {"mask", "depth"} & self._files.keys()
+        cut = {"near", "far"} & {name for name, value in every_frame.items() if value is not None}
+        self.finds = "mask" not in self._files and not ("depth" in self._files and cut)
         if hints and not self.finds:
             raise InputError("mask= or depth=, and a box or clicks: expected one of them, got both")
         self.hints = hints
