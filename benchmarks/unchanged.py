@@ -1,7 +1,7 @@
-"""Whether this tree answers as a commit does: `python benchmarks/unchanged.py COMMIT`, after a change of names or places.
+"""Whether this tree answers as a commit does, after a change of names or places.
 
 Each version answers in processes of its own: the graphs' outputs, estimates with every input, requests, the scores of
-frozen pairs (with --data), pairs made on the fly and a short training. What differs is listed; the exit status is 1 then.
+pairs (with --data), pairs made on the fly and a short training. What differs is listed; the exit status is 1 then.
 """
 
 from __future__ import annotations
@@ -53,8 +53,12 @@ INPUTS = {
 PAIR_KINDS = {"frozen": ["--frozen", "--hints"], "world": ["--conditions", "world"], "textured": ["--textured"]}
 """Options of `anyprobe evaluate`."""
 
-REQUESTS = ("GET /v1/targets", "GET /openapi.json", "POST /v1/estimate", "POST /v1/mask", "POST /v1/estimate?material=gold")
-REQUESTS += ("POST /v1/estimate?surroundings=none&emitters=expected", "POST /v1/estimate?box=1", "POST /v1/photo", "POST /v1/fuse")
+REQUESTS = (
+    *("GET /v1/targets", "GET /openapi.json", "POST /v1/photo", "POST /v1/mask", "POST /v1/fuse", "POST /v1/estimate"),
+    *("POST /v1/estimate?surroundings=none&emitters=expected", "POST /v1/estimate?material=gold"),
+    "POST /v1/estimate?box=1",
+)
+"""Each sends the example; the last is refused."""
 
 PAIRS = """
 import dataclasses, hashlib
@@ -112,9 +116,8 @@ class Version:
         folder.mkdir(parents=True)
 
     def run(self, *arguments: str) -> str:
-        ended = subprocess.run(
-            [sys.executable, *arguments], capture_output=True, text=True, cwd=self.folder, env=self.environment, check=False
-        )
+        command, around = [sys.executable, *arguments], {"cwd": self.folder, "env": self.environment}
+        ended = subprocess.run(command, capture_output=True, text=True, check=False, **around)
         if ended.returncode:
             raise SystemExit(f"{self.tree}: {' '.join(arguments)[:200]}: {ended.stderr[-2000:]}")
         return ended.stdout

@@ -119,7 +119,7 @@ def irradiance_from_above(radiance: torch.Tensor) -> torch.Tensor:
     return (radiance[: height // 2].cpu() * weight[..., None]).sum(dim=(0, 1)).to(radiance.device)
 
 
-def with_ground(radiance: torch.Tensor, ground: Grounds) -> tuple[torch.Tensor, torch.Tensor]:
+def add_ground(radiance: torch.Tensor, ground: Grounds) -> tuple[torch.Tensor, torch.Tensor]:
     """A map [H, 2H, 3] with a ground below its horizon, [H, 2H, 3] twice: as seen from the object's centre with the
     object away, and as the object sees it, darkened as a sphere of radius^2 OWN_SHADOW in its place would darken it
     under an even sky."""

@@ -41,8 +41,8 @@ from anyprobe.dataset.seen_surroundings import (
 from anyprobe.dataset.shape_augment import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
+from anyprobe.given_material import material_input
 from anyprobe.render.reflectance import lookup_coords
-from anyprobe.scatter.materials import material_input
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -100,7 +100,7 @@ CANDIDATES = 24
 GIVEN_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
 GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
-"""Standard deviations of a given material's numbers, in the order of scatter.materials.material_input."""
+"""Standard deviations of a given material's numbers, in the order of given_material.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -109,7 +109,7 @@ class Batch:
     mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
     zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
-    zero; material [B, 8]: of the object (scatter.materials.material_input; zero where a dataset does not say), and
+    zero; material [B, 8]: of the object (given_material.material_input; zero where a dataset does not say), and
     given_material [B, 8]: as it is given, or zero; context [B, 5, 96, 96]: the photo CONTEXT_SCALE times as wide as the
     crop, display RGB, mask, and where the photo is, or zero; up [B, 3], unit, in the crop's frame, zero where a dataset
     does not say; stands [B]: whether the object stands on a ground."""

@@ -162,7 +162,7 @@ def coverage(rectangle: Rectangle, xy: np.ndarray, side: np.ndarray) -> np.ndarr
     return np.clip((high - low) / side, 0.0, 1.0).prod(axis=-1, keepdims=True)
 
 
-def paint(color: np.ndarray, rectangle: Rectangle, value: np.ndarray, points: Points) -> np.ndarray:
+def paint_rectangle(color: np.ndarray, rectangle: Rectangle, value: np.ndarray, points: Points) -> np.ndarray:
     """color [N, 3] of the points with the rectangle laid over it; value [3], or [N, 3] of its own."""
     here = np.flatnonzero(points.wall == rectangle.wall)
     share = coverage(rectangle, points.position[here][:, _along(rectangle.wall)], points.side[here])
@@ -236,9 +236,9 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
 
     def lay(rectangle, albedo, emission, emission_seen=None):
         for name, (points, color) in look.items():
-            look[name][1] = paint(color, rectangle, albedo, points)
+            look[name][1] = paint_rectangle(color, rectangle, albedo, points)
             value = emission if name == "patches" or emission_seen is None else emission_seen
-            glow[name] = paint(glow[name], rectangle, value, points)
+            glow[name] = paint_rectangle(glow[name], rectangle, value, points)
 
     for _ in range(rng.integers(5, 18)):  # furniture, pictures, doors, carpets
         where = rng.choice([0, 1, 2, 4, 5])

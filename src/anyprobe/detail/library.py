@@ -66,7 +66,7 @@ class Entry(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Source:
+class MapSource:
     """A file of a library's folder. stamp: path within the folder, bytes and time of change; digest: SHA-256 of its
     bytes; fault: why it is not in the library, or empty."""
 
@@ -159,7 +159,7 @@ def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
 
 
 def write_library(
-    path: Path, entries: Iterable[Entry | tuple[str, bytes]], sources: list[Source] | None = None
+    path: Path, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None = None
 ) -> None:
     """Write the file of a library; the same maps give the same bytes.
 
@@ -233,7 +233,7 @@ def open_library(folder: str | Path | None = None) -> Library:
     path = _cache_folder() / f"{name}.zip"
     before = _index(path)
     if before is None or [stamp for stamp, *_ in before["sources"]] != [list(stamp) for stamp in stamps]:
-        sources: list[Source] = []
+        sources: list[MapSource] = []
         write_library(path, _entries(folder, stamps, path, before, sources), sources)
         _make_room(path)
     found = _opened(path, tuple(stamps))
@@ -267,7 +267,11 @@ def _index(path: Path) -> dict[str, Any] | None:
 
 
 def _entries(
-    folder: Path, stamps: list[tuple[str, int, int]], path: Path, before: dict[str, Any] | None, sources: list[Source]
+    folder: Path,
+    stamps: list[tuple[str, int, int]],
+    path: Path,
+    before: dict[str, Any] | None,
+    sources: list[MapSource],
 ) -> Iterator[Entry]:
     """All maps of a folder that can be read, from the file that was before where their bytes are the same.
 
@@ -291,7 +295,7 @@ def _entries(
                 entry = entry_of(name, read_radiance(folder / stamp[0]), digest)
             except AnyprobeError as error:
                 fault = " ".join(str(error).splitlines())
-        sources.append(Source(stamp=stamp, digest=digest, fault=fault))
+        sources.append(MapSource(stamp=stamp, digest=digest, fault=fault))
         if entry is not None:
             yield entry
     faulty = [one.fault for one in sources if one.fault]

@@ -27,10 +27,11 @@ from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LIFT_STAGES, MODE, PHOTO_SIZE, Models, model_id
 from anyprobe.estimate.surroundings import CONTINUED, use_surroundings
 from anyprobe.files.images import ImageSource
+from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
-from anyprobe.scatter.materials import Albedo, Material, as_material
+from anyprobe.scatter.materials import Material
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""

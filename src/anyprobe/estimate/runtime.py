@@ -18,9 +18,10 @@ from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
+from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
-from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
+from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
     from jaxtyping import Float

@@ -229,7 +229,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
-        return JSONResponse({"error": tasks.line_of(error)}, status, headers)
+        return JSONResponse({"error": tasks.form_line(error)}, status, headers)
 
     @app.exception_handler(Busy)
     async def busy(request: Request, error: Busy) -> Response:

@@ -18,9 +18,9 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.radiance import write_exr
+from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.light_net import LightNet, LightPrediction
-from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
