@@ -62,6 +62,15 @@ REQUESTS = (
 
 PAIRS = """
 import dataclasses, hashlib
+from anyprobe.dataset.asset_store import load_asset_store
+from anyprobe.dataset.pair import render_pair
+from anyprobe.dataset.recipe import full_plan, world_recipes
+assets = load_asset_store(None, "train", procedural_maps=2, procedural_shapes=2)
+recipes = [full_plan(assets, conditions=c).recipe(k) for c in (0, 1) for k in (3, 50)] + world_recipes(assets, 8, 1)
+for number, recipe in enumerate(recipes):
+    pair = render_pair(recipe, assets, textured=number % 3 == 0)
+    for part in ("photo", "irradiance", "radiance", "map_from_camera", "gain"):
+        print("exact", number, part, hashlib.sha256(getattr(pair, part).tobytes()).hexdigest())
 from anyprobe.train.config import RUNS, smoke
 from anyprobe.train.dataloader import make_pairs
 from pathlib import Path

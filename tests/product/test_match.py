@@ -79,6 +79,15 @@ def test_the_gain_lights_the_object_as_brightly_as_the_estimate():
     np.testing.assert_allclose(gain, 0.3, rtol=0.03)
 
 
+def test_a_map_takes_on_half_of_the_colour_that_it_misses():
+    turn = world_from_camera(YAW, PITCH)
+    light, level = light_of(place(2))
+    red = np.array([1.2, 1.0, 0.8])
+    estimate = rotate(reduced(place(2), 64), turn.T) * red
+    gain = gain_of(shown_under(place(2), turn), estimate, light, turn) / level
+    np.testing.assert_allclose(gain / gain[1], red**0.5, rtol=0.03)
+
+
 def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(folder, camera_light, tmp_path):
     light, _ = camera_light
     first, *others = light.match(folder)

@@ -90,7 +90,7 @@ def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
 
 
 def lift_to_map(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
-    """Splat values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
+    """Add values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
 
     Returns:
         [N, C + 1, height, 2 height]: sums of weight x value, and of the weights.
