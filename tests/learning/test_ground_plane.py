@@ -11,7 +11,7 @@ from anyprobe.core.frames import rotation_x  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.ground_plane import (  # noqa: E402
-    GRID,
+    GROUND_GRID,
     Grounds,
     Stand,
     add_ground,
@@ -98,10 +98,10 @@ def test_shadow_of_a_sphere_is_no_ellipse(elevation_deg):
     direction = np.float32([[[np.cos(e), np.sin(e), 0.0]]])
     reach = 4.0
     shadow = cast(torch.from_numpy(ball())[None], torch.from_numpy(direction), torch.tensor([reach]))[0, 0].bool()
-    x = (np.arange(GRID) + 0.5) / GRID * 2 * reach - reach
+    x = (np.arange(GROUND_GRID) + 0.5) / GROUND_GRID * 2 * reach - reach
     right, forth = np.meshgrid(x, x)
     level = ((right + 1 / np.tan(e)) * np.sin(e)) ** 2 + forth**2
-    sure = np.abs(np.sqrt(level) - 1) > 2.5 * reach / GRID
+    sure = np.abs(np.sqrt(level) - 1) > 2.5 * reach / GROUND_GRID
     np.testing.assert_array_equal(shadow.numpy()[sure], (level < 1)[sure])
 
 

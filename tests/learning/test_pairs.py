@@ -18,7 +18,7 @@ from anyprobe.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.dataset.pairs import GIVEN_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.pairs import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces, drawn_part, see_views  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
@@ -374,7 +374,7 @@ def test_told_normals_err_by_a_small_turn(illuminator, surfaces):
     torch.testing.assert_close(turns @ turns.mT, torch.eye(3).expand_as(turns), atol=1e-5, rtol=0)
     cosine = (turns.diagonal(dim1=1, dim2=2).sum(dim=1) - 1) / 2
     angles = torch.rad2deg(torch.acos(cosine.clip(-1, 1)))
-    assert 0.7 * GIVEN_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_ERROR_DEG
+    assert 0.7 * GIVEN_NORMALS_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_NORMALS_ERROR_DEG
 
 
 def test_given_materials_err_a_little_and_change_nothing_else(illuminator, surfaces):

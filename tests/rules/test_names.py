@@ -71,6 +71,35 @@ def test_a_public_name_is_one_modules():
     assert twice(SOURCE) <= COMMANDS
 
 
+ALSO = {"CONTEXT_SIZE", "CONTEXT_SCALE"}
+"""The same numbers in `dataset`, which may not import `estimate`."""
+
+
+def shared_constants(root: Path) -> set[str]:
+    """Names of constants that a module imports from another, and that more than one module of a tree defines."""
+    defined: Counter[str] = Counter()
+    imported = set()
+    for path in root.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        targets = [one for node in tree.body if isinstance(node, ast.Assign) for one in node.targets]
+        targets += [node.target for node in tree.body if isinstance(node, ast.AnnAssign)]
+        defined.update({one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)})
+        nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        imported |= {one.name for node in nodes if (node.module or "").startswith("anyprobe.") for one in node.names}
+    return {name for name in imported if defined[name] > 1}
+
+
+def test_a_constant_that_is_imported_is_one_modules():
+    assert shared_constants(SOURCE) <= ALSO
+
+
+def test_rule_names_a_shared_constant(tmp_path):
+    (tmp_path / "one.py").write_text("SIZE, REACH = 1, 2\n")
+    (tmp_path / "two.py").write_text("SIZE: int = 3\nREACH = 4\n")
+    (tmp_path / "three.py").write_text("from anyprobe.one import SIZE\n")
+    assert shared_constants(tmp_path) == {"SIZE"}
+
+
 def test_rule_names_what_two_modules_define(tmp_path):
     (tmp_path / "one.py").write_text("class Frame: ...\ndef _same(): ...\ndef own(): ...\n")
     (tmp_path / "two.py").write_text("def Frame(): ...\ndef _same(): ...\nclass A:\n    def own(self): ...\n")

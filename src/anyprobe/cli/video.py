@@ -65,7 +65,7 @@ def video(
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
     from anyprobe.video.clip import clip_size, open_clip
-    from anyprobe.video.following import SUFFIXES, MaskFollower
+    from anyprobe.video.following import HINT_SUFFIXES, MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
     from anyprobe.video.track import forget_run
 
@@ -75,7 +75,7 @@ def video(
     name, material, size = insert, placed.insert_material, placed.scale
     hints = taken.hints()
     object_material = hints.surface()
-    folders = {kind: path for kind, path in hints.files().items() if kind in SUFFIXES}
+    folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
     first: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
     if taken.segmenter:
         first["segmenter"] = taken.segmenter

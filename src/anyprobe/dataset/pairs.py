@@ -54,7 +54,7 @@ class PairConfig:
     world: share of lit materials, and so of photos, of dataset.distributions: what objects are made of, and how
         phones expose and balance them.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
-    given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
+    given_normals: share of photos that come with their normals, all turned by GIVEN_NORMALS_ERROR_DEG, as of a
         tracked model.
     surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.seen_surroundings).
@@ -96,7 +96,7 @@ CONTEXT_ALONE = 0.1
 """Share of photos with context of which no other surroundings are given."""
 CANDIDATES = 24
 """Surfaces of which the most upright one is put on a ground."""
-GIVEN_ERROR_DEG = 2.0
+GIVEN_NORMALS_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
 GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
 """Standard deviations of a given material's numbers, in the order of given_material.material_input."""
@@ -373,6 +373,6 @@ class PairSource:
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotations [count, 3, 3] about all three axes, GIVEN_ERROR_DEG each."""
-    angles = rng.normal(0.0, np.radians(GIVEN_ERROR_DEG), (count, 3))
+    """Rotations [count, 3, 3] about all three axes, GIVEN_NORMALS_ERROR_DEG each."""
+    angles = rng.normal(0.0, np.radians(GIVEN_NORMALS_ERROR_DEG), (count, 3))
     return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])

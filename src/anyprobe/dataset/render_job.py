@@ -20,7 +20,7 @@ from anyprobe import __version__
 from anyprobe.dataset import shards
 from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.process_pools import run_local
-from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
+from anyprobe.dataset.recipe import RECIPE_VERSION
 from anyprobe.dataset.samples import CONDITIONS, FORMATS, StoreRenderer, decode_part, same
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import held

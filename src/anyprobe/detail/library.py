@@ -32,8 +32,8 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
 
-SUFFIXES = (".exr", ".hdr")
-ROWS = 512
+_SUFFIXES = (".exr", ".hdr")
+_ROWS = 512
 """The most rows of a picture."""
 FEATURE_ROWS = 16
 EXPONENT, SIGMA = 0.6, 0.6
@@ -47,7 +47,7 @@ PATTERN, SHADING = 12.0, 6.0
 up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
-VERSION, OWN_VERSION = 2, 1
+_VERSION, OWN_VERSION = 2, 1
 """Of the file; another is made anew. Our own, of the first, has no lights of its own and no files."""
 MOST_MAPS = 5000
 """Of a folder, the folders in it included."""
@@ -118,7 +118,7 @@ def encode(radiance: np.ndarray) -> bytes:
     Raises:
         InputError: next to no light.
     """
-    small = reduced(radiance, ROWS)
+    small = reduced(radiance, _ROWS)
     weights = pixel_solid_angles(small.shape[0])
     bright = luminance(small)
     floor = DARKEST * float((bright * weights).sum() / (4 * np.pi))
@@ -193,7 +193,7 @@ def write_library(
         if len(lights) == len(names):
             _put_array(file, "lights.npy", np.stack(lights))
         index = {
-            **{"version": VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
+            **{"version": _VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
             "sources": [[list(one.stamp), one.digest, one.fault] for one in sources or []],
         }
         _put(file, "index.json", json.dumps(index).encode())
@@ -246,7 +246,7 @@ def _stamps(folder: Path) -> list[tuple[str, int, int]]:
     found: list[Path] = []
     for place, folders, names in os.walk(folder):
         folders[:] = sorted(one for one in folders if not one.startswith("."))
-        found += [Path(place, one) for one in names if one.lower().endswith(SUFFIXES) and not one.startswith(".")]
+        found += [Path(place, one) for one in names if one.lower().endswith(_SUFFIXES) and not one.startswith(".")]
         if len(found) > MOST_MAPS:
             raise InputError(f"{folder}: expected at most {MOST_MAPS} maps, got more; name a folder within it")
     stamps = []
@@ -261,7 +261,7 @@ def _index(path: Path) -> dict[str, Any] | None:
     try:
         with zipfile.ZipFile(path) as file:
             index = json.loads(file.read("index.json"))
-        return index if index["version"] == VERSION and len(index["digests"]) == len(index["names"]) else None
+        return index if index["version"] == _VERSION and len(index["digests"]) == len(index["names"]) else None
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None
 
@@ -336,8 +336,8 @@ def _opened(path: Path, stamps: tuple) -> Library:
     """The library of a file, kept for as long as its folder's stamps are the same."""
     with zipfile.ZipFile(path) as file:
         index = json.loads(file.read("index.json"))
-        if index["version"] not in (VERSION, OWN_VERSION):
-            raise InputError(f"{path}: expected a library of version {VERSION}, got {index['version']}; make it anew")
+        if index["version"] not in (_VERSION, OWN_VERSION):
+            raise InputError(f"{path}: expected a library of version {_VERSION}, got {index['version']}; make it anew")
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
         count, lights = len(index["names"]), _lights(path)
         if lights is None:  # as the pictures have them, whose light sources are cut off

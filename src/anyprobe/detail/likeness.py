@@ -23,7 +23,7 @@ from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.microfacet import schlick_weight
 
-LIGHT_ROWS = 32
+_LIGHT_ROWS = 32
 """Of the maps that are compared."""
 PIXELS, FINE_PIXELS = 96, 160
 """Of the object that are compared, in the search and in its refinement."""
@@ -36,7 +36,7 @@ STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals: these are too flat or too steep as a whole."""
 KEPT = 8
 """Places of each map that are refined."""
-CLIPPED, CLIPPED_SHARE = 0.96, 0.3
+_CLIPPED, CLIPPED_SHARE = 0.96, 0.3
 """Display value from which on a pixel says only how bright it is at least, and how much it counts."""
 LEAST_FACING = 0.15
 """n.wo of a pixel that counts; estimated normals at the rim are poor."""
@@ -91,8 +91,8 @@ def shown_by(image: np.ndarray, normals: np.ndarray, tan_half: float, camera_fro
     display = small[rows, columns, :3] / small[rows, columns, 3:]
     turn = camera_from_crop.T
     return Shown(
-        radiance=inverse_response(np.minimum(display, CLIPPED + 0.01)),
-        clipped=display.max(axis=-1) > CLIPPED,
+        radiance=inverse_response(np.minimum(display, _CLIPPED + 0.01)),
+        clipped=display.max(axis=-1) > _CLIPPED,
         n=n[rows, columns] @ turn,
         wo=wo[rows, columns] @ turn,
     )
@@ -100,7 +100,7 @@ def shown_by(image: np.ndarray, normals: np.ndarray, tan_half: float, camera_fro
 
 def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
     """What a map [H, 2H, 3] is compared by: [32, 64, 3] float32 of mean 1, and the mean of the map."""
-    small = reduced(radiance, LIGHT_ROWS)
+    small = reduced(radiance, _LIGHT_ROWS)
     weights = pixel_solid_angles(len(small))[..., None] / (4 * np.pi)
     level = max(float((small * weights).sum() / 3), 1e-12)
     return small / np.float32(level), level
@@ -128,7 +128,7 @@ def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_came
     light: [H, 2H, 3] of the map, see light_of, in its own frame.
     """
     own, theirs = (
-        bilinear(irradiance_map(reduced(radiance, LIGHT_ROWS)), direction_to_uv(n)).mean(axis=0)
+        bilinear(irradiance_map(reduced(radiance, _LIGHT_ROWS)), direction_to_uv(n)).mean(axis=0)
         for radiance, n in ((estimate, shown.n), (light, shown.n @ map_from_camera.T))
     )
     level = luminance(own) / max(float(luminance(theirs)), 1e-12)
@@ -189,14 +189,14 @@ def schlick_coat(n: np.ndarray, wo: np.ndarray) -> np.ndarray:
 def _nearest(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Row and column of a map for each direction."""
     uv = direction_to_uv(d)
-    row = np.clip((uv[..., 1] * LIGHT_ROWS).astype(int), 0, LIGHT_ROWS - 1)
-    return row, (uv[..., 0] * 2 * LIGHT_ROWS).astype(int) % (2 * LIGHT_ROWS)
+    row = np.clip((uv[..., 1] * _LIGHT_ROWS).astype(int), 0, _LIGHT_ROWS - 1)
+    return row, (uv[..., 0] * 2 * _LIGHT_ROWS).astype(int) % (2 * _LIGHT_ROWS)
 
 
 def _seen(maps: np.ndarray, at: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Maps [N, H, 2H, 3] at P places for each yaw: [N * yaws, P, 3]; a yaw moves them to the left."""
-    step = 2 * LIGHT_ROWS // YAWS
-    columns = (at[1] - step * np.arange(YAWS)[:, None]) % (2 * LIGHT_ROWS)
+    step = 2 * _LIGHT_ROWS // YAWS
+    columns = (at[1] - step * np.arange(YAWS)[:, None]) % (2 * _LIGHT_ROWS)
     return maps[:, at[0], columns].reshape(-1, len(at[0]), 3)
 
 

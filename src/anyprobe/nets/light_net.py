@@ -31,7 +31,7 @@ from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 
 HEIGHT = 32
 """Rows that it works at; the map has twice as many."""
-MARGIN = 8
+_MARGIN = 8
 """Columns repeated beyond the seam, on both sides."""
 
 
@@ -57,7 +57,7 @@ class SphereNet(nn.Module):
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
-        self.register_buffer("directions", wrap(directions, MARGIN), persistent=False)
+        self.register_buffer("directions", wrap(directions, _MARGIN), persistent=False)
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         deepest = HEIGHT >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
@@ -73,18 +73,18 @@ class SphereNet(nn.Module):
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
         inputs = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
-        x = torch.cat([wrap(inputs, MARGIN), directions], dim=1)
+        x = torch.cat([wrap(inputs, _MARGIN), directions], dim=1)
         levels = [self.first(x)]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
-            parts = [down(levels[-1]), wrap(rest[depth], MARGIN >> depth)]
+            parts = [down(levels[-1]), wrap(rest[depth], _MARGIN >> depth)]
             if depth == len(self.down):
-                parts.append(wrap(start, MARGIN >> depth))
+                parts.append(wrap(start, _MARGIN >> depth))
             levels.append(seen(torch.cat(parts, dim=1)))
         x = levels.pop()
         for up in self.up:
             x = up(x, levels.pop())
-        return _close(F.pixel_shuffle(self.head(x), 2), 2 * MARGIN)
+        return _close(F.pixel_shuffle(self.head(x), 2), 2 * _MARGIN)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
