@@ -63,7 +63,7 @@ def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
 
 
 class Framed(Protocol):
-    """What the ground is estimated from: mask [H, W] of the object, field of view of the longer side, pitch if given."""
+    """What the ground is estimated from: mask [H, W], field of view of the longer side, pitch where given."""
 
     @property
     def mask(self) -> np.ndarray: ...
