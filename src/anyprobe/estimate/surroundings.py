@@ -212,7 +212,7 @@ def is_cut_out(
 def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
-    Display values mean radiance by the mean camera's curve; a clipped place may be brighter than it looks.
+    Display values mean radiance by the mean camera curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
     sure: confidence of what is known.
     """
