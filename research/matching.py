@@ -4,8 +4,8 @@
     python -m research.matching DATA --left-out   # by the maps that no shipped weights learn from: to choose by
 
 Each photo is judged three times: the object alone, with the camera's pitch given, and with the background that a photo
-WIDE times as wide as the object's crop shows. Also a vase relit by the estimate, by the map ranked first, and by the
-photo's own map as it was placed.
+WIDE times as wide as the object's crop shows. Also a vase relit by the estimate, by the map ranked first, by
+the photo's own map as it was placed, and by the best of the others, as from a library of other places.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.detail.background import Background, background_of
-from anyprobe.detail.likeness import LIGHT_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
+from anyprobe.detail.likeness import MATCH_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
@@ -106,8 +106,10 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
             places = best_places(seen, library.lights, given)
             angle, yaw = turned_by(places, index, pair)
             first = placed(shown, found.radiance, library, places, int(places.misfit.argmin()))
-            own = placed(shown, found.radiance, library, places, index)
-            scores = [one["relight_rmse"] for one in relight_scores([pair.radiance, found.radiance, first, own])]
+            others = np.where(np.arange(len(library.maps)) == index, np.inf, places.misfit)
+            other, own = (placed(shown, found.radiance, library, places, i) for i in (int(others.argmin()), index))
+            maps = [pair.radiance, found.radiance, first, own, other]
+            scores = [one["relight_rmse"] for one in relight_scores(maps)]
             rank = int((places.misfit < places.misfit[index]).sum())
             row[name] = {"rank": rank, "deg": angle, "yaw": yaw, "vase": dict(zip(VASES, scores, strict=True))}
         yield row
@@ -119,11 +121,11 @@ def background(pair: Pair) -> Background | None:
     inside = front & (np.abs(x) < WIDE * pair.tan_half) & (np.abs(y) < WIDE * pair.tan_half)
     cover = inside * (1.0 - hidden(pixel_directions(MAP_HEIGHT), pair.crop, pair.tan_half))
     seen = radiance_of(surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None]))
-    return background_of(*seen, np.eye(3), LIGHT_ROWS)
+    return background_of(*seen, np.eye(3), MATCH_ROWS)
 
 
 CASES = ("alone", "pitch given", "background shown")
-VASES = ("estimate", "first map", "true map")
+VASES = ("estimate", "first map", "true map", "best other map")
 
 
 def summary(rows: list[dict[str, Any]], name: str) -> dict[str, Any]:
