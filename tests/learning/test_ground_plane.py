@@ -11,15 +11,15 @@ from anyprobe.core.frames import rotation_x  # noqa: E402
 from anyprobe.core.latlong import pixel_directions  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
 from anyprobe.dataset.ground_plane import (  # noqa: E402
-    GRID,
+    GROUND_GRID,
     Grounds,
     Stand,
+    add_ground,
     albedo_at,
     cast,
     draw_ground,
     light_directions,
     make_scenes,
-    with_ground,
 )
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
 from anyprobe.dataset.pairs import PairConfig, PairSource  # noqa: E402
@@ -66,7 +66,7 @@ def standing(directions: np.ndarray, weights: np.ndarray, pitch: float = 0.0, gr
 
 def test_ground_under_an_even_sky_is_not_albedo_times_its_radiance():
     """E = pi L, so L of the ground = albedo L; below its own sphere it is darker."""
-    seen, felt = with_ground(torch.full((64, 128, 3), EVEN), plain(0.3))
+    seen, felt = add_ground(torch.full((64, 128, 3), EVEN), plain(0.3))
     below = pixel_directions(64)[..., 1] < 0
     torch.testing.assert_close(seen[below], torch.full_like(seen[below], 0.3 * EVEN), rtol=2e-3, atol=0)
     assert (seen[~below] == EVEN).all()
@@ -76,7 +76,7 @@ def test_ground_under_an_even_sky_is_not_albedo_times_its_radiance():
 
 def test_table_covers_what_lies_beyond_its_edge():
     """One height below its centre, a table of half side 2 ends at atan(1/2) below the horizon."""
-    seen, _ = with_ground(torch.full((64, 128, 3), EVEN), plain(0.3, half=2.0))
+    seen, _ = add_ground(torch.full((64, 128, 3), EVEN), plain(0.3, half=2.0))
     across = pixel_directions(64)[:, 64]  # forward: along a side of the table
     on = across[:, 1] < -np.sin(np.arctan(0.5))
     np.testing.assert_array_equal(seen[:, 64, 0].numpy() < 0.9 * EVEN, on)
@@ -87,7 +87,7 @@ def test_drawn_directions_bring_another_irradiance(rng):
     directions, weights = light_directions(radiance, 48, rng)
     assert (directions[:, 1] > 0).all()
     assert (weights >= 0).all()
-    seen, _ = with_ground(torch.from_numpy(radiance), plain(1.0))
+    seen, _ = add_ground(torch.from_numpy(radiance), plain(1.0))
     np.testing.assert_allclose(weights.sum(axis=0) * 0.92 / np.pi, seen[-1, 0].numpy(), rtol=1e-3)
 
 
@@ -98,10 +98,10 @@ def test_shadow_of_a_sphere_is_no_ellipse(elevation_deg):
     direction = np.float32([[[np.cos(e), np.sin(e), 0.0]]])
     reach = 4.0
     shadow = cast(torch.from_numpy(ball())[None], torch.from_numpy(direction), torch.tensor([reach]))[0, 0].bool()
-    x = (np.arange(GRID) + 0.5) / GRID * 2 * reach - reach
+    x = (np.arange(GROUND_GRID) + 0.5) / GROUND_GRID * 2 * reach - reach
     right, forth = np.meshgrid(x, x)
     level = ((right + 1 / np.tan(e)) * np.sin(e)) ** 2 + forth**2
-    sure = np.abs(np.sqrt(level) - 1) > 2.5 * reach / GRID
+    sure = np.abs(np.sqrt(level) - 1) > 2.5 * reach / GROUND_GRID
     np.testing.assert_array_equal(shadow.numpy()[sure], (level < 1)[sure])
 
 

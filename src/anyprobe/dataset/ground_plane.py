@@ -32,7 +32,7 @@ DIRECTIONS = 48
 """Directions in which the ground is lit."""
 SAMPLED_ROWS = 128
 """Of the map that they are drawn from, at most."""
-GRID = 64
+GROUND_GRID = 64
 """Side of the picture of the shadow."""
 REACH = 3.5
 """Half of that side, in radii of the object's outline as seen from above, or heights of its centre if that is more."""
@@ -119,7 +119,7 @@ def irradiance_from_above(radiance: torch.Tensor) -> torch.Tensor:
     return (radiance[: height // 2].cpu() * weight[..., None]).sum(dim=(0, 1)).to(radiance.device)
 
 
-def with_ground(radiance: torch.Tensor, ground: Grounds) -> tuple[torch.Tensor, torch.Tensor]:
+def add_ground(radiance: torch.Tensor, ground: Grounds) -> tuple[torch.Tensor, torch.Tensor]:
     """A map [H, 2H, 3] with a ground below its horizon, [H, 2H, 3] twice: as seen from the object's centre with the
     object away, and as the object sees it, darkened as a sphere of radius^2 OWN_SHADOW in its place would darken it
     under an even sky."""
@@ -183,9 +183,9 @@ def make_stand(
 class Scenes:
     """B objects on their grounds, in the cameras' frames and in heights of the objects' centres.
 
-    center [B, 3]: of the object, from the eye; map_from_camera [B, 3, 3]; irradiance [B, 3, GRID, GRID] of the ground
-    around the object, row along +Z and column along +X of the map, and its half side reach [B]; open_irradiance
-    [B, 3]: of all other ground; base [B, 3, H, 2H]: what is behind, camera frame.
+    center [B, 3]: of the object, from the eye; map_from_camera [B, 3, 3]; irradiance [B, 3, GROUND_GRID, GROUND_GRID]
+    of the ground around the object, row along +Z and column along +X of the map, and its half side reach [B];
+    open_irradiance [B, 3]: of all other ground; base [B, 3, H, 2H]: what is behind, camera frame.
     """
 
     center: torch.Tensor
@@ -237,7 +237,7 @@ def make_scenes(stands: list[Stand], points: torch.Tensor, center: torch.Tensor)
     d = torch.from_numpy(np.stack([one.directions for one in stands])).to(device)
     weights = torch.from_numpy(np.stack([one.weights for one in stands])).to(device)
     shown = 1.0 - cast(placed, d, reach).float()  # [B, K, G, G]
-    irradiance = torch.einsum("bkc,bkn->bcn", weights, shown.flatten(2)).unflatten(2, (GRID, GRID))
+    irradiance = torch.einsum("bkc,bkn->bcn", weights, shown.flatten(2)).unflatten(2, (GROUND_GRID, GROUND_GRID))
     return Scenes(
         center=center,
         map_from_camera=turns,
@@ -250,7 +250,7 @@ def make_scenes(stands: list[Stand], points: torch.Tensor, center: torch.Tensor)
 
 
 def cast(points: torch.Tensor, directions: torch.Tensor, reach: torch.Tensor) -> torch.Tensor:
-    """Shadows [B, K, GRID, GRID] uint8, 1 where an object stands between the ground and light from a direction.
+    """Shadows [B, K, GROUND_GRID, GROUND_GRID] uint8, 1 where an object stands between ground and a direction.
 
     points: [B, P, 3] from the object's centre, whose height is 1, map frame; directions: [B, K, 3] towards the light;
     reach [B]: half of the picture's side. Single cells that no point falls in are filled.
@@ -258,13 +258,13 @@ def cast(points: torch.Tensor, directions: torch.Tensor, reach: torch.Tensor) ->
     count, number = directions.shape[:2]
     slope = directions[..., [0, 2]] / directions[..., 1:2].clip(min=LEAST_SINE)  # [B, K, 2]
     above = (points[..., 1] + 1.0).clip(min=0.0)  # height over the ground
-    scale = (0.5 * GRID / reach)[:, None, None]
+    scale = (0.5 * GROUND_GRID / reach)[:, None, None]
     x, z = (
         points[:, None, :, axis] - slope[:, :, None, part] * above[:, None] for part, axis in ((0, 0), (1, 2))
     )  # [B, K, P]
-    column = (x * scale + 0.5 * GRID).floor_().clip_(-1, GRID).int()
-    row = (z * scale + 0.5 * GRID).floor_().clip_(-1, GRID).int()
-    side = GRID + 2
+    column = (x * scale + 0.5 * GROUND_GRID).floor_().clip_(-1, GROUND_GRID).int()
+    row = (z * scale + 0.5 * GROUND_GRID).floor_().clip_(-1, GROUND_GRID).int()
+    side = GROUND_GRID + 2
     first = torch.arange(count * number, device=points.device, dtype=torch.int32).reshape(count, number, 1)
     index = (first * side + row + 1) * side + column + 1
     grid = torch.zeros(count * number * side * side, dtype=torch.uint8, device=points.device)

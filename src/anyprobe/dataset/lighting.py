@@ -21,7 +21,7 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import distributions
 from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.distributions import draw_alpha
-from anyprobe.dataset.ground_plane import Stand, draw_ground, make_stand, with_ground
+from anyprobe.dataset.ground_plane import Stand, add_ground, draw_ground, make_stand
 from anyprobe.dataset.sky import direction_at, soft_cap, tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.dominant_light import dilate, find_dominant_light
@@ -47,7 +47,7 @@ def turn(radiance: np.ndarray, columns: int, mirrored: bool = False) -> np.ndarr
     return np.roll(radiance[:, ::-1] if mirrored else radiance, columns, axis=1)
 
 
-def blend(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
+def blend_maps(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
     """(1 - share) one + share other."""
     return (1 - share) * one + share * other
 
@@ -137,7 +137,7 @@ def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray
         steps[2] |= moved is radiance and not steps[1]  # no light to move: an added one makes it new
         radiance = moved
     if steps[1]:
-        radiance = blend(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))
+        radiance = blend_maps(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))
     if steps[2]:
         mean = luminance(integral(radiance))
         for _ in range(rng.integers(1, 4)):
@@ -212,7 +212,7 @@ class Illuminator:
     ) -> LitMaterial:
         """The same on a random ground of dataset.ground_plane."""
         fine = self.maps[which]
-        seen, felt = with_ground(
+        seen, felt = add_ground(
             fine if alpha < BUDGETS[0][0] else shrink(fine, len(fine) // 2), ground := draw_ground(rng)
         )
         base = self._camera_map(fine, self._tensor(rotation.T))

@@ -93,7 +93,7 @@ class SurfaceView:
     matrix: np.ndarray | None
 
 
-Seen = tuple[np.ndarray, float, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+_Seen = tuple[np.ndarray, float, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Of a view what SurfaceSet has, in its order; no hidden cells and no points where they are not asked for."""
 
 
@@ -141,7 +141,7 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False, points: int = 0) -> list[Seen]:
+def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False, points: int = 0) -> list[_Seen]:
     """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells; points: so many."""
     result = []
     for view in views:
@@ -195,7 +195,7 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
         yield drawn_part(number, config)
 
 
-def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[Seen]]:
+def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[_Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
     see = partial(see_views, size=config.size, shadows=config.shadows, points=config.points)
     if workers == 0:
@@ -237,7 +237,7 @@ def build_surfaces(
     if folder is not None and all((folder / f"{name}.npy").is_file() for name in names):
         return _kept(folder, names)
     total = len(shapes) + config.procedural + config.figures + config.parts
-    seen: list[Seen] = []
+    seen: list[_Seen] = []
     jobs = _shapes_and_views(shapes, config)
     for done, one in enumerate(_seen(jobs, config, workers), start=1):
         seen += one

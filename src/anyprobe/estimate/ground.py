@@ -6,16 +6,13 @@ What nobody gives is guessed from how such photos are taken. The guess's error s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.masks.check import object_box
-
-if TYPE_CHECKING:
-    from anyprobe.estimate.photo import Photo
 
 GIVEN, GUESSED = "given", "guessed"
 _GROUND = contract("ground")
@@ -65,7 +62,18 @@ def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
     return np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
 
 
-def estimate_ground(photo: Photo, *, pitch_deg: float | None = None, roll_deg: float | None = None) -> Ground:
+class Framed(Protocol):
+    """What the ground is estimated from: mask [H, W], field of view of the longer side, pitch where given."""
+
+    @property
+    def mask(self) -> np.ndarray: ...
+    @property
+    def long_fov_deg(self) -> float: ...
+    @property
+    def pitch_deg(self) -> float | None: ...
+
+
+def estimate_ground(photo: Framed, *, pitch_deg: float | None = None, roll_deg: float | None = None) -> Ground:
     """The ground of a photo with its object marked.
 
     Args:

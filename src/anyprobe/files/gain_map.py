@@ -85,7 +85,7 @@ def find_gain_map(data: bytes) -> GainMap | None:
 
 
 UNREAD = "its gain map is not read, so that highlights end at white; save it as Ultra HDR, PQ or EXR to have them"
-CLIPPED, MUCH = 0.99, 0.005
+_CLIPPED, MUCH = 0.99, 0.005
 """Display value from which on a pixel is white, and share of these from which on a gain map is missed."""
 BRAND_BYTES = 4096
 _APPLE = re.compile(rb"hdrgainmap", re.IGNORECASE)
@@ -96,7 +96,7 @@ def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.nda
     reads: Apple's, or that of a HEIC or AVIF by ISO 21496-1."""
     if stream is None or image.format not in ("MPO", "HEIF", "AVIF"):
         return False
-    if (display.max(axis=-1) >= CLIPPED).mean() < MUCH:
+    if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH:
         return False
     if any(_APPLE.search(str(kind).encode()) for kind in image.info.get("aux", ())):
         return True
