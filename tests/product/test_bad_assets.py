@@ -350,3 +350,14 @@ def test_absurdly_large_map_is_refused_by_its_header(tmp_path, monkeypatch, suff
     message = refused_map(path)
     assert "60000 x 30000" in message
     assert "million pixels" in message
+
+
+def test_an_exr_as_wide_as_no_picture_is_decoded(tmp_path):
+    """Many pixels in a line take gigabytes before anything else is wrong with them."""
+    path = tmp_path / "line.exr"
+    OpenEXR.File(
+        {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage},
+        {"RGB": np.zeros((2, 70_000, 3), np.float16)},
+    ).write(str(path))
+    with pytest.raises(InvalidEnvironment, match="sides of at most 65535 pixels, got 70000 x 2"):
+        read_radiance(path)

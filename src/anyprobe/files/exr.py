@@ -30,6 +30,7 @@ HEADER_BYTES = 1 << 24
 
 MAX_CHANNELS = 1024
 MAX_PARTS = 256
+MOST_SIDE_PX = 65_535
 
 MULTIPART, DEEP = 0x1000, 0x800
 """Flags of the version field."""
@@ -233,6 +234,8 @@ def read_channels(
             f"{name}: expected at most {max_pixels / 1e6:.0f} million pixels in all parts and layers, "
             f"got {width} x {height} and {header.decoded / 1e6:.0f} million; shrink it first"
         )
+    if max(width, height) > MOST_SIDE_PX:
+        raise fault(f"{name}: expected sides of at most {MOST_SIDE_PX} pixels, got {width} x {height}; shrink it first")
     try:
         _check_whole(data, header)
         stream = io.BytesIO(header.plain + data[len(header.plain) :])
