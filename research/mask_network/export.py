@@ -64,18 +64,18 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
 
 
 def store_int8(model) -> None:
-    """Keep the weights of large convolutions, which store_half has halved, as int8 behind a DequantizeLinear; the
+    """Keep the weights of large layers, which store_half has halved, as int8 behind a DequantizeLinear; the
     runtime widens them once, when it opens."""
     import onnx
     from onnx import numpy_helper
 
     for node in [one for one in model.graph.node if one.op_type == "Cast"]:
         tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
-        if tensor is None or len(tensor.dims) != 4 or np.prod(tensor.dims) < LARGE:
+        if tensor is None or len(tensor.dims) not in (2, 4) or np.prod(tensor.dims) < LARGE:
             continue
         name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
         scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
-        steps = np.round(values / scale[:, None, None, None]).astype(np.int8)
+        steps = np.round(values / scale.reshape(-1, *[1] * (values.ndim - 1))).astype(np.int8)
         model.graph.initializer.remove(tensor)
         parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
         model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())

@@ -15,7 +15,7 @@ from anyprobe.estimate.below_horizon import ground_below
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import estimate_ground
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
+from anyprobe.estimate.runtime import EXPECTED, weights_folder
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.source_split import Source, draw_sources, split_sources
@@ -183,7 +183,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     answers["mask_soft"] = soft.mask
     of_soft = estimator.from_photo(soft)
     answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
-    if estimator.models.stages == LIFT_STAGES:
+    if estimator.models.lifts:
         with_background = replace(loaded, use_background=True)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)

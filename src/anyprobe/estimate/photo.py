@@ -12,7 +12,7 @@ from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
-from anyprobe.estimate.doubts import exposure_doubts, ground_doubts
+from anyprobe.estimate.doubts import exposure_doubts
 from anyprobe.estimate.ground import Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
@@ -41,6 +41,11 @@ DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
+CONTEXT_SIZE: int = contract("sizes")["context"]
+CONTEXT_SCALE: int = contract("sizes")["context_scale"]
+CONTEXT_FINE: int = contract("sizes")["context_fine"]
+"""Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
+photo on one of its own from which on not all of them are looked at."""
 """Side of the crop over the longer side of the object's bounding box."""
 
 
@@ -118,6 +123,8 @@ class Crop:
         radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
         foot: [3] unit direction to where the object touches the ground, in the camera's frame; None where no ground
             goes on below the horizon.
+        context: [96, 96, 5] float32, the photo CONTEXT_SCALE times as wide as the window: display RGB, the object's
+            mask, and where the photo is, all zero outside it; None where only the object is looked at.
     """
 
     image: np.ndarray
@@ -129,6 +136,7 @@ class Crop:
     surroundings_map: np.ndarray | None = None
     radiance: np.ndarray | None = None
     foot: np.ndarray | None = None
+    context: np.ndarray | None = None
 
 
 @spread(Hints)
@@ -192,9 +200,7 @@ def load_photo(
     )
     if word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha):
         return photo
-    ground = estimate_ground(photo)
-    warnings = photo.warnings + ground_doubts(ground, photo.name)
-    return replace(photo, use_background=True, ground=ground, warnings=warnings)
+    return replace(photo, use_background=True, ground=estimate_ground(photo))
 
 
 def _known_normals(
@@ -272,7 +278,20 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         surroundings_map=surroundings_map,
         radiance=radiance,
         foot=foot,
+        context=_context(photo, center, side) if photo.use_background else None,
     )
+
+
+def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarray:
+    """Crop.context around a window."""
+    step = max(
+        1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE)
+    )  # of large photos not every pixel is looked at
+    rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
+    middle, side = (center[0] / step, center[1] / step), CONTEXT_SCALE * side / step
+    seen = _window(rgb, np.ones_like(mask), middle, side, CONTEXT_SIZE)
+    cover = _window(rgb, mask, middle, side, CONTEXT_SIZE)[..., 3:]
+    return np.concatenate([seen[..., :3], cover, seen[..., 3:]], axis=-1).clip(0.0, 1.0)
 
 
 def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int) -> np.ndarray:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from anyprobe.detail.library import Library
     from anyprobe.detail.likeness import Shown
     from anyprobe.detail.matching import MatchedMap
+    from anyprobe.estimate.ground import Ground
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -91,8 +92,8 @@ class Info(TypedDict, total=False):
     (`paper`); seconds: by step.
 
     Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
-    given; fused, the photos of a multiview light; detail, where that is from, see with_detail. A Light that is no
-    estimate of this release may lack any.
+    given; ground (estimate.ground.Ground), of cut-outs; fused, the photos of a multiview light; detail, where that is
+    from, see with_detail. A Light that is no estimate of this release may lack any.
     """
 
     photo: str
@@ -102,6 +103,7 @@ class Info(TypedDict, total=False):
     long_fov_deg: float
     fov_source: str
     pitch_deg: float
+    ground: dict[str, Any]
     mask: MaskInfo
     hints: dict[str, Any]
     object: ObjectInfo | None
@@ -244,6 +246,13 @@ class Light:
             raise InputError("detail: expected a light without it, got one that has it; begin with the estimate")
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
+
+    @property
+    def ground(self) -> Ground | None:
+        """What the object stands on, in the camera's frame; None where that is not known, as of a cut-out."""
+        from anyprobe.estimate.ground import Ground
+
+        return Ground.of(self.info.get("ground"))
 
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.

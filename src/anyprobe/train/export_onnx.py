@@ -202,6 +202,12 @@ def store_half(model) -> None:
     import onnx
     from onnx import numpy_helper
 
+    for node in [one for one in model.graph.node if one.op_type == "Constant"]:  # the tracer writes each use anew
+        tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
+        if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
+            tensor.name = node.output[0]
+            model.graph.initializer.append(tensor)
+            model.graph.node.remove(node)
     casts: list[Any] = []
     kept: dict[Any, str] = {}
     renamed: dict[str, str] = {}
