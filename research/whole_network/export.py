@@ -15,8 +15,7 @@ from anyprobe.estimate.runtime import CONTRACT, WHOLE, WHOLE_INPUTS, WHOLE_OUTPU
 from anyprobe.files.atomic import atomic_path
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.whole_net import SAID, WholeNet
-from anyprobe.train.export_onnx import store_half
-from research.mask_network.export import store_int8
+from anyprobe.train.export_onnx import store_half, store_int8
 from research.whole_network.train import load_whole_net
 
 TOLERANCE = 0.03

@@ -184,8 +184,10 @@ export declare class Light {
   readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number } | null;
   /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
-  /** The shares of the map that the background shows and that the ground's colour fills; whether normals and material were given. */
-  readonly hints: { surroundings: number; ground: number; normals: boolean; material: boolean };
+  /** The share of the map that the background shows; whether normals and material were given. */
+  readonly hints: { surroundings: number; normals: boolean; material: boolean };
+  /** What the object stands on, as far as the camera looks down on it; null of a cut-out. */
+  readonly ground: { pitchDeg: number; pitchErrorDeg: number; source: "given" | "estimated" | "guessed" } | null;
   /** Of a tracked frame that came with a pose: directions are in the world. */
   readonly isInWorld?: boolean;
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */

@@ -18,7 +18,7 @@ DARK, DARK_SHARE = 0.05, 0.8
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
 BELOW_DEG = 12.0
 """So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
-UNSURE_DEG = 12.0
+UNSURE_DEG = 15.0
 """Error of an estimated pitch from which on it is said; a blind guess's is USUAL_ERROR_DEG."""
 DIRECTIONAL = 0.25
 """Share of light from one side from which on its direction matters."""

@@ -18,7 +18,6 @@ from anyprobe.core.contract import contract
 from anyprobe.detail.likeness import shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.below_horizon import ground_below
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.ground import GIVEN, ground_by_posture
 from anyprobe.estimate.material_hint import use_material
@@ -26,7 +25,7 @@ from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
-from anyprobe.estimate.surroundings import CONTINUED, use_surroundings
+from anyprobe.estimate.surroundings import use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
@@ -233,11 +232,6 @@ class Estimator:
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
-            if ground is not None and crop.foot is not None:
-                below = ground_below(surroundings_map, crop.camera_from_crop, ground, crop.foot, crop.tan_half)
-                if below is not None:
-                    outputs = use_surroundings(outputs, below, tint=False, sure=CONTINUED)
-                    used["ground"] = round(float(integral(below[..., 3:])[0] / (4 * np.pi)), 4)
         estimated, sure = time.perf_counter(), photo.mask_confidence
         confidence = outputs.confidence
         if confidence is None:

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 GIVEN, ESTIMATED, GUESSED = "given", "estimated", "guessed"
 _GROUND = contract("ground")
 USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]
-USUAL_ERROR_DEG = 13.0
+USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
 """Of photos of objects on tables and floors: 5 to 50 degrees downwards are common."""
 USUAL_ROLL_DEG = 0.0
-GIVEN_ERROR_DEG = 1.0
+GIVEN_ERROR_DEG: float = _GROUND["given_error_deg"]
 """Of a pitch that was measured or set by eye."""
 SPREAD = float(np.sqrt(np.pi / 2))
 """Standard deviation of a normal distribution over its mean absolute error."""

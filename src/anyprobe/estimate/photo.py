@@ -65,7 +65,7 @@ class Photo:
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
         normals_from_depth: whether they came of a depth image.
         use_background: whether what the photo shows beside the object is known of the map.
-        ground: whose colour goes on below the horizon; None where the object is cut out, or something else was asked.
+        ground: given or guessed; None where the object is cut out, or something else was asked.
         surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
@@ -121,8 +121,6 @@ class Crop:
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
         radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
-        foot: [3] unit direction to where the object touches the ground, in the camera's frame; None where no ground
-            goes on below the horizon.
         context: [96, 96, 5] float32, the photo CONTEXT_SCALE times as wide as the window: display RGB, the object's
             mask, and where the photo is, all zero outside it; None where only the object is looked at.
     """
@@ -135,7 +133,6 @@ class Crop:
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | None = None
     radiance: np.ndarray | None = None
-    foot: np.ndarray | None = None
     context: np.ndarray | None = None
 
 
@@ -265,9 +262,6 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
             )
     elif photo.surroundings_map is not None:
         surroundings_map = turned(photo.surroundings_map, camera_from_crop)
-    foot = None
-    if photo.ground is not None:
-        foot = _pixel_direction(photo.ground.contact, width, height, photo.long_fov_deg)
     return Crop(
         image=image,
         camera_from_crop=camera_from_crop,
@@ -277,7 +271,6 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         normals=normals,
         surroundings_map=surroundings_map,
         radiance=radiance,
-        foot=foot,
         context=_context(photo, center, side) if photo.use_background else None,
     )
 

@@ -111,6 +111,11 @@ export class Models {
     return "light" in this.sessions;
   }
 
+  /** Whether it completes its answer by what the picture shows around the object. */
+  get completes() {
+    return WHOLE in this.sessions;
+  }
+
   /** Whether it can be given the object's material. */
   get takesMaterial() {
     return this.lifts && this.sessions.light.inputNames.includes("material");
@@ -126,7 +131,7 @@ export class Models {
       ...(this.takesMaterial ? { material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]] } : {}),
     });
     const said = outputs.posterior ? readPosterior(outputs.posterior) : {};
-    if (options.context && WHOLE in this.sessions) outputs = await this.#complete(outputs, tanHalf, options);
+    if (options.context && this.completes) outputs = await this.#complete(outputs, tanHalf, options);
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
