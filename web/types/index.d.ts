@@ -67,7 +67,7 @@ export interface LoadOptions extends Cancellable {
   /** Of WASM, at most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
   threads?: number;
   /** Address, address and hash, or bytes of each graph; mask (small, in this package) and u2netp (far better; the file u2netp.onnx of rembg) are fetched when they are first wanted. Default: those in this package. */
-  weights?: { light: Graph; mask?: Graph; u2netp?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+  weights?: { light: Graph; whole?: Graph; mask?: Graph; u2netp?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
   /** Folder of onnxruntime-web's files, or its module and .wasm. Default: as the bundler or the import map has it. */
   runtime?: string | URL | { module: string; wasm: string };
   /** Address of the thread's script, or what starts it. */
