@@ -14,6 +14,7 @@ import numpy as np
 import torch
 
 from anyprobe.core.color import REC709
+from anyprobe.core.response import MEAN_CURVE
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.nets.blocks import autocast
@@ -23,6 +24,9 @@ from anyprobe.train.logger import RunLogger, run_folder
 from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
 from research.whole_network.losses import WEIGHTS, WholeLoss
 from research.whole_network.source_profiles import source_profiles
+
+LEVEL, TINT = 0.25, 0.12
+"""Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,17 +85,29 @@ class Pairs:
 
         context = (of("context") / 255).permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last)
         up = of("up")
+        ln_gain = torch.from_numpy(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, TINT, (count, 3))).float()
+        around, gain = of("surroundings") / 255, ln_gain[:, :, None, None]
+        lift = of("lift")
         return {
-            "context": context,
+            "context": _brighter(context, gain),
             "tan_half": of("tan_half")[:, None],
-            "lift": of("lift"),
+            "lift": torch.cat([lift[:, :3] + gain, lift[:, 3:6] + gain, lift[:, 6:]], dim=1),
             "said": of("posterior"),
-            "surroundings": of("surroundings") / 255,
-            "truth": of("truth"),
+            "surroundings": _brighter(around, gain),
+            "truth": of("truth") + gain,
             "profiles": of("profiles"),
             "up": up,
             "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
         }
+
+
+def _brighter(picture: torch.Tensor, ln_gain: torch.Tensor) -> torch.Tensor:
+    """Display values [N, 3 and more, H, W] of ln_gain [N, 3, 1, 1] more light; of premultiplied ones about."""
+    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
+    ratio = (picture[:, :3] / (1 + sigma)).clip(max=0.999)
+    ln = torch.log(ratio * sigma / (1 - ratio) + 1e-9) / n
+    shown = (1 + sigma) * torch.sigmoid(n * (ln + ln_gain) - float(np.log(sigma)))
+    return torch.cat([shown.clip(max=1.0), picture[:, 3:]], dim=1)
 
 
 def _profiles(truth: np.ndarray, at_once: int = 32) -> np.ndarray:

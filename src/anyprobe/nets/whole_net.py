@@ -22,6 +22,8 @@ from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 
 SAID = 7
 """Numbers that LightNet says of the object and of its own errors."""
+DROPPED = 0.25
+"""Share of the codes' numbers that a step of training goes without."""
 LN_FLOOR = 0.01
 """Added to radiance before its logarithm."""
 
@@ -86,6 +88,7 @@ class WholeNet(nn.Module):
         up: torch.Tensor,
     ) -> WholePrediction:
         around, posture = self.context(context, tan_half)
+        around = F.dropout(around, DROPPED, self.training)
         said = torch.cat([said[:, :6], said[:, 6:] / 10.0], dim=1)
         expected, drawn = torch.exp(lift[:, :3]), torch.exp(lift[:, 3:6])
         shown0, above0 = expected.clamp(max=1.0), (expected - 1.0).clamp(min=0.0)
@@ -97,7 +100,8 @@ class WholeNet(nn.Module):
         grid = self.start(torch.cat([around, said], dim=1)).unflatten(1, (32, self.deepest, 2 * self.deepest))
         middle = (MARGIN >> len(self.down)) or 1
         x = self.middle(torch.cat([x, wrap(grid.to(x.dtype), middle)], dim=1))
-        code = torch.cat([self.code(x[..., middle:-middle]).float(), around, said], dim=1)
+        seen = F.dropout(self.code(x[..., middle:-middle]).float(), DROPPED, self.training)
+        code = torch.cat([seen, around, said], dim=1)
         for block in self.up:
             x = block(x, features.pop())
         out = F.pixel_shuffle(_close(self.head(x), MARGIN), 2).float()
