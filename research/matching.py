@@ -3,8 +3,9 @@
     python -m research.matching DATA              # 100 photos by the 30 test maps, among them and 109 of training
     python -m research.matching DATA --left-out   # by the maps that no shipped weights learn from: to choose by
 
-Each photo is judged twice: with the camera's pitch unknown, and given. Also a vase relit by the estimate, by the map
-ranked first, and by the photo's own map as it was placed.
+Each photo is judged three times: the object alone, with the camera's pitch given, and with the background that a photo
+WIDE times as wide as the object's crop shows. Also a vase relit by the estimate, by the map ranked first, and by the
+photo's own map as it was placed.
 """
 
 from __future__ import annotations
@@ -18,17 +19,21 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from anyprobe.core.latlong import pixel_directions
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import balanced_recipes
-from anyprobe.detail.likeness import Places, Shown, best_places, gain_of, light_of, shown_by
+from anyprobe.detail.background import Background, background_of
+from anyprobe.detail.likeness import LIGHT_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.estimate.runtime import Models
+from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out
 
 PHOTOS, SEED, MAPS = 100, 46, 139
+WIDE = 3
 NEAR_DEG = 15.0
 
 
@@ -88,15 +93,17 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
     for recipe in balanced_recipes(store, photos, SEED, conditions):
         pair = render_pair(recipe, store)
         found = models(pair.crop, pair.tan_half)
-        shown = shown_by(pair.crop, found.normals, pair.tan_half, np.eye(3))
-        if shown is None:
+        shown, shown_whole = (
+            shown_by(pair.crop, found.normals, pair.tan_half, np.eye(3), behind) for behind in (None, background(pair))
+        )
+        if shown is None or shown_whole is None:
             yield {"shown": False}
             continue
         index = library.names.index(pair.map_name)
         row: dict[str, Any] = {"shown": True, "specular": pair.specular}
         pitch = float(np.degrees(np.arcsin(np.clip(pair.map_from_camera[1, 2], -1, 1))))
-        for name, given in (("alone", None), ("pitch given", pitch)):
-            places = best_places(shown, library.lights, given)
+        for name, given, seen in zip(CASES, (None, pitch, None), (shown, shown, shown_whole), strict=True):
+            places = best_places(seen, library.lights, given)
             angle, yaw = turned_by(places, index, pair)
             first = placed(shown, found.radiance, library, places, int(places.misfit.argmin()))
             own = placed(shown, found.radiance, library, places, index)
@@ -106,6 +113,16 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
         yield row
 
 
+def background(pair: Pair) -> Background | None:
+    """The map around the object, WIDE times as wide as the crop, as the curve displays it."""
+    x, y, front = on_plane(pixel_directions(MAP_HEIGHT))
+    inside = front & (np.abs(x) < WIDE * pair.tan_half) & (np.abs(y) < WIDE * pair.tan_half)
+    cover = inside * (1.0 - hidden(pixel_directions(MAP_HEIGHT), pair.crop, pair.tan_half))
+    seen = radiance_of(surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None]))
+    return background_of(*seen, np.eye(3), LIGHT_ROWS)
+
+
+CASES = ("alone", "pitch given", "background shown")
 VASES = ("estimate", "first map", "true map")
 
 
@@ -138,8 +155,8 @@ def main(
     rows = []
     for row in judged(store, library, photos, conditions):
         rows.append(row)
-        print(len(rows), row.get("alone", {}).get("rank"), row.get("pitch given", {}).get("rank"), flush=True)
-    result = {name: summary(rows, name) for name in ("alone", "pitch given")}
+        print(len(rows), *(row.get(name, {}).get("rank") for name in CASES), flush=True)
+    result = {name: summary(rows, name) for name in CASES}
     print(json.dumps({"photos": len(rows), "maps": len(library.names), **result}, indent=1))
 
 

@@ -16,10 +16,10 @@ export default async ({ page, url, arguments: given }) => {
     const white = new THREE.MeshLambertMaterial({ color: 0xffffff });
     const metal = (roughness) => new THREE.MeshStandardMaterial({ color: 0xffffff, roughness, metalness: 1 });
     const all = (scene, read) => directions.map((d) => read(scene, d));
-    const background = await lit({ sun: false }, null);
-    const reflected = await lit({ sun: false, background: false }, metal(0));
-    const matt = await lit({ sun: false, background: false }, metal(1));
-    const byProbe = await lit({ sun: false, background: false, probe: true }, white);
+    const background = await lit({ suns: false }, null);
+    const reflected = await lit({ suns: false, background: false }, metal(0));
+    const matt = await lit({ suns: false, background: false }, metal(1));
+    const byProbe = await lit({ suns: false, background: false, probe: true }, white);
     const split = await lit({ background: false, probe: true }, white);
     const { made } = split;
     return {
@@ -28,7 +28,12 @@ export default async ({ page, url, arguments: given }) => {
       rough: all(matt.scene, probe.facing),
       probe: all(byProbe.scene, probe.facing),
       split: all(split.scene, probe.facing),
-      sun: made.sun && { position: made.sun.position.toArray(), intensity: made.sun.intensity, color: made.sun.color.toArray() },
+      suns: made.suns.map((sun) => ({
+        position: sun.position.toArray(),
+        intensity: sun.intensity,
+        color: sun.color.toArray(),
+        angleDeg: sun.userData.angleDeg,
+      })),
     };
   }, given);
 };

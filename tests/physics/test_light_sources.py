@@ -5,10 +5,10 @@ import pytest
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y
-from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
-from anyprobe.light.light_sources import find_light_sources
+from anyprobe.light.light_sources import find_light_sources, split_light_sources
 
 
 def disc(direction, radius_deg, height=128):
@@ -58,3 +58,25 @@ def test_only_source_is_not_the_dominant_light():
     light = find_dominant_light(radiance)
     np.testing.assert_allclose(source.direction, light.direction, atol=0.02)
     np.testing.assert_allclose(source.irradiance, light.irradiance, rtol=0.1)
+
+
+def test_split_loses_light_or_counts_it_twice():
+    """Two discs so close that their surroundings overlap: E of the map = E of the rest + each source's."""
+    one, other = np.array([0.8, 0.5, -0.3]), np.array([0.5, 0.75, -0.45])
+    radiance = (0.2 + 30 * disc(one, 3.0) + 12 * disc(other, 4.0)) * np.float32([1.0, 0.9, 0.7])
+    sources, rest = split_light_sources(radiance)
+    assert len(sources) == 2
+    assert rest.min() >= 0
+    assert rest.max() < 0.25
+    d, angles = pixel_directions(128).astype(np.float64), pixel_solid_angles(128)[..., None]
+    for n in (one / np.linalg.norm(one), np.array([0.0, 1.0, 0.0])):
+        e = [(field * np.maximum(d @ n, 0)[..., None] * angles).sum(axis=(0, 1)) for field in (radiance, rest)]
+        by_sources = sum(source.irradiance * (source.direction @ n) for source in sources)
+        np.testing.assert_allclose(e[0], e[1] + by_sources, rtol=0.01)
+
+
+def test_split_of_an_even_sky_changes_it():
+    even = np.ones((32, 64, 3), np.float32)
+    sources, rest = split_light_sources(even)
+    assert sources == ()
+    np.testing.assert_array_equal(rest, even)

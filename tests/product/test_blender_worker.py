@@ -37,9 +37,10 @@ def test_estimate_is_another_than_pythons(tmp_path):
     assert is_rotation(turn)
     forward = turn @ [0, 0, -1]
     np.testing.assert_allclose(np.degrees([np.arctan2(-forward[0], forward[1]), np.arcsin(-forward[2])]), [30, 15])
-    (source,) = found["sources"]
-    assert turn @ light.dominant_light().direction @ source["towards"] > 0.9999
-    np.testing.assert_allclose(source["irradiance"], light.dominant_light().irradiance, rtol=0.05)
+    for source, wanted in zip(found["sources"], light.sources(), strict=True):
+        assert turn @ wanted.direction @ source["towards"] > 0.9999
+        np.testing.assert_allclose(source["irradiance"], wanted.irradiance, rtol=0.05)
+        assert abs(source["angle_deg"] - 2 * wanted.radius_deg) < 2.1
     full, rest = (read_radiance(tmp_path / found[name]) for name in ("full", "rest"))
     assert full.max() > rest.max()
     assert found["foot"][2] == pytest.approx(-1)  # the camera's height over the ground is 1

@@ -16,9 +16,9 @@ from anyprobe.export.cube_textures import box_mips, cube_faces, encode_bc6h, fac
 from anyprobe.export.exported_light import prepare
 from anyprobe.export.scene_files import pack_rgbd, prefiltered
 from anyprobe.export.targets import export
-from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.environment import shrink
 from anyprobe.light.harmonics import sh_basis
+from anyprobe.light.light_sources import split_light_sources
 
 TABLE = {  # face: (2s - 1) and (2t - 1) as signed axes, and the axis they are over
     0: ("-z", "-y", "x"),
@@ -254,14 +254,15 @@ def unpack_rgbd(rgba: np.ndarray) -> np.ndarray:
 def lit_map() -> np.ndarray:
     radiance = 0.5 * two_phase(64)
     radiance[10:13, 90:94] += 40
+    radiance[40:43, 20:24] += (20, 16, 12)
     return radiance
 
 
-def test_gltf_holds_faces_coefficients_and_the_dominant_light(tmp_path):
+def test_gltf_lacks_faces_coefficients_or_a_source(tmp_path):
     radiance = lit_map()
     document, blob = parse_glb(file_of("gltf", tmp_path, radiance, ".glb"))
     (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
-    main, ambient = split_dominant_light(radiance)
+    sources, ambient = split_light_sources(radiance)
     assert light["specularImageSize"] == 64
     assert [len(level) for level in light["specularImages"]] == [6, 6, 6]
     pictures = []
@@ -276,13 +277,27 @@ def test_gltf_holds_faces_coefficients_and_the_dominant_light(tmp_path):
     rough = unpack_rgbd(np.array([pictures[i] for i in light["specularImages"][2]]))[:, ::-1]
     hemisphere = look_up(rough, ASKED)
     assert_same_side(hemisphere, ambient)
-    n = main.direction[None].astype(np.float64)
+    n = sources[0].direction[None].astype(np.float64)
     e = sh_basis(n * (1, -1, 1)) @ np.array(light["irradianceCoefficients"])
-    np.testing.assert_allclose(e, sh_basis(n) @ (prepare(radiance, "x").sh_ambient * _cosine()), rtol=1e-5)
-    (sun,) = document["extensions"]["KHR_lights_punctual"]["lights"]
-    np.testing.assert_allclose(np.multiply(sun["color"], sun["intensity"]), main.irradiance, rtol=1e-5)
-    matrix = np.reshape(document["nodes"][0]["matrix"], (4, 4)).T  # columns first in the file
-    np.testing.assert_allclose(matrix @ (0, 0, -1, 0), (*-main.direction, 0), atol=1e-5)
+    np.testing.assert_allclose(
+        e, sh_basis(n) @ (prepare(radiance, "x", sources=True).sh_ambient * _cosine()), rtol=1e-5
+    )
+    suns = document["extensions"]["KHR_lights_punctual"]["lights"]
+    assert len(suns) == len(sources) == 2
+    assert document["scenes"][0]["nodes"] == [0, 1]
+    for node, source in zip(document["nodes"], sources, strict=True):
+        sun = suns[node["extensions"]["KHR_lights_punctual"]["light"]]
+        np.testing.assert_allclose(np.multiply(sun["color"], sun["intensity"]), source.irradiance, rtol=1e-5)
+        assert sun["extras"]["angle_deg"] == 2 * source.radius_deg
+        matrix = np.reshape(node["matrix"], (4, 4)).T  # columns first in the file
+        np.testing.assert_allclose(matrix @ (0, 0, -1, 0), (*-source.direction, 0), atol=1e-5)
+
+
+def test_gltf_of_an_even_sky_is_not_valid(tmp_path):
+    """An empty list of lights or nodes is none by glTF's schema."""
+    document, _ = parse_glb(file_of("gltf", tmp_path, np.ones((32, 64, 3), np.float32), ".glb"))
+    assert "nodes" not in document
+    assert list(document["extensions"]) == document["extensionsUsed"] == ["EXT_lights_image_based"]
 
 
 def test_gltf_of_a_large_map_is_no_larger_than_it_must_be(tmp_path, monkeypatch):

@@ -133,6 +133,13 @@ def test_a_function_that_gives_no_mask(answer):
 # Prompts and where they go
 
 
+@pytest.mark.parametrize("given", [lambda soft: soft, lambda soft: lambda rgb: soft])
+def test_floats_are_the_mask_as_they_are_as_in_javascript(given):
+    soft = np.linspace(0, 1, 64 * 64, dtype=np.float32).reshape(64, 64)
+    found = find_mask(read_image(np.zeros((64, 64, 3), np.uint8)), mask=given(soft)).mask
+    np.testing.assert_allclose(found, soft, atol=1e-6)
+
+
 def test_prompt_channel():
     hint = draw_prompts(SIZE, on=[(40.5, 30.5)], off=[(100.5, 90.5)], box=(20, 10, 60, 50))
     assert hint[30, 40] == 1.0

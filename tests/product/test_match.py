@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,18 +12,21 @@ from support.places import place
 from support.scenes import sphere_photo
 from typer.testing import CliRunner
 
+import anyprobe
 from anyprobe.cli.app import app
 from anyprobe.core.frames import world_from_camera
-from anyprobe.core.latlong import bilinear, direction_to_uv
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.detail import library as libraries
+from anyprobe.detail.background import background_of
 from anyprobe.detail.library import open_library
-from anyprobe.detail.likeness import Shown, best_places, gain_of, light_of, schlick_coat
+from anyprobe.detail.likeness import LIGHT_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
 from anyprobe.light.environment import reduced, rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 
+ROOT = Path(__file__).parents[2]
 YAW, PITCH = 2.0, np.radians(20)
 
 
@@ -69,6 +74,25 @@ def test_the_map_that_lit_an_object_is_found_and_turned_as_the_camera_was(yaw, p
     assert np.degrees(np.arccos((np.trace(apart) - 1) / 2)) < 12
     given = best_places(shown_under(place(2), turn), lights, float(pitch_deg))
     assert given.misfit.argmin() == 2
+
+
+def test_background_does_not_say_where_the_camera_looked():
+    turn = world_from_camera(YAW, PITCH)
+    seen = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
+    cover = (pixel_directions(64)[..., 2:] < -0.8).astype(np.float32)
+    behind = background_of(seen, np.zeros_like(seen, bool), cover, np.eye(3), LIGHT_ROWS)
+    lights = np.stack([light_of(place(seed))[0] for seed in range(6)])
+    assert behind.at_turns(lights, np.arange(6), np.repeat(turn[None], 6, axis=0)).argmin() == 2
+    found = best_places(replace(shown_under(place(2), turn), behind=behind), lights)
+    assert found.misfit.argmin() == 2
+    assert np.degrees(np.arccos((np.trace(found.map_from_camera[2] @ turn.T) - 1) / 2)) < 4
+
+
+def test_background_of_a_photo_is_not_where_the_photo_shows_it():
+    whole = anyprobe.estimate(ROOT / "examples" / "table.png", surroundings="photo").shown.behind
+    assert whole.share.sum() == pytest.approx(1)
+    assert whole.d[:, 2].max() < 0  # in front
+    assert anyprobe.estimate(ROOT / "examples" / "vase.png").shown.behind is None  # a cut-out
 
 
 def test_the_gain_lights_the_object_as_brightly_as_the_estimate():

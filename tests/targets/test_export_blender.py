@@ -19,7 +19,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.export.targets import export
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import split_light_sources
 from anyprobe.render.spheres import sphere_images, sphere_normals
 
 pytestmark = pytest.mark.slow
@@ -43,6 +43,7 @@ def python():
 def light_of(height=64):
     radiance = 0.4 * two_phase(height)
     radiance[12:15, 100:104] += (40, 30, 20)
+    radiance[40:43, 20:24] += (15, 20, 25)
     return radiance
 
 
@@ -70,15 +71,18 @@ def test_world_is_turned_or_the_sun_counts_twice(target, python, tmp_path):
     suffix = {"blender": ".py", "usd": ".usda"}[target]
     path = next(p for p in export(radiance, target, tmp_path, "two phase") if p.suffix == suffix)
     if target == "blender":
-        path.write_text(path.read_text().replace("SUN = False", "SUN = True"))
+        path.write_text(path.read_text().replace("SUNS = False", "SUNS = True"))
     found = recover(python, path, tmp_path)
-    off = (D @ find_dominant_light(radiance).direction) < 0.95
+    sources, _ = split_light_sources(radiance)
+    assert len(sources) == len(found["suns"]) == 2
+    off = np.max([D @ source.direction for source in sources], axis=0) < 0.95
     assert_same_way_round(np.array(found["seen"])[off] / 0.4, D[off], degrees=1.5)
-    main = find_dominant_light(radiance)
-    (sun,) = found["suns"]
-    np.testing.assert_allclose(sun["towards"], BLENDER @ main.direction, atol=1e-3)
+    for sun, source in zip(found["suns"], sources, strict=True):
+        np.testing.assert_allclose(sun["towards"], BLENDER @ source.direction, atol=1e-3)
+        if target == "blender":
+            np.testing.assert_allclose(np.multiply(sun["color"], sun["energy"]), source.irradiance, rtol=1e-3)
+            np.testing.assert_allclose(np.degrees(sun["angle"]), 2 * source.radius_deg, rtol=1e-4)
     if target == "blender":
-        np.testing.assert_allclose(np.multiply(sun["color"], sun["energy"]), main.irradiance, rtol=1e-3)
         np.testing.assert_allclose(found["lit"], irradiance(radiance) / np.pi, rtol=0.06, atol=0.01)
 
 

@@ -8,8 +8,8 @@ from support.browser import run_steps
 from support.two_phase import assert_same_way_round, probe_directions, two_phase
 
 from anyprobe.export.targets import export
-from anyprobe.light.dominant_light import split_dominant_light
 from anyprobe.light.harmonics import irradiance, project
+from anyprobe.light.light_sources import split_light_sources
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +19,7 @@ D = probe_directions(24)
 def lit(url: str, radiance: np.ndarray, folder) -> dict[str, np.ndarray]:
     export(radiance, "three", folder, "two phase")
     seen = run_steps("three_light.mjs", url, {"module": "/export/two%20phase_three.js", "directions": D.tolist()})
-    return {key: value if key == "sun" else np.array(value) for key, value in seen.items()}
+    return {key: value if key == "suns" else np.array(value) for key, value in seen.items()}
 
 
 def test_background_environment_and_probe_disagree(site, tmp_path):
@@ -31,16 +31,20 @@ def test_background_environment_and_probe_disagree(site, tmp_path):
     np.testing.assert_allclose(seen["probe"], irradiance(sh, D.astype(np.float32)) / np.pi, atol=2e-3)
 
 
-def test_sun_and_ambient_probe_are_not_the_whole_light(site, tmp_path):
-    """A white sphere's middle, facing every direction: E of the rest by SH, and of the sun by its cosine."""
+def test_suns_and_ambient_probe_are_not_the_whole_light(site, tmp_path):
+    """A white sphere's middle, facing every direction: E of the rest by SH, and of the suns by their cosines."""
     radiance = 0.2 * two_phase(64)
     radiance[14:17, 90:94] += (60, 50, 40)
+    radiance[40:43, 20:24] += (15, 20, 25)
     seen = lit(site, radiance, tmp_path)
-    main, ambient = split_dominant_light(radiance)
-    np.testing.assert_allclose(seen["sun"]["position"], main.direction, atol=1e-5)
-    np.testing.assert_allclose(np.multiply(seen["sun"]["color"], seen["sun"]["intensity"]), main.irradiance, rtol=1e-4)
-    cosine = np.maximum(D @ main.direction, 0)[:, None]
-    wanted = (irradiance(project(ambient), D.astype(np.float32)) + cosine * main.irradiance) / np.pi
+    sources, ambient = split_light_sources(radiance)
+    assert len(sources) == len(seen["suns"]) == 2
+    wanted = irradiance(project(ambient), D.astype(np.float32)) / np.pi
+    for sun, source in zip(seen["suns"], sources, strict=True):
+        np.testing.assert_allclose(sun["position"], source.direction, atol=1e-5)
+        np.testing.assert_allclose(np.multiply(sun["color"], sun["intensity"]), source.irradiance, rtol=1e-4)
+        assert sun["angleDeg"] == 2 * source.radius_deg
+        wanted = wanted + np.maximum(D @ source.direction, 0)[:, None] * source.irradiance / np.pi
     np.testing.assert_allclose(seen["split"], wanted, rtol=0.01, atol=2e-3)
 
 

@@ -9,7 +9,7 @@ from support.two_phase import assert_same_way_round, probe_directions, two_phase
 from anyprobe.core.latlong import bilinear
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance
-from anyprobe.light.dominant_light import find_dominant_light
+from anyprobe.light.light_sources import split_light_sources
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("pxr", reason="usd-core is needed (pip install usd-core)")
@@ -19,6 +19,7 @@ pytest.importorskip("pxr", reason="usd-core is needed (pip install usd-core)")
 def radiance():
     radiance = 0.3 * two_phase(64)
     radiance[12:15, 100:104] += (40, 30, 20)
+    radiance[40:43, 20:24] += (15, 20, 25)
     return radiance
 
 
@@ -45,7 +46,7 @@ def dome_map(stage):
 
 
 def test_dome_is_turned_or_mirrored(stage, tmp_path):
-    stage.GetPrimAtPath("/Light").GetVariantSets().GetVariantSet("mainLight").SetVariantSelection("inTheDome")
+    stage.GetPrimAtPath("/Light").GetVariantSets().GetVariantSet("sources").SetVariantSelection("inTheDome")
     asset = dome_map(stage)
     picture = read_radiance(tmp_path / asset.path.removeprefix("./"))
     d = probe_directions(100)
@@ -57,27 +58,30 @@ def test_dome_is_turned_or_mirrored(stage, tmp_path):
     assert_same_way_round(seen[even] / 0.3, d[even], degrees=1)
 
 
-def test_dominant_light_is_a_distant_light(stage, radiance):
+def test_sources_are_not_distant_lights(stage, radiance):
     from pxr import UsdGeom, UsdLux
 
-    main = find_dominant_light(radiance)
-    light = UsdLux.DistantLight(stage.GetPrimAtPath("/Light/Main"))
-    matrix = np.array(UsdGeom.Xformable(light).ComputeLocalToWorldTransform(0))
-    shines = np.array([0, 0, -1, 0]) @ matrix  # along its own -Z
-    np.testing.assert_allclose(shines[:3], -main.direction, atol=1e-5)
-    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6)
-    assert np.linalg.det(matrix[:3, :3]) > 0
-    assert light.GetNormalizeAttr().Get()
-    irradiance = np.array(light.GetColorAttr().Get()) * light.GetIntensityAttr().Get()
-    np.testing.assert_allclose(irradiance, main.irradiance, rtol=1e-4)
+    sources, _ = split_light_sources(radiance)
+    assert len(sources) == 2
+    for number, source in enumerate(sources, 1):
+        light = UsdLux.DistantLight(stage.GetPrimAtPath(f"/Light/Source{number}"))
+        matrix = np.array(UsdGeom.Xformable(light).ComputeLocalToWorldTransform(0))
+        shines = np.array([0, 0, -1, 0]) @ matrix  # along its own -Z
+        np.testing.assert_allclose(shines[:3], -source.direction, atol=1e-5)
+        np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6)
+        assert np.linalg.det(matrix[:3, :3]) > 0
+        assert light.GetNormalizeAttr().Get()
+        assert light.GetAngleAttr().Get() == 2 * source.radius_deg
+        irradiance = np.array(light.GetColorAttr().Get()) * light.GetIntensityAttr().Get()
+        np.testing.assert_allclose(irradiance, source.irradiance, rtol=1e-4)
     assert "_ambient" in dome_map(stage).path
 
 
-def test_variant_puts_the_dominant_light_back_into_the_dome(stage):
-    chosen = stage.GetPrimAtPath("/Light").GetVariantSets().GetVariantSet("mainLight")
+def test_variant_leaves_the_sources_out_of_the_dome(stage):
+    chosen = stage.GetPrimAtPath("/Light").GetVariantSets().GetVariantSet("sources")
     assert chosen.GetVariantSelection() == "separate"
     chosen.SetVariantSelection("inTheDome")
-    assert not stage.GetPrimAtPath("/Light/Main")
+    assert not stage.GetPrimAtPath("/Light/Source1")
     assert "_ambient" not in dome_map(stage).path
 
 

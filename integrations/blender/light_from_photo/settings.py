@@ -118,8 +118,8 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     lights: EnumProperty(
         name="Sources",
         items=(
-            ("SUN", "Suns", "The strongest light becomes a Sun of its size, and leaves the World"),
-            ("AREA", "Area lights", "The strongest light becomes a lamp at a distance, and leaves the World"),
+            ("SUN", "Suns", "Each source becomes a Sun of its size, and leaves the World"),
+            ("AREA", "Area lights", "Each source becomes a lamp at a distance, and leaves the World"),
             ("WORLD", "World only", "All light stays in the World"),
         ),
         default="SUN",

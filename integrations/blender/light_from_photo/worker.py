@@ -148,12 +148,11 @@ def turned(heading_deg: float, pitch_deg: float):
 
 def sources_of(side: dict) -> list[dict]:
     """Light sources that "rest" lacks: direction towards each in Blender's axes, irradiance of a plane that faces it,
-    its diameter. The library separates one today."""
-    irradiance = [side["primaryLightIntensity"][axis] for axis in "xyz"]
-    main = side["dominant_light"]
-    if not max(irradiance) > 0:
-        return []
-    return [{"towards": main["direction_in_target"], "irradiance": irradiance, "angle_deg": main["angle_deg"]}]
+    its diameter."""
+    return [
+        {"towards": one["direction_in_target"], "irradiance": one["irradiance"], "angle_deg": one["angle_deg"]}
+        for one in side["lights"]
+    ]
 
 
 def picture(source: dict | None):

@@ -6,6 +6,8 @@ coat, a and b >= 0 are fitted; what remains is compared in the logarithm, where 
 free. Errors of the normals change brightness far more than hue, so that both are judged by themselves:
 
     misfit = ln(mean square of brightness + FLOOR) + HUE_WEIGHT ln(mean square of hue + FLOOR / 10)
+
+Where the photo shows its background, that of detail.background is added.
 """
 
 from __future__ import annotations
@@ -15,9 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.core.frames import dot, normalize, reflect, rotation_x, rotation_y
+from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import inverse_response
+from anyprobe.detail.background import CLIPPED_SHARE, DARK, Background, mean_squares
+from anyprobe.detail.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.render.surface import pixel_rays
@@ -31,19 +35,16 @@ SHARPNESS = (2.0, 6.0, 20.0, 70.0)
 """Of the blurs (light.filtering) that stand for coats of GGX alpha 0.5, 0.3, 0.17 and 0.1 or less."""
 PITCHES_DEG = tuple(range(-5, 81, 12))
 """How far the camera may look down."""
-YAWS = 32
 STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals: these are too flat or too steep as a whole."""
 KEPT = 8
 """Places of each map that are refined."""
-CLIPPED, CLIPPED_SHARE = 0.96, 0.3
-"""Display value from which on a pixel says only how bright it is at least, and how much it counts."""
+CLIPPED = 0.96
+"""Display value from which on a pixel says only how bright it is at least."""
 LEAST_FACING = 0.15
 """n.wo of a pixel that counts; estimated normals at the rim are poor."""
 F0 = 0.04
 """Of the coat of what is no metal."""
-DARK = 0.05
-"""Of the mean: added before logarithms, for noise."""
 FLOOR, HUE_WEIGHT = 0.003, 2.0
 BATCH = 64
 """Maps that are searched at once."""
@@ -55,12 +56,13 @@ colour is off by as much."""
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shown:
     """P pixels of an object: linear radiance [P, 3], which of them are clipped [P], and unit n and wo [P, 3] in the
-    camera's frame."""
+    camera's frame; behind: what the photo shows beside it."""
 
     radiance: np.ndarray
     clipped: np.ndarray
     n: np.ndarray
     wo: np.ndarray
+    behind: Background | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,7 +73,13 @@ class Places:
     misfit: np.ndarray
 
 
-def shown_by(image: np.ndarray, normals: np.ndarray, tan_half: float, camera_from_crop: np.ndarray) -> Shown | None:
+def shown_by(
+    image: np.ndarray,
+    normals: np.ndarray,
+    tan_half: float,
+    camera_from_crop: np.ndarray,
+    behind: Background | None = None,
+) -> Shown | None:
     """Pixels spread over the object of a crop; None where too few have a normal.
 
     Args:
@@ -95,6 +103,7 @@ def shown_by(image: np.ndarray, normals: np.ndarray, tan_half: float, camera_fro
         clipped=display.max(axis=-1) > CLIPPED,
         n=n[rows, columns] @ turn,
         wo=wo[rows, columns] @ turn,
+        behind=behind,
     )
 
 
@@ -137,15 +146,21 @@ def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_came
 
 
 def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
+    def behind(index: np.ndarray, yaw: np.ndarray, pitch: np.ndarray) -> np.ndarray | float:
+        return 0.0 if shown.behind is None else shown.behind.at_turns(lights, index, _turns(yaw, pitch))
+
     matt = (irradiance_map(lights) / np.pi).astype(np.float32)
     coats = [blur_cosine_power(lights, sharpness).astype(np.float32) for sharpness in SHARPNESS]
     misfit = np.stack([_search(shown, matt, coats, pitch) for pitch in pitches])  # [pitches, coats, N, yaws]
+    if shown.behind is not None:
+        misfit += np.stack([shown.behind.at_yaws(lights, pitch) for pitch in pitches])[:, None]
     flat = misfit.transpose(2, 0, 3, 1).reshape(len(lights), -1)
     best = np.argpartition(flat, KEPT, axis=1)[:, :KEPT]
     at_pitch, at_yaw, coat = np.unravel_index(best.ravel(), (len(pitches), YAWS, 2 * len(SHARPNESS)))
     pitch, yaw = pitches[at_pitch], at_yaw * (2 * np.pi / YAWS)
     index = np.repeat(np.arange(len(lights)), KEPT)
     cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat)
+    cost = cost + behind(index, yaw, pitch)
     reach = np.diff(pitches).min() / 2
     for share in (1.0, 0.5):
         chosen = cost.reshape(len(lights), -1).argmin(axis=1) + np.arange(len(lights)) * (len(cost) // len(lights))
@@ -155,28 +170,28 @@ def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:
         yaw = (yaw[:, None] + np.pi / YAWS * steps[:, 1]).ravel()
         index, coat, steep = (np.repeat(one, len(steps)) for one in (index, coat, steep))
         cost, steep = _compared(shown, matt, coats, index, pitch, yaw, coat, steep)
+        cost = cost + behind(index, yaw, pitch)
     table = cost.reshape(len(lights), -1)
     chosen = table.argmin(axis=1) + np.arange(len(lights)) * table.shape[1]
-    turns = np.stack([_turn(*both) for both in zip(yaw[chosen], pitch[chosen], strict=True)])
-    return Places(map_from_camera=turns, misfit=table.min(axis=1))
+    return Places(map_from_camera=_turns(yaw[chosen], pitch[chosen]), misfit=table.min(axis=1))
 
 
-def _turn(yaw: float, pitch_deg: float) -> np.ndarray:
-    """map_from_camera [3, 3]."""
-    return rotation_y(yaw) @ rotation_x(-np.radians(pitch_deg))
+def _turns(yaw: np.ndarray, pitch_deg: np.ndarray) -> np.ndarray:
+    """map_from_camera of M places, [M, 3, 3]."""
+    return np.stack([map_from_camera_at(*both) for both in zip(yaw, pitch_deg, strict=True)])
 
 
 def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: float) -> np.ndarray:
     """Misfit of every coat, map and yaw, [coats, N, yaws]."""
     few = slice(None, PIXELS)
-    n, wo = (one[few] @ _turn(0.0, pitch_deg).T for one in (shown.n, shown.wo))
+    n, wo = (one[few] @ map_from_camera_at(0.0, pitch_deg).T for one in (shown.n, shown.wo))
     coat = schlick_coat(n, wo).astype(np.float32)
-    at_n, at_r = (_nearest(one) for one in (n, reflect(wo, n)))
+    at_n, at_r = (nearest_pixels(one, LIGHT_ROWS) for one in (n, reflect(wo, n)))
     measured = _Measured(shown, few)
-    e = _seen(matt, at_n)
+    e = seen_at_yaws(matt, at_n)
     cost = []
     for blurred in coats:
-        s = _seen(blurred, at_r)
+        s = seen_at_yaws(blurred, at_r)
         cost += [measured.misfit(e, s * coat), measured.misfit(None, s)]
     return np.stack(cost).reshape(len(cost), len(matt), YAWS)
 
@@ -184,20 +199,6 @@ def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: 
 def schlick_coat(n: np.ndarray, wo: np.ndarray) -> np.ndarray:
     """Fresnel term [P, 1] of a dielectric coat at each pixel."""
     return F0 + (1.0 - F0) * schlick_weight(np.maximum(dot(n, wo), 0.0))
-
-
-def _nearest(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column of a map for each direction."""
-    uv = direction_to_uv(d)
-    row = np.clip((uv[..., 1] * LIGHT_ROWS).astype(int), 0, LIGHT_ROWS - 1)
-    return row, (uv[..., 0] * 2 * LIGHT_ROWS).astype(int) % (2 * LIGHT_ROWS)
-
-
-def _seen(maps: np.ndarray, at: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Maps [N, H, 2H, 3] at P places for each yaw: [N * yaws, P, 3]; a yaw moves them to the left."""
-    step = 2 * LIGHT_ROWS // YAWS
-    columns = (at[1] - step * np.arange(YAWS)[:, None]) % (2 * LIGHT_ROWS)
-    return maps[:, at[0], columns].reshape(-1, len(at[0]), 3)
 
 
 def _compared(
@@ -211,18 +212,18 @@ def _compared(
     steep: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Least misfit of each of M places [M], read between pixels, and the steepness of it; given, only that."""
-    turns = np.stack([_turn(*both) for both in zip(yaw, pitch_deg, strict=True)]).astype(np.float32)
+    turns = _turns(yaw, pitch_deg).astype(np.float32)
     measured, best, found = _Measured(shown, slice(None)), np.full(len(index), np.inf), np.ones(len(index))
     for factor in STEEPNESS:
         for number in range(2 * len(coats)):
             which = np.nonzero((coat == number) & (True if steep is None else steep == factor))[0]
             for part in np.array_split(which, max(1, len(which) // 256)) if len(which) else ():
                 n = _slanted(shown, factor)
-                s = _between(coats[number // 2], index[part], reflect(shown.wo, n) @ turns[part].transpose(0, 2, 1))
+                s = seen_along(coats[number // 2], index[part], reflect(shown.wo, n) @ turns[part].transpose(0, 2, 1))
                 if number % 2:
                     cost = measured.misfit(None, s)
                 else:
-                    e = _between(matt, index[part], n @ turns[part].transpose(0, 2, 1))
+                    e = seen_along(matt, index[part], n @ turns[part].transpose(0, 2, 1))
                     cost = measured.misfit(e, s * schlick_coat(n, shown.wo))
                 better = cost < best[part]
                 best[part[better]], found[part[better]] = cost[better], factor
@@ -233,20 +234,6 @@ def _slanted(shown: Shown, factor: float) -> np.ndarray:
     """Normals with their part across the line of sight scaled."""
     along = dot(shown.n, shown.wo) * shown.wo
     return normalize(along + factor * (shown.n - along))
-
-
-def _between(maps: np.ndarray, index: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Maps [N, H, 2H, 3] at M x P directions, bilinear: [M, P, 3]."""
-    rows, columns = maps.shape[1:3]
-    uv = direction_to_uv(d)
-    column, row = uv[..., 0] * columns - 0.5, np.clip(uv[..., 1] * rows - 0.5, 0.0, rows - 1.001)
-    left, top = np.floor(column), np.floor(row)
-    right, down = (column - left)[..., None], (row - top)[..., None]
-    left, top, which = left.astype(int) % columns, top.astype(int), index[:, None]
-    after = (left + 1) % columns
-    upper = maps[which, top, left] * (1 - right) + maps[which, top, after] * right
-    lower = maps[which, top + 1, left] * (1 - right) + maps[which, top + 1, after] * right
-    return upper * (1 - down) + lower * down
 
 
 class _Measured:
@@ -271,10 +258,7 @@ class _Measured:
         if self.clipped.any():
             rest[:, self.clipped] = np.minimum(rest[:, self.clipped], 0.0)
         rest -= np.einsum("mpc,p->mc", rest, self.share)[:, None]
-        bright = rest.mean(axis=-1)
-        whole = np.einsum("mpc,mpc,p->m", rest, rest, self.share)
-        brightness = np.einsum("mp,mp,p->m", bright, bright, self.share)
-        hue = np.maximum(whole - 3 * brightness, 0.0)
+        brightness, hue = mean_squares(rest, self.share)
         return np.log(brightness + FLOOR) + HUE_WEIGHT * np.log(hue + FLOOR / 10)
 
     def _fitted(self, e: np.ndarray | None, s: np.ndarray) -> np.ndarray:

@@ -15,7 +15,8 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
-from anyprobe.detail.likeness import shown_by
+from anyprobe.detail.background import background_of
+from anyprobe.detail.likeness import LIGHT_ROWS, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
@@ -25,7 +26,7 @@ from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
-from anyprobe.estimate.surroundings import use_surroundings
+from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
@@ -232,6 +233,9 @@ class Estimator:
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
+        behind = None
+        if crop.surroundings_map is not None:  # for match
+            behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, LIGHT_ROWS)
         estimated, sure = time.perf_counter(), photo.mask_confidence
         confidence = outputs.confidence
         if confidence is None:
@@ -255,7 +259,7 @@ class Estimator:
             camera_from_crop=crop.camera_from_crop,
             shown=None
             if outputs.normals is None
-            else shown_by(crop.image, outputs.normals, crop.tan_half, crop.camera_from_crop),
+            else shown_by(crop.image, outputs.normals, crop.tan_half, crop.camera_from_crop, behind),
             info={
                 "photo": photo.name,
                 "model": self.model_id,

@@ -178,10 +178,10 @@ def visible_surroundings(
     size = max(1, round(width * scale)), max(1, round(height * scale))
     small = _resize(rgb, size)
     d = pixel_directions(MAP_HEIGHT)
-    x, y, front = _on_plane(d @ camera_from_crop.T.astype(np.float32))
+    x, y, front = on_plane(d @ camera_from_crop.T.astype(np.float32))
     column, row = (0.5 * width + focal * x) / width, (0.5 * height - focal * y) / height
     inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
-    cover = inside * (1.0 - _hidden(d, image, tan_half))
+    cover = inside * (1.0 - hidden(d, image, tan_half))
     shown = _sample(small, column.clip(0, 1), row.clip(0, 1))
     if not cover.any() or np.std(shown[cover > 0], axis=0).max() <= PLAIN:
         return None
@@ -246,17 +246,17 @@ def _tint(guessed: np.ndarray, seen: np.ndarray, cover: np.ndarray) -> np.ndarra
     return np.exp(TINT * (mean - mean.mean())).astype(np.float32)
 
 
-def _on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def on_plane(d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """x and y on the plane z = -1 before the eye, and where directions [..., 3] meet it."""
     depth = np.maximum(-d[..., 2], 0.05)
     return d[..., 0] / depth, d[..., 1] / depth, d[..., 2] < -0.05
 
 
-def _hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
+def hidden(d: np.ndarray, image: np.ndarray, tan_half: float) -> np.ndarray:
     """How much of each direction the object hides, in [0, 1], its edge counted to it."""
     mask = Image.fromarray((image[..., 3] * 255).round().astype(np.uint8))
     grown = np.asarray(mask.filter(ImageFilter.MaxFilter(2 * GROW_PX + 1)), np.float32)[..., None] / 255.0
-    x, y, front = _on_plane(d)
+    x, y, front = on_plane(d)
     column, row = 0.5 + 0.5 * x / tan_half, 0.5 - 0.5 * y / tan_half
     inside = front & (column > 0) & (column < 1) & (row > 0) & (row < 1)
     return _sample(grown, column.clip(0, 1), row.clip(0, 1))[..., 0] * inside

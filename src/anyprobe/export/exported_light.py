@@ -1,7 +1,8 @@
 """What every export target is written from, the sidecar of each, and the origin of maps on disk.
 
-Two sets of everything: `full` is the whole light; `ambient` is the light without its dominant lobe, for renderers that
-are given a directional light as well. With both full and a directional light the dominant light would count twice.
+Two sets of everything: `full` is the whole light; `ambient` is the light without `lights`, for renderers that are given
+directional lights as well: the light's sources, or for those that take one alone its dominant light. With both full and
+directional lights these would count twice.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from anyprobe.files.radiance import HALF_MAX, HALF_MIN, map_attributes, read_rad
 from anyprobe.light.dominant_light import DominantLight, split_dominant_light
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.harmonics import project
+from anyprobe.light.light_sources import split_light_sources
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -38,11 +40,31 @@ ORIGIN_KEYS = ("photo", "model", "long_fov_deg", "fov_source", "confidence", "re
 """What an export keeps of the estimate's sidecar: not its SH and dominant light, which turn with the map."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DirectionalLight:
+    """Far away and round: direction [3] towards it, irradiance [3] of a plane that faces it, diameter of its disc."""
+
+    direction: np.ndarray
+    irradiance: np.ndarray
+    angle_deg: float
+
+    @property
+    def intensity(self) -> float:
+        """The largest channel of the irradiance."""
+        return float(self.irradiance.max())
+
+    @property
+    def color(self) -> np.ndarray:
+        """The irradiance over its largest channel [3]; ones where there is none."""
+        return self.irradiance / self.intensity if self.intensity > 0 else np.ones(3)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ExportedLight:
     """A light in the frame it is exported in: right-handed, +X right, +Y up, -Z in front.
 
-    radiance: [H, 2H, 3], ambient: the same without the dominant light.
+    radiance: [H, 2H, 3], ambient: the same without lights.
+    lights: perhaps none; main: the dominant light, whether that is one of them or not.
     sh_full, sh_ambient: [9, 3], of radiance.
     name: what the names of all files begin with.
     origin: what the estimate's own sidecar said, carried along.
@@ -51,6 +73,7 @@ class ExportedLight:
     radiance: np.ndarray
     ambient: np.ndarray
     main: DominantLight
+    lights: tuple[DirectionalLight, ...]
     sh_full: np.ndarray
     sh_ambient: np.ndarray
     name: str
@@ -58,11 +81,11 @@ class ExportedLight:
     exposure_ev: float
     origin: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
-    def main_angle_deg(self) -> float:
-        """Diameter of the disc that has the dominant light's solid angle."""
-        cosine = 1.0 - min(self.main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
-        return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+def angle_of(main: DominantLight) -> float:
+    """Diameter [degrees] of the disc that has a dominant light's solid angle."""
+    cosine = 1.0 - min(main.solid_angle, 4.0 * np.pi) / (2.0 * np.pi)
+    return float(np.degrees(2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def prepare(
@@ -72,8 +95,9 @@ def prepare(
     world_from_camera: Float[np.ndarray, "3 3"] | None = None,
     exposure_ev: float = 0.0,
     origin: Mapping[str, Any] | None = None,
+    sources: bool = False,
 ) -> ExportedLight:
-    """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off the dominant light.
+    """Turn a map [H, 2H, 3] into the world's frame, expose it, and split off its sources, or its dominant light.
 
     A map that was turned before, as its origin's map_from_camera says, stays so; world_from_camera covers both.
 
@@ -96,10 +120,20 @@ def prepare(
         radiance = np.maximum(rotate(radiance, turn), 0.0)
     radiance = check_radiance(radiance * np.float32(2.0**exposure_ev), name)
     main, ambient = split_dominant_light(radiance)
+    lights: tuple[DirectionalLight, ...] = (
+        DirectionalLight(direction=main.direction, irradiance=main.irradiance, angle_deg=angle_of(main)),
+    )
+    if sources:
+        found, ambient = split_light_sources(radiance)
+        lights = tuple(
+            DirectionalLight(direction=one.direction, irradiance=one.irradiance, angle_deg=2 * one.radius_deg)
+            for one in found
+        )
     return ExportedLight(
         radiance=radiance,
         ambient=ambient,
         main=main,
+        lights=lights,
         sh_full=project(radiance),
         sh_ambient=project(ambient),
         name=name,
@@ -155,9 +189,18 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
         "dominant_light": {
             "unit": "irradiance of a plane that faces it; white Lambert there sends irradiance / pi",
             "direction_in_target": numbers(frame.from_ours(light.main.direction)),
-            "angle_deg": round(light.main_angle_deg, 3),
+            "angle_deg": round(angle_of(light.main), 3),
             "directionality": round(float(light.main.directionality), 4),
         },
+        "lights": [
+            {
+                "direction": numbers(one.direction),
+                "direction_in_target": numbers(frame.from_ours(one.direction)),
+                "irradiance": numbers(one.irradiance),
+                "angle_deg": round(one.angle_deg, 3),
+            }
+            for one in light.lights
+        ],
         "sh": {
             "definition": SH_DEFINITION,
             "full": numbers(webxr(light.sh_full)),

@@ -5,8 +5,8 @@ a cube of six PNGs a mip, its values packed as RGBD and filtered by GGX, rougher
 coefficients of irradiance. Its text leaves the cube's axes, the signs of the SH and RGBD's curve open: all three are as
 Babylon.js, its only reader, has them by default.
 
-USD: a .usda with a DomeLight and a DistantLight, two .exr maps, and all of it as one .usdz, written as text, so that
-nothing need be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
+USD: a .usda with a DomeLight and a DistantLight for each source, two .exr maps, and all of it as one .usdz, written as
+text, so that nothing need be installed. Mitsuba 3: the map as an .exr and a scene.xml with three spheres under it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import OutputError
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.exported_light import SCALE, ExportedLight, numbers, read_template, write_maps
+from anyprobe.export.exported_light import SCALE, DirectionalLight, ExportedLight, numbers, read_template, write_maps
 from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.exr import write_channels
 from anyprobe.files.images import png_bytes
@@ -79,17 +79,16 @@ def prefiltered(radiance: Float[np.ndarray, "H 2*H 3"], size: int) -> list[np.nd
 
 
 def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
-    """<name>.glb: the light without its dominant lobe as an image-based light, the lobe as a directional one."""
+    """<name>.glb: the light without its sources as an image-based light, the sources as directional ones."""
     levels = prefiltered(light.ambient, min(face_size(light.radiance.shape[0]), LARGEST_SIDE))
     pictures = [png_bytes(pack_rgbd(face), optimize=True) for level in levels for face in level]
     views, blob = [], bytearray()
     for picture in pictures:
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(picture)})
         blob += picture + b"\0" * (-len(picture) % 4)
-    direction = pointing_away(light.main.direction)
-    document = {
+    document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "anyprobe"},
-        "extensionsUsed": ["EXT_lights_image_based", "KHR_lights_punctual"],
+        "extensionsUsed": ["EXT_lights_image_based", *(["KHR_lights_punctual"] if light.lights else [])],
         "buffers": [{"byteLength": len(blob)}],
         "bufferViews": views,
         "images": [{"bufferView": i, "mimeType": "image/png"} for i in range(len(views))],
@@ -105,28 +104,33 @@ def write_gltf(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
                         "specularImages": np.arange(len(views)).reshape(-1, 6).tolist(),
                     }
                 ]
-            },
-            "KHR_lights_punctual": {
-                "lights": [
-                    {
-                        "type": "directional",
-                        "name": f"{light.name} dominant light",
-                        "color": numbers(light.main.color),
-                        "intensity": numbers(light.main.irradiance.max()),
-                    }
-                ]
-            },
-        },
-        "nodes": [
-            {
-                "name": "dominant light",
-                "matrix": [value for row in direction for value in row],
-                "extensions": {"KHR_lights_punctual": {"light": 0}},
             }
-        ],
-        "scenes": [{"nodes": [0], "extensions": {"EXT_lights_image_based": {"light": 0}}}],
+        },
+        "scenes": [{"extensions": {"EXT_lights_image_based": {"light": 0}}}],
         "scene": 0,
     }
+    if light.lights:
+        document["extensions"]["KHR_lights_punctual"] = {
+            "lights": [
+                {
+                    "type": "directional",
+                    "name": f"{light.name} source {number}",
+                    "color": numbers(one.color),
+                    "intensity": numbers(one.intensity),
+                    "extras": {"angle_deg": round(one.angle_deg, 3)},  # the extension has no sizes
+                }
+                for number, one in enumerate(light.lights, 1)
+            ]
+        }
+        document["nodes"] = [
+            {
+                "name": f"source {number}",
+                "matrix": [value for row in pointing_away(one.direction) for value in row],
+                "extensions": {"KHR_lights_punctual": {"light": number - 1}},
+            }
+            for number, one in enumerate(light.lights, 1)
+        ]
+        document["scenes"][0]["nodes"] = list(range(len(light.lights)))
     (folder / f"{light.name}.glb").write_bytes(glb_file(document, bytes(blob)))
     return {
         "clipped_energy": clipped_share(levels[0], RGBD_MAX),
@@ -151,22 +155,28 @@ def write_usd(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     a DistantLight's intensity is the irradiance of a plane that faces it, as ours is.
     """
     write_maps(light, folder, OPENEXR, ".exr")
-    r, g, b = numbers(light.main.color)
     stage = read_template("stage.usda").format(
         ambient=asset_path(f"./{light.name}_ambient.exr"),
         full=asset_path(f"./{light.name}.exr"),
-        angle=round(light.main_angle_deg, 4),
-        r=r,
-        g=g,
-        b=b,
-        intensity=numbers(light.main.irradiance.max()),
-        matrix=", ".join(f"({', '.join(map(str, row))})" for row in pointing_away(light.main.direction)),
+        lights="".join(_distant_light(number, one) for number, one in enumerate(light.lights, 1)),
     )
     path = folder / f"{light.name}.usda"
     path.write_text(stage, encoding="utf-8")
     maps = [folder / f"{light.name}_ambient.exr", folder / f"{light.name}.exr"]
     pack_usdz(folder / f"{light.name}.usdz", [path, *maps])
-    return {"usd": {"dome_light_pole": "+Y", "dominant_light_prim": "/Light/Main"}}
+    prims = [f"/Light/Source{number}" for number in range(1, len(light.lights) + 1)]
+    return {"usd": {"dome_light_pole": "+Y", "light_prims": prims}}
+
+
+def _distant_light(number: int, light: DirectionalLight) -> str:
+    """A prim of the stage's variant."""
+    return read_template("distant_light.usda").format(
+        number=number,
+        angle=round(light.angle_deg, 4),
+        color=", ".join(map(str, numbers(light.color))),
+        intensity=numbers(light.intensity),
+        matrix=", ".join(f"({', '.join(map(str, row))})" for row in pointing_away(light.direction)),
+    )
 
 
 def pointing_away(towards: Float[np.ndarray, " 3"]) -> list[list[float]]:

@@ -16,6 +16,7 @@ from anyprobe.errors import InputError
 from anyprobe.export import cube_textures, scene_files
 from anyprobe.export.exported_light import (
     ExportedLight,
+    angle_of,
     numbers,
     prepare,
     primary_light,
@@ -124,7 +125,7 @@ def write_unreal(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     intensity = float(light.main.irradiance.max())
     r, g, b = (float(channel) for channel in light.main.color)
     notes = read_template("unreal.txt").format(
-        name=light.name, pitch=pitch, yaw=yaw, intensity=intensity, r=r, g=g, b=b, angle=light.main_angle_deg
+        name=light.name, pitch=pitch, yaw=yaw, intensity=intensity, r=r, g=g, b=b, angle=angle_of(light.main)
     )
     (folder / f"{light.name}.txt").write_text(notes, encoding="utf-8")
     return {
@@ -186,34 +187,43 @@ class Target:
     write: puts the files into a folder, gives what the sidecar says beyond the usual.
     frame: axes and layout of what it writes.
     checked: what has read it and shown the light as it is, for the sidecar; or that nothing has.
+    sources: whether it is given all of the light's sources rather than its dominant light.
     """
 
     write: Callable[[ExportedLight, Path], Mapping[str, Any]]
     frame: TargetFrame
     checked: str
+    sources: bool = False
 
 
 _THREE = "three.js r187 in Chromium shows it the right way round"
 
 TARGETS = {
     "three": Target(
-        write=write_three, frame=THREE, checked=f"{_THREE}: background, environment, LightProbe and sun agree"
+        write=write_three,
+        frame=THREE,
+        checked=f"{_THREE}: background, environment, LightProbe and suns agree",
+        sources=True,
     ),
     "blender": Target(
-        write=write_blender, frame=BLENDER, checked="Blender 5.0.1: Cycles sees and lights by it as it is"
+        write=write_blender, frame=BLENDER, checked="Blender 5.0.1: Cycles sees and lights by it as it is", sources=True
     ),
     "unity": Target(write=write_unity, frame=UNITY, checked="by formula only: not opened in Unity"),
     "unreal": Target(write=write_unreal, frame=UNREAL, checked="by formula only: not opened in Unreal Engine"),
     "usd": Target(
         write=scene_files.write_usd,
         frame=OPENEXR,
-        checked="OpenUSD 26.11 reads it; Blender 5.0.1 imports the dome as it is, the sun 4 times too strong",
+        checked="OpenUSD 26.11 reads it; Blender 5.0.1 imports the dome as it is, suns 4 times too strong",
+        sources=True,
     ),
     "mitsuba": Target(
         write=scene_files.write_mitsuba, frame=OPENEXR, checked="Mitsuba 3.9.1 sees and lights by it as it is"
     ),
     "gltf": Target(
-        write=scene_files.write_gltf, frame=FRONT, checked="Babylon.js 9.34 shows it as it is, set as `gltf` says"
+        write=scene_files.write_gltf,
+        frame=FRONT,
+        checked="Babylon.js 9.34 shows it as it is, set as `gltf` says",
+        sources=True,
     ),
     "cube": Target(write=cube_textures.write_faces, frame=FRONT, checked=f"{_THREE} (HDRCubeTextureLoader)"),
     "ktx2": Target(write=cube_textures.write_ktx2, frame=FRONT, checked=f"{_THREE} (KTX2Loader)"),
@@ -256,7 +266,12 @@ def export(
     """
     chosen = find_target(target)
     light = prepare(
-        radiance, f"{stem}_{target}", world_from_camera=world_from_camera, exposure_ev=exposure_ev, origin=origin
+        radiance,
+        f"{stem}_{target}",
+        world_from_camera=world_from_camera,
+        exposure_ev=exposure_ev,
+        origin=origin,
+        sources=chosen.sources,
     )
     with atomic_files(folder) as scratch:
         more = chosen.write(light, scratch)

@@ -7,7 +7,7 @@ smallest of RADII_DEG that has SIZED of what the widest has.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,6 +80,34 @@ def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSou
             LightSource(direction=center.astype(np.float32), irradiance=irradiance, radius_deg=radius, share=share)
         )
     return tuple(found)
+
+
+def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[LightSource, ...], np.ndarray]:
+    """The light sources of a map, and the map [H, 2H, 3] without them, for renderers that are given both.
+
+    Of each disc of the widest radius what is brighter than the ring around it is taken out, pixel by pixel, one source
+    after the other; irradiance is what that was, so that on a plane that faces it E of the map = E of the rest +
+    irradiance. It differs from find_light_sources' where the map has more rows or discs overlap.
+    """
+    rest = np.array(radiance, np.float32)
+    d, angles = pixel_directions(len(rest)), pixel_solid_angles(len(rest))
+    angles = np.broadcast_to(angles, d.shape[:2])
+    widest, rim = np.cos(np.radians((RADII_DEG[-1], RING_DEG)))
+    found = find_light_sources(radiance)
+    bright = np.any([d @ source.direction >= widest for source in found], axis=0)
+    sources = []
+    for source in found:
+        cosine = d @ source.direction
+        disc, ring = cosine >= widest, (cosine < widest) & (cosine > rim)
+        dull = ring & ~bright  # not what another source sends
+        ring = dull if dull.any() else ring
+        around = np.average(rest[ring], axis=0, weights=angles[ring])
+        taken = np.maximum(rest[disc] - around, 0.0)
+        irradiance = ((cosine * angles)[disc] @ taken).astype(np.float32)
+        rest[disc] -= taken
+        if irradiance.max() > 0:
+            sources.append(replace(source, irradiance=irradiance))
+    return tuple(sources), rest
 
 
 def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float] | None:

@@ -49,7 +49,7 @@ def mask_from_file(source: MaskPicture, shape: tuple[int, int]) -> np.ndarray:
 
     Its alpha channel counts if it has one that cuts something away, else its brightness. The outer tenths of the range
     are flattened, which removes the noise of JPEG around black and white and keeps soft edges, with the half level in
-    place. Of an .exr the luminance is the mask as it is stored: it is linear and has no such noise.
+    place. An .exr's luminance and an array of floats are the mask as they are: they have no such noise.
 
     Args:
         source: anything read_image takes, or a boolean or 0/1 array.
@@ -77,7 +77,8 @@ def _read(source: MaskPicture) -> tuple[np.ndarray, np.ndarray | None, str]:
     if _is_exr(source):
         return *_read_exr(source, name), name
     pixels = read_image(source, name, as_data=True)
-    return _brightness(pixels.rgb), pixels.alpha, pixels.name
+    is_exact = isinstance(source, np.ndarray) and np.issubdtype(source.dtype, np.floating)
+    return luminance(pixels.rgb) if is_exact else _brightness(pixels.rgb), pixels.alpha, pixels.name
 
 
 def _brightness(rgb: np.ndarray) -> np.ndarray:

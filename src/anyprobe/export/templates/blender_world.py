@@ -3,21 +3,22 @@
     blender scene.blend --python NAME_blender.py
     or in Blender: Scripting > Open > this file > Run
 
-The World is the whole map. With SUN = True below, a Sun stands for the dominant light, to be moved and
-for renderers that draw no shadow of a World; the camera still sees the whole map, everything else is
-lit by the map without the dominant light, and mirrors show the Sun as a disc.
+The World is the whole map. With SUNS = True below, a Sun of its size stands for each light source, to be moved
+and for renderers that draw no shadow of a World; the camera still sees the whole map, everything else is
+lit by the map without the sources, and mirrors show the Suns as discs.
 
 Front of the photo is +Y. Run it again to replace what it made.
 """
 
 import json
+import math
 from pathlib import Path
 
 import bpy
 from mathutils import Vector
 
 NAME = "@NAME@"
-SUN = False
+SUNS = False
 
 
 def folder_of_the_light():
@@ -52,7 +53,7 @@ def make_world(folder):
     rays = nodes.new("ShaderNodeLightPath")
     links.new(rays.outputs["Is Camera Ray"], mix.inputs[0])
     links.new(mix.outputs[0], output.inputs["Surface"])
-    for slot, suffix in ((1, "_ambient" if SUN else ""), (2, "")):
+    for slot, suffix in ((1, "_ambient" if SUNS else ""), (2, "")):
         picture = nodes.new("ShaderNodeTexEnvironment")
         picture.image = load_map(folder / f"{NAME}{suffix}.exr")
         background = nodes.new("ShaderNodeBackground")
@@ -61,24 +62,21 @@ def make_world(folder):
     bpy.context.scene.world = world
 
 
-def make_sun(light):
-    old = bpy.data.objects.get(NAME)
-    if old is not None:
+def make_suns(lights):
+    for old in [one for one in bpy.data.objects if one.name.startswith(f"{NAME} source ")]:
         bpy.data.objects.remove(old)
-    rgb = [light["primaryLightIntensity"][axis] for axis in "xyz"]
-    strength = max(rgb)
-    if not SUN or strength <= 0:
-        return
-    sun = bpy.data.lights.new(NAME, "SUN")
-    sun.energy = strength
-    sun.color = [value / strength for value in rgb]
-    sun.angle = light["dominant_light"]["angle_deg"] * 3.14159265 / 180
-    sun_object = bpy.data.objects.new(NAME, sun)
-    towards = Vector(light["dominant_light"]["direction_in_target"])
-    sun_object.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
-    bpy.context.scene.collection.objects.link(sun_object)
+    for number, light in enumerate(lights if SUNS else (), 1):
+        name, strength = f"{NAME} source {number}", max(light["irradiance"])
+        sun = bpy.data.lights.new(name, "SUN")
+        sun.energy = strength
+        sun.color = [value / strength for value in light["irradiance"]]
+        sun.angle = math.radians(light["angle_deg"])
+        sun_object = bpy.data.objects.new(name, sun)
+        towards = Vector(light["direction_in_target"])
+        sun_object.rotation_euler = towards.to_track_quat("Z", "Y").to_euler()  # it shines along its own -Z
+        bpy.context.scene.collection.objects.link(sun_object)
 
 
 here = folder_of_the_light()
 make_world(here)
-make_sun(json.loads((here / f"{NAME}.json").read_text(encoding="utf-8")))
+make_suns(json.loads((here / f"{NAME}.json").read_text(encoding="utf-8"))["lights"])

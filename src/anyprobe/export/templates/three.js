@@ -1,9 +1,9 @@
 // Lights a three.js scene with the light that lies beside this file.
 //
 //   import { lightScene } from "./NAME_three.js";
-//   await lightScene(scene);                    // map for reflections, sun for sharp light
+//   await lightScene(scene);                    // map for reflections, suns for sharp light
 //   await lightScene(scene, { probe: true });   // nine SH numbers instead of the map
-//   await lightScene(scene, { sun: false });    // everything from the map
+//   await lightScene(scene, { suns: false });   // everything from the map
 //
 // Radiance is linear and relative: tone mapping and exposure are the renderer's.
 
@@ -27,31 +27,32 @@ async function loadMap(file) {
 
 /**
  * background: show the map behind the scene.
- * sun: the main light as a DirectionalLight; map and probe are then those without it,
- *   because it would count twice.
+ * suns: each light source as a DirectionalLight, its diameter in userData.angleDeg; map and probe are then those
+ *   without them, because they would count twice.
  * probe: light by a LightProbe (matt light only) instead of scene.environment.
- * Returns what was made, to move or dispose of: { light, sun, probe, background, environment }.
+ * Returns what was made, to move or dispose of: { light, suns, probe, background, environment }.
  */
-export async function lightScene(scene, { background = true, sun = true, probe = false } = {}) {
+export async function lightScene(scene, { background = true, suns = true, probe = false } = {}) {
   const light = await (await fetch(beside(`${NAME}.json`))).json();
-  const made = { light };
-  if (background || !(sun || probe)) made.background = await loadMap(`${NAME}.hdr`);
+  const made = { light, suns: [] };
+  if (background || !(suns || probe)) made.background = await loadMap(`${NAME}.hdr`);
   if (background) scene.background = made.background;
   if (probe) {
     made.probe = new LightProbe();
-    made.probe.sh.fromArray(sun ? light.sh.ambient : light.sh.full);
+    made.probe.sh.fromArray(suns ? light.sh.ambient : light.sh.full);
     scene.add(made.probe);
   } else {
-    made.environment = sun ? await loadMap(`${NAME}_ambient.hdr`) : (made.background ?? (await loadMap(`${NAME}.hdr`)));
+    made.environment = suns ? await loadMap(`${NAME}_ambient.hdr`) : (made.background ?? (await loadMap(`${NAME}.hdr`)));
     scene.environment = made.environment;
   }
-  if (sun) {
-    const { x: r, y: g, z: b } = light.primaryLightIntensity;
-    const intensity = Math.max(r, g, b);
-    const color = intensity > 0 ? new Color(r / intensity, g / intensity, b / intensity) : new Color(1, 1, 1);
-    made.sun = new DirectionalLight(color, intensity);
-    made.sun.position.copy(light.primaryLightDirection); // its target is the origin
-    scene.add(made.sun);
+  for (const { direction, irradiance, angle_deg: angleDeg } of suns ? light.lights : []) {
+    const intensity = Math.max(...irradiance);
+    const [r, g, b] = irradiance.map((value) => value / intensity);
+    const sun = new DirectionalLight(new Color(r, g, b), intensity);
+    sun.position.fromArray(direction); // its target is the origin
+    sun.userData.angleDeg = angleDeg;
+    made.suns.push(sun);
+    scene.add(sun);
   }
   return made;
 }

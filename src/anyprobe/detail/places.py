@@ -1,0 +1,44 @@
+"""Maps looked up at places: a place is a yaw about the map's vertical and a pitch of the camera below its horizon."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anyprobe.core.frames import rotation_x, rotation_y
+from anyprobe.core.latlong import direction_to_uv
+
+YAWS = 32
+"""Of a search, evenly spread."""
+
+
+def map_from_camera_at(yaw: float, pitch_deg: float) -> np.ndarray:
+    """[3, 3]."""
+    return rotation_y(yaw) @ rotation_x(-np.radians(pitch_deg))
+
+
+def nearest_pixels(d: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of a map of so many rows for each direction [P, 3]."""
+    uv = direction_to_uv(d)
+    row = np.clip((uv[..., 1] * rows).astype(int), 0, rows - 1)
+    return row, (uv[..., 0] * 2 * rows).astype(int) % (2 * rows)
+
+
+def seen_at_yaws(maps: np.ndarray, at: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Maps [N, H, 2H, C] at P pixels for each yaw: [N * YAWS, P, C]; a yaw moves them to the left."""
+    columns = maps.shape[2]
+    moved = (at[1] - columns // YAWS * np.arange(YAWS)[:, None]) % columns
+    return maps[:, at[0], moved].reshape(-1, len(at[0]), maps.shape[-1])
+
+
+def seen_along(maps: np.ndarray, index: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """M of the maps [N, H, 2H, C] at M x P directions, between pixels: [M, P, C]."""
+    rows, columns = maps.shape[1:3]
+    uv = direction_to_uv(d)
+    column, row = uv[..., 0] * columns - 0.5, np.clip(uv[..., 1] * rows - 0.5, 0.0, rows - 1.001)
+    left, top = np.floor(column), np.floor(row)
+    right, down = (column - left)[..., None], (row - top)[..., None]
+    left, top, which = left.astype(int) % columns, top.astype(int), index[:, None]
+    after = (left + 1) % columns
+    upper = maps[which, top, left] * (1 - right) + maps[which, top, after] * right
+    lower = maps[which, top + 1, left] * (1 - right) + maps[which, top + 1, after] * right
+    return upper * (1 - down) + lower * down
