@@ -42,6 +42,8 @@ EMITTERS = {"drawn": "mode", "spread": "expected"}
 """The same for the values of `emitters`."""
 OLDER_NAMES_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
 """The same for what is within a key, up to version 2."""
+SURE_PITCH_DEG = 8.0
+"""Error of an estimated pitch up to which a match looks for rotations near it alone."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
@@ -254,6 +256,14 @@ class Light:
 
         return Ground.of(self.info.get("ground"))
 
+    @property
+    def pitch_deg(self) -> float | None:
+        """How far the camera looks down, where that was given or is estimated within SURE_PITCH_DEG."""
+        given, ground = self.info.get("pitch_deg"), self.ground
+        if given is None and ground is not None and ground.pitch_error_deg <= SURE_PITCH_DEG:
+            return ground.pitch_deg
+        return given
+
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
 
@@ -267,9 +277,9 @@ class Light:
         """
         from anyprobe.detail.matching import rank_maps
 
-        return rank_maps(
-            self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.info.get("pitch_deg")
-        )[:best]
+        return rank_maps(self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.pitch_deg)[
+            :best
+        ]
 
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any
