@@ -54,7 +54,9 @@ def test_of_a_large_photo_the_context_is_that_of_a_small_one():
     small, big = (crop_object(load_photo(rgb, mask=on, fov_deg=FOV_DEG)).context for rgb, on in ((photo, mask), large))
     assert np.abs(small - big).mean() < 0.01
     assert small.shape == (96, 96, 5)
-    assert not small[0, :, :].any()  # beyond the photo's upper border
+    high = crop_object(load_photo(photo, mask=np.roll(mask, -60, axis=0), fov_deg=FOV_DEG)).context
+    assert not high[:10].any()  # beyond the photo's upper border
+    assert (high[-10:, :, 4] > 0.99).all()
 
 
 @pytest.mark.parametrize("background", ["transparent", "white", "flaws"])
