@@ -37,14 +37,15 @@ def compare(cases: list[Case], given: str) -> dict:
     clicks = [[case.click] if given == "click" else [] for case in cases]
     boxes = [case.box if given == "box" else None for case in cases]
     with tempfile.TemporaryDirectory() as folder:
-        pages, spent = page_masks(Path(folder), [case.rgb for case in cases], clicks, boxes)
+        answers = page_masks(Path(folder), [case.rgb for case in cases], clicks, boxes)
+    pages = [answer.mask for answer in answers]
     ours = [score(case, given, "anyprobe", None).mask for case in cases]
     ours = [np.zeros_like(page) if mask is None else mask for mask, page in zip(ours, pages, strict=True)]
     return {
         "page": scores(pages, cases),
         "command_line": scores(ours, cases),
         "agreement": round(float(np.mean([iou(a, b) for a, b in zip(pages, ours, strict=True)])), 3),
-        "ms": middle_and_most(spent),
+        "ms": middle_and_most([answer.ms for answer in answers]),
     }
 
 

@@ -56,6 +56,8 @@ def masks(
     write_result(out / "masks.json", {"commit": commit(), "seed": seed, "rows": stored})
     for group, found in rows.items():
         show(group, found, _earlier(before, group))
+    if len(rows) > 1:
+        show_totals("all sets", [row for found in rows.values() for row in found])
     typer.echo(out)
 
 
@@ -74,10 +76,16 @@ def show(group: str, rows: list[Row], earlier: dict[tuple[str, str], float]) -> 
             cells.append(f"{mean:.2f}{mark}" + ("" if was is None else f" ({was:.2f})"))
         table.add_row(name, *cells)
     console.print(table)
-    for segmenter, prompt in columns:
+    show_totals(group, rows)
+
+
+def show_totals(group: str, rows: list[Row]) -> None:
+    """The figures of all, by segmenter and prompt, and the warnings."""
+    console = Console(highlight=False, width=150)
+    for segmenter, prompt in dict.fromkeys((row.segmenter, row.prompt) for row in rows):
         chosen = [row for row in rows if (row.segmenter, row.prompt) == (segmenter, prompt)]
-        console.print(f"{segmenter} {prompt}: {figures(chosen)}; {warned(chosen)}")
-    console.print(f"anyprobe, all prompts: {warned([row for row in rows if row.segmenter == 'anyprobe'])}")
+        console.print(f"{group}, {segmenter} {prompt}: {figures(chosen)}; {warned(chosen)}")
+    console.print(f"{group}, anyprobe: {warned([row for row in rows if row.segmenter == 'anyprobe'])}")
 
 
 def _earlier(path: Path | None, group: str) -> dict[tuple[str, str], float]:

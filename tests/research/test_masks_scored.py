@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -66,6 +67,15 @@ def test_the_command_writes_a_table_and_a_sheet(folder, tmp_path, capsys):
     command.masks([folder], **options, before=out / "masks.json", out=tmp_path / "again")
     mean = np.mean([one["iou"] for one in rows if one["prompt"] == "box"])
     assert f"({mean:.2f})" in capsys.readouterr().out
+
+
+def test_several_folders_are_summed_up_too(folder, tmp_path, capsys):
+    shutil.copytree(folder, tmp_path / "more")
+    options = {"data": None, "scenes": 1, "seed": 0, "segmenter": None, "before": None}
+    command.masks([folder, tmp_path / "more"], **options, out=tmp_path / "out")
+    printed = capsys.readouterr().out
+    assert printed.count("of 1; warned") == 3 * 3  # one object, three prompts, in each folder and in all
+    assert "all sets, anyprobe box: mean" in printed
 
 
 def test_iou_of_nothing():

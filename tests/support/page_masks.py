@@ -1,4 +1,4 @@
-"""Masks of photos by the page's own code, in Node, with the page's runtime."""
+"""Masks of photos and their lights by the page's own code, in Node, with the page's runtime."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,19 +23,30 @@ def can_run() -> bool:
     return shutil.which("node") is not None and (WEB / "node_modules" / "onnxruntime-web").is_dir()
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PageAnswer:
+    """mask [H, W]; ms: processor time that it took; direction, irradiance: of the dominant light, if asked for."""
+
+    mask: np.ndarray
+    ms: float
+    direction: np.ndarray | None = None
+    irradiance: np.ndarray | None = None
+
+
 def page_masks(
     folder: Path,
     photos: Sequence[np.ndarray],
     clicks: Sequence[Sequence[tuple[float, float]]],
     boxes: Sequence[Sequence[float] | None] | None = None,
-) -> tuple[list[np.ndarray], list[float]]:
-    """Mask [H, W] of each photo [H, W, 3] in [0, 1] told its clicks x, y on the object or its box, and what it took.
+    light: Path | None = None,
+) -> list[PageAnswer]:
+    """What the page finds in each photo [H, W, 3] in [0, 1] told its clicks x, y on the object or its box; by U2-Net-p
+    where its weights are.
 
     Args:
         folder: an empty one, for the photos and masks.
         boxes: x0, y0, x1, y1 around the object of each photo, or None.
-    Returns:
-        The masks, by U2-Net-p where its weights are, and of each the milliseconds of processor time.
+        light: graph that estimates the light with the mask; None: no light.
     """
     cases = []
     for number, (rgb, on, box) in enumerate(zip(photos, clicks, boxes or [None] * len(photos), strict=True)):
@@ -49,10 +61,14 @@ def page_masks(
         cases.append({"name": str(number), "width": width, "height": height, "hints": told})
     found = find_weights()
     weights = {"mask": str(default_graph())} if found is None else {"u2netp": str(found.path)}
+    weights |= {} if light is None else {"light": str(light)}
     (folder / "cases.json").write_text(json.dumps({"weights": weights, "cases": cases}))
     run = subprocess.run(["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise RuntimeError(run.stderr[-2000:])
-    spent = json.loads(run.stdout)
-    masks = [np.fromfile(folder / f"{number}.f32", "<f4").reshape(rgb.shape[:2]) for number, rgb in enumerate(photos)]
-    return masks, [spent[case["name"]] for case in cases]
+    answers = []
+    for number, (said, rgb) in enumerate(zip(json.loads(run.stdout).values(), photos, strict=True)):
+        mask = np.fromfile(folder / f"{number}.f32", "<f4").reshape(rgb.shape[:2])
+        dominant = {name: np.array(value) for name, value in said.get("dominant", {}).items()}
+        answers.append(PageAnswer(mask=mask, ms=said["ms"], **dominant))
+    return answers

@@ -1,24 +1,28 @@
 /**
- * Masks as the page finds them: node bench/masks.js FOLDER
+ * Masks as the page finds them, and its lights: node bench/masks.js FOLDER
  *
- * FOLDER holds cases.json, {weights: {u2netp} or {mask}, cases: [{name, width, height, hints}]}, and NAME.rgba; every mask
- * is written as NAME.f32. Prints the milliseconds of processor time that each took: {NAME: ms}.
+ * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light, cases: [{name, width, height, hints}]}, and NAME.rgba;
+ * every mask is written as NAME.f32. Prints {NAME: {ms, dominant}}: processor time of the mask, and the dominant light where
+ * there is a light's graph.
  */
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import * as ort from "onnxruntime-web";
 
+import { describe } from "../src/light/light.js";
+import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { Models } from "../src/networks/models.js";
+import { cropObject, DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
 import { SmallNetwork, U2NetP } from "../src/photo/maskNetworks.js";
 import { findObject, maskOf } from "../src/photo/search.js";
 
 const folder = process.argv[2];
 const { weights, cases } = JSON.parse(readFileSync(join(folder, "cases.json")));
 ort.env.wasm.numThreads = 1;
-const [[stage, path]] = Object.entries(weights);
-const session = await ort.InferenceSession.create(new Uint8Array(readFileSync(path)));
-const models = new Models(ort, { [stage]: session }, "wasm");
+const sessions = {};
+for (const [stage, path] of Object.entries(weights)) sessions[stage] = await ort.InferenceSession.create(new Uint8Array(readFileSync(path)));
+const models = new Models(ort, sessions, "wasm");
 const network = models.hasU2netp ? new U2NetP(models) : new SmallNetwork(models);
 
 const used = () => {
@@ -26,13 +30,20 @@ const used = () => {
   return (user + system) / 1000;
 };
 
-const spent = {};
+const lightOf = async (picture, mask) => {
+  const crop = cropObject(picture, mask);
+  const { dominant } = describe((await lightOfObject(models, picture, DEFAULT_LONG_FOV_DEG, crop, {})).radiance);
+  return { direction: [...dominant.direction], irradiance: [...dominant.irradiance] };
+};
+
+const answers = {};
 for (const { name, width, height, hints } of cases) {
   const picture = { width, height, rgba: new Uint8ClampedArray(readFileSync(join(folder, `${name}.rgba`))) };
   const start = used();
   const found = await findObject(network, picture, hints);
   const mask = found ? maskOf(found, width, height) : new Float32Array(width * height);
-  spent[name] = used() - start;
+  answers[name] = { ms: used() - start };
+  if (models.lifts) answers[name].dominant = await lightOf(picture, mask);
   writeFileSync(join(folder, `${name}.f32`), mask);
 }
-console.log(JSON.stringify(spent));
+console.log(JSON.stringify(answers));
