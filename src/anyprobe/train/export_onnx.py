@@ -19,7 +19,7 @@ from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMA
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.radiance import write_exr
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.light_net import LightNet, LightPrediction
+from anyprobe.nets.light_net import LightNet
 from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
@@ -93,10 +93,7 @@ class LightGraph(nn.Module):
         surroundings: torch.Tensor,
         material: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
-        return self.outputs(self.net(photo, tan_half, given_normals, surroundings, material))
-
-    def outputs(self, guess: LightPrediction) -> tuple[torch.Tensor, ...]:
-        """In the graph's order."""
+        guess = self.net(photo, tan_half, given_normals, surroundings, material)
         slope, offset = self.sureness.logit
         of_reflectance, of_level, of_color = self.sureness.errors
         confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
