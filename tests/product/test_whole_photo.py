@@ -80,7 +80,8 @@ def test_words_in_place_of_a_panorama():
     photo, mask = on_a_table()
     given = {"mask": mask, "fov_deg": FOV_DEG}
     assert load_photo(photo, **given, surroundings="auto").ground == load_photo(photo, **given).ground is not None
-    assert load_photo(photo, **given, surroundings="photo").ground is None
+    assert load_photo(photo, **given, surroundings="photo").ground == load_photo(photo, **given).ground
+    assert load_photo(photo, **given, surroundings="none").ground is None
     assert crop_object(load_photo(photo, **given, surroundings="photo")).surroundings_map is not None
     assert crop_object(load_photo(photo, **given, surroundings="none")).surroundings_map is None
 

@@ -209,7 +209,7 @@ class Estimator:
         loaded = time.perf_counter()
         start = loaded if start is None else start
         material = photo.material if material is None else as_material(material)
-        if photo.ground is not None and not self.models.lifts:
+        if photo.use_background and not photo.asked_background and not self.models.lifts:
             crop = replace(crop, surroundings_map=None)  # that nobody asked for
         if photo.normals_from_depth and not self.models.lifts:
             crop = replace(crop, normals=None)  # likewise

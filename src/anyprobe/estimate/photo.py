@@ -65,6 +65,7 @@ class Photo:
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
         normals_from_depth: whether they came of a depth image.
         use_background: whether what the photo shows beside the object is known of the map.
+        asked_background: whether that was asked for, so that it is refused where it cannot be.
         ground: given or guessed; None where the object is cut out, or something else was asked.
         surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
             estimate.surroundings; None where there was none.
@@ -86,6 +87,7 @@ class Photo:
     normals: np.ndarray | None = None
     normals_from_depth: bool = False
     use_background: bool = False
+    asked_background: bool = False
     ground: Ground | None = None
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
@@ -187,7 +189,6 @@ def load_photo(
         mask_confidence=found.confidence,
         normals=normals,
         normals_from_depth=by_depth and normals is not None,
-        use_background=word == PHOTO,
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
@@ -195,9 +196,10 @@ def load_photo(
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
     )
-    if word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha):
+    asked = word == PHOTO
+    if not asked and (word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha)):
         return photo
-    return replace(photo, use_background=True, ground=estimate_ground(photo))
+    return replace(photo, use_background=True, asked_background=asked, ground=estimate_ground(photo))
 
 
 def _known_normals(
@@ -255,7 +257,7 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         surroundings_map = visible_surroundings(
             photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
         )
-        if surroundings_map is None and photo.ground is None:
+        if surroundings_map is None and photo.asked_background:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"

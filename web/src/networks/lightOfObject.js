@@ -37,12 +37,12 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
   const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
-  const up = isAuto && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
+  const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
   if (given.material && !models.takesMaterial) {
     throw new Error("material: expected a network that takes it, got one that does not; use the weights of this version");
   }
   const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen, context, up });
-  const ground = isAuto ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;
+  const ground = isShown ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
   if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
