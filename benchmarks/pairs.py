@@ -21,7 +21,7 @@ from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.pair import render_pair
 from anyprobe.dataset.pairs import LN_RANGE, Batch, PairConfig, PairSource
 from anyprobe.dataset.process_pools import one_thread
-from anyprobe.dataset.recipe import MATERIALS, VIEWPOINTS, Recipe
+from anyprobe.dataset.recipe import MATERIAL_CHOICES, VIEWPOINTS, Recipe
 from anyprobe.train.config import RUNS, RunConfig
 from anyprobe.train.dataloader import make_pairs, stream
 
@@ -106,7 +106,7 @@ def count_straight_pairs(data: Path | None, seconds: float) -> tuple[int, float]
             kind="object",
             map_id=map_ids[k % len(map_ids)],
             shape_id=shape_ids[k % len(shape_ids)],
-            material=k % MATERIALS,
+            material=k % MATERIAL_CHOICES,
             view=k % VIEWPOINTS,
             conditions=1,
             seed=k,

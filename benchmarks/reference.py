@@ -19,7 +19,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, world_from_local
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles, uv_to_direction
 from anyprobe.core.sampling import hammersley, square_to_cosine_hemisphere, square_to_ggx_normal
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material, brdf
 from anyprobe.scatter.microfacet import ggx_distribution
 
 SAMPLES = 1024
@@ -109,7 +109,7 @@ def separable_coat(material: Material, wo, wi, n):
     return torch.where(dot(n, wi) > 0, value, torch.zeros_like(value))
 
 
-def one_pass(table: LightTable, n, wo, emitter, u, material: Material, brdf: Callable = evaluate):
+def one_pass(table: LightTable, n, wo, emitter, u, material: Material, brdf: Callable = brdf):
     """One unbiased estimate of Lo [P, 3] with S samples of each density.
 
     Args:
@@ -144,7 +144,7 @@ def converge(
     *,
     seconds: float,
     noise: float,
-    brdf: Callable = evaluate,
+    brdf: Callable = brdf,
     samples: int = SAMPLES,
     seed: int = 0,
 ) -> Converging:

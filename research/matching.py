@@ -25,7 +25,7 @@ from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import balanced_recipes
 from anyprobe.detail.background import Background, background_of
-from anyprobe.detail.likeness import LIGHT_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
+from anyprobe.detail.likeness import MATCH_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
@@ -119,7 +119,7 @@ def background(pair: Pair) -> Background | None:
     inside = front & (np.abs(x) < WIDE * pair.tan_half) & (np.abs(y) < WIDE * pair.tan_half)
     cover = inside * (1.0 - hidden(pixel_directions(MAP_HEIGHT), pair.crop, pair.tan_half))
     seen = radiance_of(surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None]))
-    return background_of(*seen, np.eye(3), LIGHT_ROWS)
+    return background_of(*seen, np.eye(3), MATCH_ROWS)
 
 
 CASES = ("alone", "pitch given", "background shown")

@@ -13,8 +13,9 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import POSTERIOR, Models, Outputs
 from anyprobe.evaluate.calibration import NEAREST, right_of
 from anyprobe.evaluate.metrics import power_ratio_stops
+from anyprobe.given_material import LEAST_REFLECTANCE
 from anyprobe.light.environment import integral
-from anyprobe.scatter.materials import LEAST_REFLECTANCE, total_reflectance
+from anyprobe.scatter.materials import total_reflectance
 
 INTERVAL = 0.68
 """Share of cases in which an error is at most what is claimed."""

@@ -10,7 +10,7 @@ import torch
 
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.masks.networks import CONTRACT, SIZE
+from anyprobe.masks.networks import MASK_CONTRACT, SIZE
 from anyprobe.train.export_onnx import store_half, store_int8
 from research.mask_network.train import load_mask_net
 
@@ -48,7 +48,7 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
         model = onnx.load(str(temporary))
         store_half(model)
         store_int8(model)
-        onnx.helper.set_model_props(model, {**CONTRACT, **recipe})
+        onnx.helper.set_model_props(model, {**MASK_CONTRACT, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
         session = onnxruntime.InferenceSession(str(temporary), providers=["CPUExecutionProvider"])

@@ -17,7 +17,7 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.core.response import inverse_response
 from anyprobe.nets.emitter_head import POWER_FLOOR
-from anyprobe.nets.lifting import lift, map_pixel, mirror_direction, pyramid
+from anyprobe.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid
 from anyprobe.render.surface import pixel_rays
 from research.harmonics import real_basis
 
@@ -117,8 +117,8 @@ class SecondStage(nn.Module):
         wo = torch.cat([slope, torch.ones_like(slope[:, :1])], dim=1)
         wo = wo * torch.rsqrt(slope[:, :1] ** 2 + slope[:, 1:] ** 2 + 1)
         values = torch.cat([rest, clipped], dim=1)
-        mirrored = pyramid(lift(values, weight, map_pixel(mirror_direction(normals, wo), FINE), FINE), 5)
-        faced = pyramid(lift(values, weight, map_pixel(normals, SOFT), SOFT), 3)
+        mirrored = pyramid(lift_to_map(values, weight, map_pixel(mirror_direction(normals, wo), FINE), FINE), 5)
+        faced = pyramid(lift_to_map(values, weight, map_pixel(normals, SOFT), SOFT), 3)
         facing = faced[0]
         surroundings_ln = self._relative(F.avg_pool2d(surroundings, int(surroundings.shape[2]) // COARSE), anchor)
         spread = ((rest.mean(dim=1, keepdim=True) ** 2 * weight).sum(dim=(2, 3)) / whole).sqrt()

@@ -20,10 +20,11 @@ import numpy as np
 from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.images import ImageSource
 from anyprobe.files.raw import RAW_SUFFIXES
+from anyprobe.given_material import Albedo, as_material
 from anyprobe.masks.depth import DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
-from anyprobe.scatter.materials import Albedo, Material, as_material
+from anyprobe.scatter.materials import Material
 
 NormalsEstimator = Callable[[np.ndarray], np.ndarray]
 """From a picture [H, W, 3] of display values in [0, 1] to normals [h, w, 3] of any size in its camera's frame."""

@@ -281,7 +281,7 @@ PARSERS: dict[str, Parser] = {
     "attributes": Parser(seeds=lambda: exrs() + hdrs(), call=by_path(".exr", radiance.map_attributes), weight=3),
     **{
         f"mesh{suffix}": Parser(seeds=lambda s=suffix: mesh(s), call=by_path(suffix, meshes.read_mesh))
-        for suffix in meshes.SUFFIXES
+        for suffix in meshes.MESH_SUFFIXES
     },
     "gltf": Parser(seeds=gltfs, call=pack, weight=3),
     "poses": Parser(seeds=pose_files, call=read_all_poses, weight=4),

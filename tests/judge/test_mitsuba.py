@@ -36,7 +36,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade, shading_pyramid
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material, brdf
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 
@@ -144,7 +144,7 @@ def test_unfolded_map_is_another(rng, place):
         n = normalize(rng.normal(size=3))
         wo = normalize(n + 0.8 * normalize(rng.normal(size=3)))
         above = d @ n > 0
-        f = evaluate(MATERIALS["metal-0.1"], wo[None], d[above].astype(np.float64), n[None])
+        f = brdf(MATERIALS["metal-0.1"], wo[None], d[above].astype(np.float64), n[None])
         f = f * (d[above] @ n)[:, None]
         change.append((f * unfolded[above]).sum(axis=0) / (f * as_map[above]).sum(axis=0) - 1.0)
     worst = float(np.abs(change).max())

@@ -26,7 +26,7 @@ from anyprobe.light.octahedral import build_pyramid
 from anyprobe.render.integrate import shade
 from anyprobe.render.shapes import sphere
 from anyprobe.render.surface import pixel_rays, see
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material, brdf
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("mi")]
 
@@ -67,7 +67,7 @@ def test_our_brdf_is_another_function(mi, rng, name):
     bsdf = mi.load_dict(paper_bsdf(MATERIALS[name]))
     toward = mi.Vector3f(*wo.T.astype(np.float32))
     theirs = np.array(bsdf.eval(mi.BSDFContext(), interaction(mi, wi), toward)).T / wo[:, 2:]
-    ours = evaluate(MATERIALS[name], wi, wo, np.array([0.0, 0.0, 1.0]))
+    ours = brdf(MATERIALS[name], wi, wo, np.array([0.0, 0.0, 1.0]))
     np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=1e-6)
 
 

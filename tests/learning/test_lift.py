@@ -13,14 +13,15 @@ from support.some_batch import some_batch  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles  # noqa: E402
 from anyprobe.core.response import response  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map  # noqa: E402
+from anyprobe.given_material import material_input  # noqa: E402
 from anyprobe.light.dominant_light import find_dominant_light  # noqa: E402
 from anyprobe.light.filtering import blur_cosine_power  # noqa: E402
 from anyprobe.nets.blocks import wrap  # noqa: E402
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead  # noqa: E402
-from anyprobe.nets.lifting import lift, map_pixel, mirror_direction, pyramid  # noqa: E402
+from anyprobe.nets.lifting import lift_to_map, map_pixel, mirror_direction, pyramid  # noqa: E402
 from anyprobe.nets.light_net import LightNet, _close  # noqa: E402
 from anyprobe.render.spheres import sphere_normals  # noqa: E402
-from anyprobe.scatter.materials import MATERIALS, material_input  # noqa: E402
+from anyprobe.scatter.materials import MATERIALS  # noqa: E402
 from anyprobe.train.lift import LOBES, Lift, LiftConfig, display, lobe_matrices, structure_loss  # noqa: E402
 
 
@@ -45,7 +46,7 @@ def test_a_chrome_sphere_lifts_to_the_map_it_mirrors():
     wo[:, 2] = 1.0
     mirror = mirror_direction(n, wo)
     shown = bilinear(radiance, direction_to_uv(mirror[0].permute(1, 2, 0).numpy()))
-    sums = lift(planes(shown), planes(mask[..., None]), map_pixel(mirror, 64), 64)
+    sums = lift_to_map(planes(shown), planes(mask[..., None]), map_pixel(mirror, 64), 64)
     means = pyramid(sums, 1)[0][0].permute(1, 2, 0).numpy()
     well = sums[0, -1].numpy() >= 4
     assert well.mean() > 0.3
@@ -56,7 +57,7 @@ def test_a_chrome_sphere_lifts_to_the_map_it_mirrors():
 def test_lifting_keeps_every_weight(rng):
     values, weight = torch.rand(2, 3, 16, 16), torch.rand(2, 1, 16, 16)
     pixel = torch.randint(0, 32 * 64, (2, 256))
-    sums = lift(values, weight, pixel, 32)
+    sums = lift_to_map(values, weight, pixel, 32)
     torch.testing.assert_close(sums[:, -1].sum((1, 2)), weight.sum((1, 2, 3)))
     torch.testing.assert_close(sums[:, :3].sum((2, 3)), (values * weight).sum((2, 3)))
 

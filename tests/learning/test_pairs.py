@@ -12,13 +12,13 @@ from anyprobe.core.frames import world_from_camera  # noqa: E402
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions  # noqa: E402
 from anyprobe.core.response import MEAN_CURVE, inverse_response  # noqa: E402
 from anyprobe.core.sampling import hammersley  # noqa: E402
-from anyprobe.dataset import lighting, pairs  # noqa: E402
+from anyprobe.dataset import batch_shading, lighting, pairs, photograph  # noqa: E402
 from anyprobe.dataset.asset_store import draw_map, room, sky, studio  # noqa: E402
 from anyprobe.dataset.camera import draw_shot, one_photo  # noqa: E402
 from anyprobe.dataset.distributions import METALS, SPECULAR_BELOW, draw_alpha, draw_material  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator, LitMaterial  # noqa: E402
 from anyprobe.dataset.mask_errors import widen  # noqa: E402
-from anyprobe.dataset.pairs import GIVEN_ERROR_DEG, PairConfig, PairSource  # noqa: E402
+from anyprobe.dataset.pairs import GIVEN_NORMALS_ERROR_DEG, PairConfig, PairSource  # noqa: E402
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceConfig, SurfaceSet, build_surfaces, drawn_part, see_views  # noqa: E402
 from anyprobe.light.octahedral import build_pyramid  # noqa: E402
 from anyprobe.render.integrate import shade, shading_pyramid  # noqa: E402
@@ -126,7 +126,7 @@ def unit_sphere(size=128, radius=0.7):
 def test_a_emitter_behind_the_left_side_bleeds_red_on_the_left(illuminator, surfaces, monkeypatch):
     """The mask is three pixels too wide: there stands what is behind, through the same curve."""
     monkeypatch.setattr(pairs, "draw_shot", lambda rng, conditions: clean(draw_shot(rng)))
-    monkeypatch.setattr(pairs, "disturb_mask", lambda mask, rng: widen(mask, 3))
+    monkeypatch.setattr(photograph, "disturb_mask", lambda mask, rng: widen(mask, 3))
     direction = pixel_directions(64)
     emitter = (direction[..., 0] < -0.1) & (direction[..., 2] < -0.5) & (np.abs(direction[..., 1]) < 0.15)
     radiance = np.where(emitter[..., None], np.array([9.0, 0.0, 0.0]), 0.0).astype(np.float32)
@@ -153,10 +153,10 @@ def test_a_batch_sees_behind_an_object_what_the_map_shows_there(maps):
     light = torch.from_numpy(np.stack(maps[:2])).permute(0, 3, 1, 2)
     tan_half = (0.1, 0.45)
     wo = np.stack([pixel_rays(t, 32) for t in tan_half])
-    seen = pairs.see_behind(light, torch.from_numpy(wo)).permute(0, 2, 3, 1).numpy()
+    seen = batch_shading.see_behind(light, torch.from_numpy(wo)).permute(0, 2, 3, 1).numpy()
     for one, radiance, rays in zip(seen, maps, wo, strict=False):
         np.testing.assert_allclose(one, bilinear(radiance, direction_to_uv(-rays)), rtol=1e-3, atol=1e-4)
-    np.testing.assert_allclose(pairs.pixel_wo(torch.tensor(tan_half).reshape(2, 1, 1, 1), 32), wo, atol=1e-6)
+    np.testing.assert_allclose(batch_shading.pixel_wo(torch.tensor(tan_half).reshape(2, 1, 1, 1), 32), wo, atol=1e-6)
 
 
 def test_a_batch_is_photographed_as_one_image_is(rng):
@@ -168,7 +168,7 @@ def test_a_batch_is_photographed_as_one_image_is(rng):
     scenes = torch.nn.functional.interpolate(coarse, size=(64, 64), mode="bicubic").clip(min=0)
     radiance, background = scenes[:12], scenes[12:]
     masks = torch.from_numpy(mask).float().expand(12, 1, 64, 64)
-    together = pairs.take_photos(shots, radiance, masks, background, rng).permute(0, 2, 3, 1).numpy() * 255
+    together = batch_shading.take_photos(shots, radiance, masks, background, rng).permute(0, 2, 3, 1).numpy() * 255
     for k, shot in enumerate(shots):
         front, behind = (x[k].permute(1, 2, 0).numpy() for x in (radiance, background))
         alone = one_photo(shot, front, mask, behind, rng)
@@ -182,7 +182,7 @@ def test_noise_is_fresh_in_every_photo_and_batch(rng):
     shots = [replace(clean(draw_shot(rng)), noise=0.02, white_balance=np.ones(3, np.float32))] * 2
     flat = torch.full((2, 3, 64, 64), 0.3)
     rngs = [np.random.default_rng(seed) for seed in (1, 1, 2)]
-    photos = [pairs.take_photos(shots, flat, torch.ones(2, 1, 64, 64), flat, one) for one in rngs]
+    photos = [batch_shading.take_photos(shots, flat, torch.ones(2, 1, 64, 64), flat, one) for one in rngs]
     assert torch.equal(photos[0], photos[1])
     for other in (photos[2][0], photos[0][1]):
         assert float((photos[0][0] - other).std()) == pytest.approx(0.02 * np.sqrt(2), rel=0.05)
@@ -204,7 +204,7 @@ def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch, alpha):
     row, column = np.nonzero(surface.mask)
     normals = torch.zeros(1, 3, *surface.mask.shape)
     normals[0, :, row, column] = torch.from_numpy(surface.normals.T)
-    wo = pairs.pixel_wo(torch.full((1, 1, 1, 1), camera.tan_half), camera.size)
+    wo = batch_shading.pixel_wo(torch.full((1, 1, 1, 1), camera.tan_half), camera.size)
     inner = (surface.normals * surface.wo).sum(axis=1) > 0.15  # the rim's pixels turn too fast for any map
     black, grey = np.zeros(3, np.float32), np.full(3, 0.5, np.float32)
     for name, most, material in (
@@ -213,7 +213,7 @@ def test_a_lookup_agrees_with_shading_every_point(maps, monkeypatch, alpha):
         ("plastic", 0.07, Material(albedo=grey, f0=np.full(3, 0.04, np.float32), alpha=alpha)),
         ("irradiance", 0.17, None),
     ):
-        radiance, first_factor = pairs.shade_batch(
+        radiance, first_factor = batch_shading.shade_batch(
             [lit], [material or Material(albedo=black, f0=black, alpha=alpha)], normals, wo
         )
         found = (first_factor if material is None else radiance)[0, :, row, column].T
@@ -374,7 +374,7 @@ def test_told_normals_err_by_a_small_turn(illuminator, surfaces):
     torch.testing.assert_close(turns @ turns.mT, torch.eye(3).expand_as(turns), atol=1e-5, rtol=0)
     cosine = (turns.diagonal(dim1=1, dim2=2).sum(dim=1) - 1) / 2
     angles = torch.rad2deg(torch.acos(cosine.clip(-1, 1)))
-    assert 0.7 * GIVEN_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_ERROR_DEG
+    assert 0.7 * GIVEN_NORMALS_ERROR_DEG < angles.square().mean().sqrt() / 3**0.5 < 1.4 * GIVEN_NORMALS_ERROR_DEG
 
 
 def test_given_materials_err_a_little_and_change_nothing_else(illuminator, surfaces):

@@ -10,7 +10,7 @@ from anyprobe.dataset.asset_store import draw_map, room, sky, studio
 from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.lighting import (
     add_lamp,
-    blend,
+    blend_maps,
     draw_variant,
     move_dominant_light,
     split_light_cap,
@@ -293,7 +293,7 @@ def test_more_bounces_never_darken():
 def test_lamps_side_is_brighter():
     factors, points = rooms.form_factors(HALF), rooms.patch_points(HALF)
     lamp = rooms.Rectangle(wall=0, centre=np.array([0.2, 1.5]), extent=np.array([0.4, 0.4]))
-    source = rooms.paint(np.zeros((len(factors), 3)), lamp, 10.0, points)
+    source = rooms.paint_rectangle(np.zeros((len(factors), 3)), lamp, 10.0, points)
     assert set(points.wall[source[:, 0] > 0]) == {0}
     back = rooms.reflected(factors, np.full_like(source, 0.5), source)[:, 0]
     for wall in (2, 3):  # floor and ceiling: the half towards x-, and of it that towards +z
@@ -307,7 +307,7 @@ def test_patches_take_a_rectangles_whole_area():
     points, areas = rooms.patch_points(HALF), rooms.patch_areas(HALF)
     for wall in range(6):
         spot = rooms.Rectangle(wall=wall, centre=np.array([0.3, -0.1]), extent=np.array([0.77, 0.33]))
-        painted = rooms.paint(np.zeros((len(areas), 3)), spot, np.array([1.0, 2.0, 3.0]), points)
+        painted = rooms.paint_rectangle(np.zeros((len(areas), 3)), spot, np.array([1.0, 2.0, 3.0]), points)
         np.testing.assert_allclose(areas @ painted, 4 * 0.77 * 0.33 * np.array([1, 2, 3]), rtol=1e-9)
 
 
@@ -390,10 +390,12 @@ def test_turned_and_mirrored():
 
 def test_blend_is_linear(maps):
     one, other = maps[:2]
-    np.testing.assert_array_equal(blend(one, other, 0.0), one)
-    np.testing.assert_array_equal(blend(one, other, 1.0), other)
-    np.testing.assert_allclose(blend(3 * one, other, 0.25), 2.25 * one + 0.25 * other, rtol=1e-5)
-    np.testing.assert_allclose(integral(blend(one, other, 0.4)), 0.6 * integral(one) + 0.4 * integral(other), rtol=1e-4)
+    np.testing.assert_array_equal(blend_maps(one, other, 0.0), one)
+    np.testing.assert_array_equal(blend_maps(one, other, 1.0), other)
+    np.testing.assert_allclose(blend_maps(3 * one, other, 0.25), 2.25 * one + 0.25 * other, rtol=1e-5)
+    np.testing.assert_allclose(
+        integral(blend_maps(one, other, 0.4)), 0.6 * integral(one) + 0.4 * integral(other), rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize("radius_deg", [2.0, 12.0, 30.0])

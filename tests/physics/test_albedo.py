@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material, brdf
 from anyprobe.scatter.microfacet import albedo_table, directional_albedo
 
 N = np.array([0.0, 0.0, 1.0])
@@ -24,7 +24,7 @@ def sent_back(f0: float, alpha: float, cosine: float) -> float:
     facing = h @ wo
     wi = 2 * facing[..., None] * h - wo
     grey = Material(albedo=np.zeros(3), f0=np.full(3, f0), alpha=alpha)
-    f = evaluate(grey, wo + 0 * wi, wi, N + 0 * wi)[..., 0]
+    f = brdf(grey, wo + 0 * wi, wi, N + 0 * wi)[..., 0]
     return float((f * wi[..., 2].clip(min=0) * 4 * facing.clip(min=0) * solid_angle).sum())
 
 

@@ -23,7 +23,7 @@ from anyprobe.render.integrate import (
     shade_specular,
     shading_pyramid,
 )
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material, brdf
 from anyprobe.scatter.microfacet import ggx_distribution
 
 HEIGHT = 64
@@ -62,7 +62,7 @@ def sum_over_pixels(radiance: np.ndarray, material: Material, n, wo) -> np.ndarr
     light = (radiance * pixel_solid_angles(height)[..., None])[lit]
     rows = []
     for one, toward in zip(n, wo, strict=True):
-        f = evaluate(material, toward[None, None], wi, one[None, None])[0]
+        f = brdf(material, toward[None, None], wi, one[None, None])[0]
         rows.append((f * np.clip(wi[0] @ one, 0, None)[:, None] * light).sum(axis=0))
     return np.array(rows)
 

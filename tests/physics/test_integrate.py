@@ -7,8 +7,8 @@ from anyprobe.core.frames import normalize, reflect, rotation_x, rotation_y, rot
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.core.sampling import hammersley, square_to_ggx_normal
 from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import shade, shade_diffuse, shade_specular
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.render.integrate import _lod, shade, shade_diffuse, shade_specular
+from anyprobe.scatter.materials import Material, brdf
 
 ALPHAS = (0.01, 0.05, 0.3, 0.6, 1.0)
 VIEWS_DEG = (0.0, 30.0, 60.0, 80.0, 89.0)
@@ -112,7 +112,7 @@ def test_samples_disagree_with_the_brdf(alpha, material):
     wi = pixel_directions(96).astype(np.float64)
     n64, wo64 = n.astype(np.float64)[:, None, None], wo.astype(np.float64)[:, None, None]
     cosine = np.maximum((wi * n64).sum(axis=-1, keepdims=True), 0)
-    f = evaluate(m, wo64 + 0 * wi, wi + 0 * wo64, n64 + 0 * wi)
+    f = brdf(m, wo64 + 0 * wi, wi + 0 * wo64, n64 + 0 * wi)
     expected = np.einsum("phwc,hw->pc", f * cosine * smooth_radiance(wi), np.repeat(pixel_solid_angles(96), 192, 1))
     got = shade(smooth_pyramid(), n, wo, alpha, hammersley(1024)).radiance(m)
     np.testing.assert_allclose(got, expected, rtol=0.02)
@@ -260,3 +260,10 @@ def test_gradient_is_nan_or_another_function():
         assert torch.isfinite(gradient).all()
         assert (gradient >= 0).all()
         np.testing.assert_allclose(float((gradient * texels).sum().detach()), float(value.detach()), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("texels", "level"), [(1, 0), (4, 1), (16, 2)])
+def test_a_sample_reads_the_level_whose_texel_is_as_large_as_what_it_stands_for(texels, level):
+    pyramid = build_pyramid(np.ones((32, 64, 3), np.float32))
+    solid_angle = texels * 4 * np.pi / pyramid.side**2
+    assert _lod(np.array([1 / (8 * solid_angle)]), 8, pyramid)[0] == pytest.approx(level)

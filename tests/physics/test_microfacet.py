@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.frames import normalize
-from anyprobe.scatter.materials import Material, evaluate
+from anyprobe.scatter.materials import Material, brdf
 from anyprobe.scatter.microfacet import f0_from_ior, ggx_distribution, schlick_weight, smith_visibility
 
 ALPHAS = (0.05, 0.3, 1.0)
@@ -87,36 +87,36 @@ def test_ior_borders():
 @pytest.mark.parametrize("material", [PLASTIC, GOLD])
 def test_brdf_is_not_reciprocal(material):
     wo, wi = hemisphere(500, 1), hemisphere(500, 2)
-    np.testing.assert_allclose(evaluate(material, wo, wi, N), evaluate(material, wi, wo, N), rtol=1e-9)
+    np.testing.assert_allclose(brdf(material, wo, wi, N), brdf(material, wi, wo, N), rtol=1e-9)
 
 
 def test_brdf_depends_on_where_the_axes_point():
     """Turning wo, wi and n together changes nothing."""
     rotation, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
     wo, wi = hemisphere(200, 4), hemisphere(200, 5)
-    turned = evaluate(PLASTIC, wo @ rotation.T, wi @ rotation.T, N @ rotation.T)
-    np.testing.assert_allclose(turned, evaluate(PLASTIC, wo, wi, N), rtol=1e-6)
+    turned = brdf(PLASTIC, wo @ rotation.T, wi @ rotation.T, N @ rotation.T)
+    np.testing.assert_allclose(turned, brdf(PLASTIC, wo, wi, N), rtol=1e-6)
 
 
 def test_light_from_below_the_table():
     wo, wi = hemisphere(100, 6), hemisphere(100, 7)
     below = wi * [1, 1, -1]
-    assert (evaluate(PLASTIC, wo, below, N) == 0).all()
-    assert (evaluate(PLASTIC, below, wo, N) == 0).all()
+    assert (brdf(PLASTIC, wo, below, N) == 0).all()
+    assert (brdf(PLASTIC, below, wo, N) == 0).all()
 
 
 def test_brdf_at_the_mirror_direction():
     """n = wo = wi: D = 1 / (pi alpha^2), V = 1/4, F = f0: f = (1 - f0) albedo / pi + D f0 / 4."""
     for m in (PLASTIC, GOLD):
         expected = (1 - m.f0) * m.albedo / np.pi + m.f0 / (4 * np.pi * m.alpha**2)
-        np.testing.assert_allclose(evaluate(m, N, N, N), expected, rtol=1e-9)
+        np.testing.assert_allclose(brdf(m, N, N, N), expected, rtol=1e-9)
 
 
 def directional_albedo(material, cosine):
     """Integral of f (n.wi) dwi [3] for a view with n.wo = cosine."""
     wi, w = polar_grid(600, 360)
     wo = np.array([np.sqrt(1 - cosine**2), 0.0, cosine]) + 0 * wi
-    return (evaluate(material, wo, wi, N + 0 * wi) * (wi[..., 2] * w)[..., None]).sum(axis=(0, 1))
+    return (brdf(material, wo, wi, N + 0 * wi) * (wi[..., 2] * w)[..., None]).sum(axis=(0, 1))
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.5, 0.1])
@@ -149,5 +149,5 @@ def test_rough_white_metal_sends_back_one_minus_ln_2():
     """alpha = 1, F = 1, seen along n: the directional albedo is 1 - ln 2 exactly."""
     wi, w = polar_grid(1500, 4)
     white = Material(albedo=np.zeros(3), f0=np.ones(3), alpha=1.0)
-    sent = (evaluate(white, N + 0 * wi, wi, N + 0 * wi)[..., 0] * wi[..., 2] * w).sum()
+    sent = (brdf(white, N + 0 * wi, wi, N + 0 * wi)[..., 0] * wi[..., 2] * w).sum()
     np.testing.assert_allclose(sent, 1 - np.log(2), rtol=1e-4)

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from anyprobe.errors import InputError
-from anyprobe.scatter.materials import (
-    MATERIALS,
-    MATTE,
-    MEASURED,
-    PRESETS,
-    as_material,
-    given_material,
-    total_reflectance,
-)
+from anyprobe.given_material import MATTE, as_material, given_material
+from anyprobe.scatter.materials import MATERIALS, MEASURED, PRESETS, total_reflectance
 
 
 @pytest.mark.parametrize("albedo", [0.18, [0.18], (0.18, 0.18, 0.18), np.float32(0.18)])

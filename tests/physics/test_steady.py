@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anyprobe.light.steady import Smoothing, advance, begin
+from anyprobe.light.steady import Smoothing, advance, begin_filter
 
 FPS, NOISE, NUMBERS = 15, 0.05, 400
 
@@ -19,7 +19,7 @@ def shown(rng, means: np.ndarray, smoothing: Smoothing) -> np.ndarray:
     state, found = None, []
     for mean in means:
         y = mean + rng.normal(0.0, NOISE, NUMBERS)
-        state = begin(y) if state is None else advance(state, y, 1 / FPS, rms, smoothing)
+        state = begin_filter(y) if state is None else advance(state, y, 1 / FPS, rms, smoothing)
         found.append(state.steady)
     return np.array(found)
 

@@ -13,7 +13,7 @@ from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.filtering import blur_cap
 from anyprobe.light.source_split import Source, draw_sources
 from anyprobe.light.steady import Smoothing
-from anyprobe.light.temporal import MOST_TURN, OFFSET, FilterState, encode, step
+from anyprobe.light.temporal import MOST_TURN, OFFSET, FilterState, filtered_log, step
 from anyprobe.render.spheres import silver, sphere_normals
 
 HEIGHT, SPHERE = 32, 12
@@ -108,7 +108,7 @@ def test_young_average_is_the_mean_of_what_came(rng):
     """Without motion the first frames count alike, so that one bad start does not linger."""
     frames = [noisy(LEFT, rng) for _ in range(60)]
     state = run(frames, [1 / 30] * 60)[-1]
-    mean = encode(np.array(frames)).mean(axis=0)
+    mean = filtered_log(np.array(frames)).mean(axis=0)
     assert np.abs(state.soft.steady - mean).std() < 3 * FRAME_NOISE / np.sqrt(60)
 
 

@@ -142,7 +142,7 @@ def test_unknown_format_names_the_known_ones(tmp_path, name):
         assert suffix in message
 
 
-@pytest.mark.parametrize("suffix", meshes.SUFFIXES)
+@pytest.mark.parametrize("suffix", meshes.MESH_SUFFIXES)
 def test_file_that_holds_no_mesh(tmp_path, suffix):
     assert "0 bytes" in refusal(tmp_path / f"a{suffix}", b"")
     for data in (b"Dear reader,\nthis is a letter.\n" * 20, b"\n", bytes(200), b"\x89PNG\r\n\x1a\n" + bytes(99)):

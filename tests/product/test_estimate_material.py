@@ -10,7 +10,8 @@ from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.scatter.materials import MATERIALS, as_material, given_material
+from anyprobe.given_material import as_material, given_material
+from anyprobe.scatter.materials import MATERIALS
 
 
 def through(entry: str, estimator, rgba: np.ndarray, **given):

@@ -69,7 +69,7 @@ def test_every_hint_is_described_over_http():
     from anyprobe.serve import openapi
 
     carried = {hint.name for hint in HINTS.values() if hint.over_http}
-    assert carried <= set(openapi.form_names(openapi.ESTIMATE))
+    assert carried <= set(openapi.form_names(openapi.ESTIMATE_ROUTE))
     assert set(HINTS) - {"depth", "near", "far"} == {name for name, hint in HINTS.items() if hint.over_http}
     page = (ROOT / "docs" / "serve.md").read_text(encoding="utf-8")
     assert {name for name in carried if f"`{name}`" not in page} == set()

@@ -277,6 +277,16 @@ def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root,
         require_plausible(found)
 
 
+@pytest.mark.parametrize(("expected", "is_said"), [(0.9, False), (0.86, True)])
+def test_a_mask_that_is_expected_to_miss_an_eighth_of_its_object_is_doubtful(
+    project_root, monkeypatch, expected, is_said
+):
+    monkeypatch.setattr(Evidence, "expected_iou", lambda self, network: expected)
+    rgb, _ = vase(project_root)
+    said = find_mask(read_image(rgb), segmenter="small").warnings
+    assert any("may be wrong" in line for line in said) == is_said
+
+
 # Given masks
 
 

@@ -19,7 +19,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
 from anyprobe.detail import library as libraries
 from anyprobe.detail.background import background_of
 from anyprobe.detail.library import open_library
-from anyprobe.detail.likeness import LIGHT_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
+from anyprobe.detail.likeness import MATCH_ROWS, Shown, best_places, gain_of, light_of, schlick_coat
 from anyprobe.errors import InputError
 from anyprobe.estimate.result import Light
 from anyprobe.files.radiance import read_radiance, write_exr
@@ -80,7 +80,7 @@ def test_background_does_not_say_where_the_camera_looked():
     turn = world_from_camera(YAW, PITCH)
     seen = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
     cover = (pixel_directions(64)[..., 2:] < -0.8).astype(np.float32)
-    behind = background_of(seen, np.zeros_like(seen, bool), cover, np.eye(3), LIGHT_ROWS)
+    behind = background_of(seen, np.zeros_like(seen, bool), cover, np.eye(3), MATCH_ROWS)
     lights = np.stack([light_of(place(seed))[0] for seed in range(6)])
     assert behind.at_turns(lights, np.arange(6), np.repeat(turn[None], 6, axis=0)).argmin() == 2
     found = best_places(replace(shown_under(place(2), turn), behind=behind), lights)
@@ -101,6 +101,15 @@ def test_the_gain_lights_the_object_as_brightly_as_the_estimate():
     estimate = rotate(reduced(place(2), 64), turn.T) * 0.3
     gain = gain_of(shown_under(place(2), turn), estimate, light, turn) / level
     np.testing.assert_allclose(gain, 0.3, rtol=0.03)
+
+
+def test_a_map_takes_on_half_of_the_colour_that_it_misses():
+    turn = world_from_camera(YAW, PITCH)
+    light, level = light_of(place(2))
+    red = np.array([1.2, 1.0, 0.8])
+    estimate = rotate(reduced(place(2), 64), turn.T) * red
+    gain = gain_of(shown_under(place(2), turn), estimate, light, turn) / level
+    np.testing.assert_allclose(gain / gain[1], red**0.5, rtol=0.03)
 
 
 def test_a_light_finds_its_panorama_in_a_folder_and_brings_it_into_its_frame(folder, camera_light, tmp_path):

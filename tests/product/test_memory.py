@@ -83,7 +83,7 @@ def scene(rng):
 
 def test_shadow_by_strips_is_the_shadow(scene, monkeypatch):
     photo, view, shadow = scene
-    monkeypatch.setattr("anyprobe.relight.ground_view.STRIP_PIXELS", 9_000)
+    monkeypatch.setattr("anyprobe.relight.ground_view.VIEW_STRIP_PIXELS", 9_000)
     found = cast_shadow(photo, view, shadow)
     rows, columns = np.mgrid[0 : view.height, 0 : view.width] + 0.5
     ratio = shadow.at(view.on_ground(columns.ravel(), rows.ravel())).reshape(photo.rgb.shape)
@@ -120,7 +120,7 @@ def test_object_of_a_larger_photo_is_judged_by_no_more_pixels(monkeypatch):
 
 def test_shadow_and_ground_take_little_more_than_the_photo(scene, monkeypatch):
     photo, view, shadow = scene
-    monkeypatch.setattr("anyprobe.relight.ground_view.STRIP_PIXELS", 9_000)
+    monkeypatch.setattr("anyprobe.relight.ground_view.VIEW_STRIP_PIXELS", 9_000)
     assert most_bytes(lambda: cast_shadow(photo, view, shadow)) < photo.rgb.nbytes + 400 * 9_000
     stage = object.__new__(Stage)
     stage.photo, stage.view = photo, view

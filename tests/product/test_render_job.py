@@ -26,7 +26,7 @@ from support.mesh_files import obj
 from anyprobe.cli import data as data_command
 from anyprobe.dataset import render_job, shards
 from anyprobe.dataset.process_pools import run_local
-from anyprobe.dataset.samples import Sample, StoreRenderer, decode
+from anyprobe.dataset.samples import Sample, StoreRenderer, decode_part
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.radiance import write_hdr
 
@@ -369,7 +369,7 @@ def test_progress_adds_up(tmp_path, monkeypatch):
     progress = SimpleNamespace(
         add_task=lambda *_, **__: 0, update=lambda _, completed, rate: shown.append(completed), disable=False
     )
-    watch = data_command._Watch(progress, render_job.status(job.folder))
+    watch = data_command._Watch(progress, render_job.job_status(job.folder))
 
     def twice(work, tasks, hints):
         hints(0, 4)
@@ -584,7 +584,7 @@ def test_status_counts_what_the_pairs_say(whole, drawn_command):
     shards.remove_shard(whole, 2)
     (whole / "shard-000004.tar").write_bytes(b"cut")
     hints = [
-        decode("json", parts["json"])
+        decode_part("json", parts["json"])
         for shard in (0, 3)
         for _, parts in shards.read_samples(shards.tar_path(whole, shard))
     ]
@@ -638,7 +638,7 @@ def packed(picture: np.ndarray, **options) -> bytes:
 
 
 def one_bit_off(data: bytes) -> bytes:
-    picture = decode("photo.png", data).copy()
+    picture = decode_part("photo.png", data).copy()
     picture[5, 5, 0] ^= 1
     return packed(picture)
 
@@ -676,7 +676,7 @@ def test_repacked_picture_is_the_same_picture(whole):
     """Another version of the PNG library may pack otherwise; the values count."""
 
     def repack(data: bytes) -> bytes:
-        return packed(decode("photo.png", data), compress_level=0)
+        return packed(decode_part("photo.png", data), compress_level=0)
 
     old = list(shards.read_samples(whole / "shard-000000.tar"))
     shards.write_shard(whole, 0, changed(old, 0, "photo.png", repack))
@@ -689,11 +689,11 @@ def test_pairs_to_render_again_are_drawn_from_all(whole):
     """So many of them, each at most once, in the shards they are in."""
     tried = Counter()
     for _ in range(40):
-        tasks = render_job.choose(render_job.read_plan(whole), [0, 2, 4], 3)
+        tasks = render_job.choose_pairs(render_job.read_plan(whole), [0, 2, 4], 3)
         numbers = [number for _, group in tasks for number in group]
         assert len(numbers) == len(set(numbers)) == 3
         assert all(number // 5 == shard for shard, group in tasks for number in group)
         tried.update(numbers)
     assert set(tried) <= {*range(5), *range(10, 15), *range(20, 23)}
     assert len(tried) > 10
-    assert np.sum([len(group) for _, group in render_job.choose({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5
+    assert np.sum([len(group) for _, group in render_job.choose_pairs({"pairs": 23, "shard_size": 5}, [0], 99)]) == 5

@@ -18,7 +18,7 @@ from anyprobe.core.frames import rotation_y
 from anyprobe.errors import InputError
 from anyprobe.estimate.multiview import fuse_lights
 from anyprobe.files.poses import parse_poses
-from anyprobe.scatter.materials import given_material
+from anyprobe.given_material import given_material
 from anyprobe.serve.answers import png as as_png
 from anyprobe.serve.api import create_app
 from anyprobe.serve.limits import MAX_PHOTOS, Limits

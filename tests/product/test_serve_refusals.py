@@ -120,8 +120,8 @@ def test_all_that_is_described_is_taken(client, photo):
     }
     pointed = {"box": "24,8,104,88", "click": "64,48", "exclude": "2,2"}
     poses = {"poses": "[[[1,0,0],[0,1,0],[0,0,1]]]"}
-    assert set(openapi.query_names(openapi.ESTIMATE)) == set(given) | set(pointed)
-    assert set(openapi.query_names(openapi.FUSE)) == set(given) | {"box"}
+    assert set(openapi.query_names(openapi.ESTIMATE_ROUTE)) == set(given) | set(pointed)
+    assert set(openapi.query_names(openapi.FUSE_ROUTE)) == set(given) | {"box"}
     files = {"photo": ("p.png", photo)}
     for address, data in (("estimate", {}), ("fuse", poses)):
         assert client.post(f"/v1/{address}", files=files, data=data, params=given).status_code == 200

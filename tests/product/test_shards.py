@@ -20,7 +20,7 @@ from anyprobe.dataset import shards
 from anyprobe.dataset.pair import render_map_pair, render_pair
 from anyprobe.dataset.recipe import Recipe
 from anyprobe.dataset.render_job import SETTINGS
-from anyprobe.dataset.samples import ARRAYS, NORMALS, Sample, StoreRenderer, decode, decode_normals, encode_normals
+from anyprobe.dataset.samples import ARRAYS, NORMALS, Sample, StoreRenderer, decode_normals, decode_part, encode_normals
 from anyprobe.errors import InputError, OutputError
 
 KINDS = ("object", "map")
@@ -84,7 +84,7 @@ def test_rendered_pairs_come_back_as_they_were():
         assert list(sample.parts) == [*ARRAYS[kind], "json"]
         assert sample.key == recipe.key
         for name, (shape, dtype) in ARRAYS[kind].items():
-            array, truth = decode(name, sample.parts[name]), getattr(pair, name.split(".")[0])
+            array, truth = decode_part(name, sample.parts[name]), getattr(pair, name.split(".")[0])
             assert name.split(".")[0] in parts
             assert (array.shape, str(array.dtype)) == (shape, dtype)
             if name == NORMALS:

@@ -11,7 +11,7 @@ from support.scenes import sphere_photo
 
 import anyprobe
 from anyprobe.core.frames import rotation_y
-from anyprobe.estimate.result import VERSION, Info, Light
+from anyprobe.estimate.result import SIDECAR_VERSION, Info, Light
 
 jsonschema = pytest.importorskip("jsonschema")
 pytestmark = pytest.mark.usefixtures("networks_opened_once")
@@ -39,7 +39,7 @@ def test_what_lights_write_is_what_the_schema_says(schema, light, tmp_path):
 
 def test_the_schema_knows_every_key_and_is_of_this_version(schema):
     assert set(Info.__annotations__) <= set(schema["properties"])
-    assert schema["properties"]["version"] == {"const": VERSION}
+    assert schema["properties"]["version"] == {"const": SIDECAR_VERSION}
 
 
 @pytest.mark.parametrize(

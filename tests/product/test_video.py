@@ -30,7 +30,7 @@ from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.render.spheres import sphere_images
 from anyprobe.video import run as run_module
-from anyprobe.video.clip import join_pieces, open_clip, read_frames, upright_size, write_piece
+from anyprobe.video.clip import clip_size, join_pieces, open_clip, read_frames, write_piece
 from anyprobe.video.following import MaskFollower, Seen, inner_point
 from anyprobe.video.run import ClipRun, VirtualObject
 
@@ -389,7 +389,7 @@ def test_frames_are_turned_upright(made, tmp_path, matrix, turns):
     plain = next(read_frames(open_clip(made / "clip.mp4"), [])).rgb
     upright = next(read_frames(open_clip(tmp_path / "turned.mp4"), [])).rgb
     np.testing.assert_array_equal(upright, np.rot90(plain, turns))
-    assert upright_size(open_clip(tmp_path / "turned.mp4")) == upright.shape[1::-1]
+    assert clip_size(open_clip(tmp_path / "turned.mp4")) == upright.shape[1::-1]
 
 
 def test_cut_file_gives_what_it_holds(made, tmp_path):

@@ -21,7 +21,7 @@ from anyprobe.relight.insert import Arrangement
 from anyprobe.render.shapes import sphere
 from anyprobe.video import following
 from anyprobe.video import run as run_module
-from anyprobe.video.clip import open_clip, read_frames, upright_size
+from anyprobe.video.clip import clip_size, open_clip, read_frames
 from anyprobe.video.following import MaskFollower
 from anyprobe.video.run import ClipRun, VirtualObject
 
@@ -76,7 +76,7 @@ def test_a_panorama_is_read_once_and_told_to_every_frame_as_to_a_photo(tmp_path,
 def test_the_lens_of_the_poses_is_told_across_and_a_portrait_clip_is_higher(command, work):
     frame, mask = np.rot90(sphere_frame(made_map())), np.rot90(sphere_mask())  # 96 wide, 128 high
     write_clip(work / "clip.mp4", [frame] * 2)
-    assert upright_size(open_clip(work / "clip.mp4")) == (96, 128)
+    assert clip_size(open_clip(work / "clip.mp4")) == (96, 128)
     (work / "masks").mkdir()
     for name in ("0.png", "1.png"):
         Image.fromarray(np.ascontiguousarray(mask)).save(work / "masks" / name)

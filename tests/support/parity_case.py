@@ -15,6 +15,7 @@ from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import estimate_ground
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, weights_folder
+from anyprobe.given_material import given_material, material_input
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.light.source_split import Source, draw_sources, split_sources
@@ -25,7 +26,6 @@ from anyprobe.masks.search import Prompts, find_object
 from anyprobe.masks.sources import mask_from_file
 from anyprobe.relight.ground_view import View
 from anyprobe.relight.placement import Outline, Spot, find_spot
-from anyprobe.scatter.materials import given_material, material_input
 
 HINTS = {
     "none": {"on": [], "off": []},

@@ -83,7 +83,7 @@ def render(
     talk = Console(stderr=True, markup=False, emoji=False, highlight=False)
     say = partial(talk.print, soft_wrap=True)
     job = render_job.begin(folder, given, data, _make(), resume=resume, report=say)
-    done = render_job.status(job.folder)
+    done = render_job.job_status(job.folder)
     say(f"{folder}: {done.pairs} pairs in {done.shards} shards, {done.shards_done} of them done")
     start = time.monotonic()
     try:
@@ -92,7 +92,7 @@ def render(
             run = _engine(engine, address, workers, partial(progress.console.print, soft_wrap=True), job)
             render_job.render_missing(job, run, watch)
     except KeyboardInterrupt:
-        now = render_job.status(job.folder)
+        now = render_job.job_status(job.folder)
         assets = "" if data is None else f" --data {shlex.quote(str(data))}"
         say(
             f"anyprobe: stopped with {now.shards_done} of {now.shards} shards done; go on with "
@@ -100,7 +100,7 @@ def render(
         )
         raise
     seconds = time.monotonic() - start
-    now = render_job.status(job.folder)
+    now = render_job.job_status(job.folder)
     rendered = now.pairs_done - done.pairs_done
     say(
         f"{folder}: complete, {now.bytes / 1e6:.1f} MB; {rendered} pairs in {_clock(seconds)}, "
@@ -177,7 +177,7 @@ def status(
     """Print how much of a dataset is rendered. Shards, pairs, bytes, and what is missing."""
     from anyprobe.dataset import render_job
 
-    found = render_job.status(folder)
+    found = render_job.job_status(folder)
     if as_json:
         typer.echo(json.dumps(asdict(found)))
         return

@@ -153,10 +153,10 @@ class EstimateCall:
 
     def _check(self, path: Path, hints: Hints, poses: Path | None = None) -> None:
         """Refuse names that do not differ, and a result that would replace an input."""
-        from anyprobe.estimate.outputs import SUFFIXES
+        from anyprobe.estimate.outputs import OUTPUT_SUFFIXES
 
         given = (poses, *hints.files().values())
-        targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in SUFFIXES)
+        targets = (self.out / f"{result_stem(path, self.listed)}{suffix}" for suffix in OUTPUT_SUFFIXES)
         check_names(path, self.listed, targets, given)
 
     def _write(self, path: Path, photo: Photo, light: Light, seconds: float) -> Done:

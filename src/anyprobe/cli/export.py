@@ -14,7 +14,7 @@ from anyprobe.errors import InputError
 from anyprobe.export.exported_light import check_front, origin_beside
 from anyprobe.export.targets import TARGETS, find_target
 
-MAX_PIXELS = 8192 * 4096
+_MAX_PIXELS = 8192 * 4096
 """The most pixels of a map that is exported: some targets take 90 bytes a pixel."""
 
 
@@ -45,7 +45,7 @@ def export(
     names = target_names(to)
     rotation = None if world_from_camera is None else parse_rotation(world_from_camera)
     for light, folder in folders(lights, out):
-        radiance = read_radiance(light, MAX_PIXELS)
+        radiance = read_radiance(light, _MAX_PIXELS)
         check_front(light)
         origin = origin_beside(light)
         for name in names:

@@ -39,7 +39,7 @@ Renderer = Literal["auto", "own", "mitsuba"]
 """What renders the inserted object."""
 STRIP = ("chrome", "gold", "plastic", "matte", "photo")
 """What --strip shows after the photo."""
-SUFFIXES = (".png", ".tif", ".tiff", ".exr")
+_SUFFIXES = (".png", ".tif", ".tiff", ".exr")
 PROFILE_LOST = "the photo's colour profile is not kept, since it is not of RGB by curves: the result is sRGB"
 SHOWN_AFTER_S = 1.0
 OF_ESTIMATES = [
@@ -134,8 +134,8 @@ def relight(
     foot, mesh = placed.foot(), placed.mesh(insert)
     out = out or Path("relit") / f"{photo.stem}_relit.png"
     kind = out.suffix.lower()
-    if kind not in SUFFIXES:
-        raise OutputError(f"{out}: expected a name that ends in {', '.join(SUFFIXES)}; choose one of them")
+    if kind not in _SUFFIXES:
+        raise OutputError(f"{out}: expected a name that ends in {', '.join(_SUFFIXES)}; choose one of them")
     if kind == ".exr":
         refuse_unused(context, "beside an .exr, which has layers", "strip", "before")
     else:

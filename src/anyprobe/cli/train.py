@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from anyprobe.train.config import RunConfig
     from anyprobe.train.dataloader import ShardSource
 
-RUNS = Path("runs")
+_RUNS = Path("runs")
 RunName = Annotated[str, typer.Argument(metavar="RUN", help="Named run; see docs/training.md.")]
 
 
@@ -24,7 +24,7 @@ def train(
     data: Annotated[
         Path | None, typer.Option(help="Folder with hdri/train and meshes/train; default: procedural maps and shapes.")
     ] = None,
-    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = RUNS,
+    runs: Annotated[Path, typer.Option(help="Folder for checkpoints, logs and caches.")] = _RUNS,
     steps: Annotated[int | None, typer.Option(min=1, help="Total number of steps; default: the run's.")] = None,
     dry_run: Annotated[int | None, typer.Option(min=1, metavar="N", help="N small steps, to test a machine.")] = None,
     init_weights: Annotated[
@@ -90,7 +90,7 @@ def _refuse_mask(run: str) -> None:
 def weights(
     to: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for the .onnx graphs.")],
     run: RunName = "lift",
-    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = RUNS,
+    runs: Annotated[Path, typer.Option(help="Folder of the trained runs.")] = _RUNS,
     mean_map: Annotated[Path | None, typer.Option(help="Also write the mean training map to this .exr.")] = None,
     data: Annotated[Path | None, typer.Option(help="Data the run was trained on, for the mean map.")] = None,
     keep: Annotated[

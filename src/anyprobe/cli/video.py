@@ -64,8 +64,8 @@ def video(
     """
     from anyprobe.files.poses import read_poses
     from anyprobe.relight.insert import Arrangement, uses_mitsuba
-    from anyprobe.video.clip import open_clip, upright_size
-    from anyprobe.video.following import SUFFIXES, MaskFollower
+    from anyprobe.video.clip import clip_size, open_clip
+    from anyprobe.video.following import HINT_SUFFIXES, MaskFollower
     from anyprobe.video.run import ClipRun, VirtualObject
     from anyprobe.video.track import forget_run
 
@@ -75,7 +75,7 @@ def video(
     name, material, size = insert, placed.insert_material, placed.scale
     hints = taken.hints()
     object_material = hints.surface()
-    folders = {kind: path for kind, path in hints.files().items() if kind in SUFFIXES}
+    folders = {kind: path for kind, path in hints.files().items() if kind in HINT_SUFFIXES}
     first: dict[str, Any] = {key: value for key, value in hints.given() if key in ("click", "exclude", "box")}
     if taken.segmenter:
         first["segmenter"] = taken.segmenter
@@ -89,7 +89,7 @@ def video(
     if turned is not None and len(turned) < header.num_frames:
         raise InputError(f"{poses}: expected {header.num_frames} poses, one a frame, got {len(turned)}")
     if given_poses is not None and hints.fov_deg is None:
-        hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*upright_size(header)))
+        hints = replace(hints, fov_deg=given_poses.clip_fov_deg(*clip_size(header)))
     virtual = None
     if mesh is not None:
         kind = "mitsuba" if uses_mitsuba(renderer) else "own"

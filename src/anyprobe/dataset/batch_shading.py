@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -99,6 +99,34 @@ def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
     )
 
 
+class Behind:
+    """What the photos of a batch show beside their objects: the map, or black where they are cut out.
+
+    Once called with the photos' gains: framed [B], which are not cut out; grain [B, 3, S, S].
+    """
+
+    def __init__(self, light: torch.Tensor, wo: torch.Tensor, cut_out: float, rng: np.random.Generator) -> None:
+        """light [B, 3, H, 2H] before exposure, seen along wo [B, S, S, 3]; cut_out: the share in black."""
+        self.light, self.wo, self.cut_out, self.rng = light, wo, cut_out, rng
+        self.framed = np.ones(len(light), bool)
+        self.grain: torch.Tensor | None = None
+
+    def __call__(self, gains: list[float]) -> torch.Tensor:
+        light = self.light * self.light.new_tensor(gains).reshape(-1, 1, 1, 1)
+        seen = see_behind(light, self.wo)
+        if self.cut_out > 0:
+            self.framed = self.rng.random(len(light)) >= self.cut_out
+            seen = seen * column_of(self.framed, light.device)
+        self.grain = draw_grain(self.rng, seen.shape, light.device)
+        return seen
+
+
+def draw_grain(rng: np.random.Generator, shape: Sequence[int], device: torch.device | str) -> torch.Tensor:
+    """Normal numbers on a device, by one number of rng."""
+    generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
+    return torch.randn(tuple(shape), generator=generator, device=device)
+
+
 def take_photos(
     shots: list[Shot],
     radiance: torch.Tensor,
@@ -111,8 +139,6 @@ def take_photos(
 
     radiance, background: [B, 3, S, S]; mask: [B, 1, S, S]; tone: response, or the same compiled.
     """
-    device = radiance.device
-    generator = torch.Generator(device=device).manual_seed(int(rng.integers(2**62)))
-    grain = torch.randn(radiance.shape, generator=generator, device=device)
-    tone = partial(tone, curve=curves(shots, device))
+    tone = partial(tone, curve=curves(shots, radiance.device))
+    grain = draw_grain(rng, radiance.shape, radiance.device)
     return take_photo(shots, radiance, mask > 0, background, grain, tone).div_(255)

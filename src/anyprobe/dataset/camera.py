@@ -208,15 +208,16 @@ def take_photo(shots: Sequence[Shot], radiance, mask, background, grain, tone: C
     return levels * cover if background is None else levels
 
 
+def as_planes(picture: np.ndarray) -> np.ndarray:
+    """[S, S, 3] to [1, 3, S, S] float32, as take_photo has it."""
+    return np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None], dtype=np.float32)
+
+
 def one_photo(
     shot: Shot, radiance: np.ndarray, mask: np.ndarray, background: np.ndarray | None, rng: np.random.Generator
 ) -> np.ndarray:
     """take_photo of [S, S, 3], a mask [S, S] and a background [S, S, 3] or None, grain by rng: [S, S, 3] uint8."""
-
-    def planes(picture: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None], dtype=np.float32)
-
-    behind = None if background is None else planes(background)
-    grain = planes(rng.standard_normal(radiance.shape, np.float32))
-    levels = take_photo([shot], planes(radiance), mask[None, None], behind, grain)[0]
+    behind = None if background is None else as_planes(background)
+    grain = as_planes(rng.standard_normal(radiance.shape, np.float32))
+    levels = take_photo([shot], as_planes(radiance), mask[None, None], behind, grain)[0]
     return np.moveaxis(levels, 0, -1).astype(np.uint8, order="C")

@@ -39,7 +39,7 @@ def turn(radiance: np.ndarray, columns: int, mirrored: bool = False) -> np.ndarr
     return np.roll(radiance[:, ::-1] if mirrored else radiance, columns, axis=1)
 
 
-def blend(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
+def blend_maps(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
     """(1 - share) one + share other."""
     return (1 - share) * one + share * other
 
@@ -129,7 +129,7 @@ def draw_variant(rng: np.random.Generator, maps: list[np.ndarray]) -> np.ndarray
         steps[2] |= moved is radiance and not steps[1]  # no light to move: an added one makes it new
         radiance = moved
     if steps[1]:
-        radiance = blend(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))
+        radiance = blend_maps(radiance, turned(maps[second]), rng.uniform(0.15, 0.85))
     if steps[2]:
         mean = luminance(integral(radiance))
         for _ in range(rng.integers(1, 4)):

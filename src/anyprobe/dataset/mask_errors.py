@@ -6,7 +6,7 @@ import numpy as np
 
 from anyprobe.dataset.camera import blur
 
-MIN_OBJECT_PX = 24
+LEAST_OBJECT_PX = 24
 """Smallest longer side of what stays of an object: the least that an estimate accepts."""
 
 KEPT_SHARE = 0.4
@@ -104,6 +104,6 @@ def disturb_mask(mask: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     for chance, error in errors:
         if rng.random() < chance:
             changed = error(result)
-            if object_px(changed) >= MIN_OBJECT_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
+            if object_px(changed) >= LEAST_OBJECT_PX and (changed & mask).sum() >= KEPT_SHARE * mask.sum():
                 result = changed
     return result

@@ -14,14 +14,14 @@ import numpy as np
 
 from anyprobe.core.color import luminance
 from anyprobe.core.frames import rotation_y, world_from_camera
-from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
+from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, exposure_for_clipping, one_photo, phone_shot
+from anyprobe.dataset.camera import Shot, as_planes, draw_shot, exposure_for_clipping
 from anyprobe.dataset.distributions import SPECULAR_BELOW, draw_alpha, draw_material
-from anyprobe.dataset.mask_errors import disturb_mask
+from anyprobe.dataset.photograph import LitObjects, photograph
 from anyprobe.dataset.recipe import EXPOSURES, VIEWPOINTS, WORLD, Recipe
 from anyprobe.dataset.textured import draw_factor, draw_share, factor_at, paint
 from anyprobe.errors import InputError, InvalidMesh
@@ -113,7 +113,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         raise InputError("textured: expected objects shaded here, got another renderer; leave one of the two out")
     asset, shape, rng = store.map(recipe.map_id), store.shape(recipe.shape_id), recipe.rng()
     drawn = _draw(recipe, rng)
-    material, shot = drawn.material, drawn.shot
+    material = drawn.material
     camera, surface = _look(shape.mesh, drawn, shape.name)
     # the map turns about the shape, so that shape and light are not tied together
     map_from_camera = rotation_y(drawn.map_yaw) @ camera.world_from_camera
@@ -131,27 +131,38 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
         coat = _painted(material, shape.mesh, rng.spawn(1)[0]) if is_painted(recipe) else material
         reflected = trace(shape.mesh, camera, surroundings, coat)[surface.mask][:, :3]
     light = shrink(rotate(asset.radiance, map_from_camera.T), MAP_HEIGHT)
-    if recipe.conditions == WORLD:
-        shot = phone_shot(shot, (light * pixel_solid_angles(MAP_HEIGHT)[..., None]).sum(axis=(0, 1)), rng)
-    bright = luminance(light)
-    # a camera that meters the whole scene sees exp(mean ln luminance)
-    log_mean = float(np.exp(np.log(np.maximum(bright, 1e-4)).mean()))
-    seen = float(distributions.frame_level(bright)) if shot.meters_frame else log_mean
-    gain = exposure(shot, float(luminance(reflected).mean()), seen)
-    picture = np.zeros((*surface.mask.shape, 3), np.float32)
-    picture[surface.mask] = reflected * gain
-    mask, background = surface.mask, None
-    if recipe.conditions:
-        mask = disturb_mask(mask, rng)
+    picture = np.zeros((*surface.mask.shape, 3), reflected.dtype)
+    picture[surface.mask] = reflected
+    lit = LitObjects(
+        radiance=np.ascontiguousarray(np.moveaxis(picture, -1, 0)[None]),
+        mask=surface.mask[None, None],
+        on_object=[float(luminance(reflected).mean())],
+        brightness=luminance(light)[None],
+        maps=lambda _: light,
+        by_phone=[recipe.conditions == WORLD],
+    )
+
+    def behind(gain: list[float]) -> np.ndarray | None:
+        if not recipe.conditions:
+            return None
         away = -pixel_rays(camera.tan_half, camera.size) @ map_from_camera.T.astype(np.float32)
-        background = bilinear(asset.radiance, direction_to_uv(away)) * gain
-    display = one_photo(shot, picture, surface.mask, background, rng)
-    irradiance = np.zeros((*surface.mask.shape, 3), np.uint8)
+        return as_planes(np.asarray(bilinear(asset.radiance, direction_to_uv(away)) * gain[0]))
+
+    taken = photograph(
+        [drawn.shot],
+        lit,
+        rng,
+        behind=behind,
+        grain=lambda: as_planes(rng.standard_normal(tuple(normals.shape), np.float32)),
+        flawed=recipe.conditions > 0,
+    )
+    (shot,), (gain,), (mask,) = taken.shots, taken.gain, taken.mask
+    irradiance = np.zeros(normals.shape, np.uint8)
     gains = np.asarray(gain * shot.white_balance, np.float32)
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
     return Pair(
         recipe=recipe,
-        photo=np.concatenate([display * mask[..., None], mask[..., None] * np.uint8(255)], axis=-1),
+        photo=np.dstack([np.moveaxis(taken.photo[0], 0, -1), mask * 255]).astype(np.uint8),
         irradiance=irradiance,
         radiance=np.asarray(light * gains, np.float32),
         map_from_camera=map_from_camera,

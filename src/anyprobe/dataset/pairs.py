@@ -18,22 +18,21 @@ import torch.nn.functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.frames import rotation_x, rotation_y, rotation_z
-from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.dataset import distributions
-from anyprobe.dataset.batch_shading import column_of, curves, pixel_wo, see_behind, shade_batch, take_photos
-from anyprobe.dataset.camera import Shot, draw_shot, exposure, phone_shot
+from anyprobe.dataset.batch_shading import Behind, column_of, curves, pixel_wo, shade_batch
+from anyprobe.dataset.camera import draw_shot
 from anyprobe.dataset.distributions import draw_material
 from anyprobe.dataset.lighting import Illuminator, LitMaterial
-from anyprobe.dataset.mask_errors import disturb_mask
 from anyprobe.dataset.occlusion import mirrored
 from anyprobe.dataset.pair import LN_RANGE
+from anyprobe.dataset.photograph import LitObjects, photograph
 from anyprobe.dataset.seen_surroundings import draw_frame, gather, photo_surroundings, unsteady
 from anyprobe.dataset.shape_augment import join_some, reshape_some
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, SurfaceSet
 from anyprobe.dataset.textured import paint_some
+from anyprobe.given_material import material_input
 from anyprobe.render.reflectance import lookup_coords
-from anyprobe.scatter.materials import material_input
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,7 +45,7 @@ class PairConfig:
     world: share of lit materials, and so of photos, of dataset.distributions: what objects are made of, and how
         phones expose and balance them.
     cut_out: share of photos with black behind the object, as in a picture that was cut out before.
-    given_normals: share of photos that come with their normals, all turned by some degrees (GIVEN_ERROR_DEG), as of a
+    given_normals: share of photos that come with their normals, all turned by GIVEN_NORMALS_ERROR_DEG, as of a
         tracked model.
     surroundings: share of photos of which more is known than the object: the map, as far as the picture shows it
         (dataset.seen_surroundings).
@@ -77,10 +76,10 @@ class PairConfig:
     two_materials: float = 0.0
 
 
-GIVEN_ERROR_DEG = 2.0
+GIVEN_NORMALS_ERROR_DEG = 2.0
 """Standard deviation of each of the three angles by which given normals are turned."""
 GIVEN_MATERIAL_ERROR = np.array([0.0, 0.03, 0.08, 0.08, 0.08, 0.0, 0.0, 0.0], np.float32)
-"""Standard deviations of a given material's numbers, in the order of scatter.materials.material_input."""
+"""Standard deviations of a given material's numbers, in the order of given_material.material_input."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -89,7 +88,7 @@ class Batch:
     mean curve; ln_radiance [B, 3, H, 2H]; alpha [B]; normals [B, 3, S, S], zero outside the object, and tan_half [B] of
     half the field of view; given_normals_rotation [B, 3, 3]: from these normals to the given ones, a small turn, or
     zero where none are given; surroundings [B, 4, H, 2H]: what else the photo shows, see dataset.seen_surroundings, or
-    zero; material [B, 8]: of the object (scatter.materials.material_input; zero where a dataset does not say), and
+    zero; material [B, 8]: of the object (given_material.material_input; zero where a dataset does not say), and
     given_material [B, 8]: as it is given, or zero."""
 
     photo: torch.Tensor
@@ -200,20 +199,21 @@ class PairSource:
         radiance, first_factor = shade_batch(chosen, materials, normals, wo, self._places, hidden)
 
         shots = [draw_shot(rng, self.config.conditions) for _ in range(count)]
-        shots = [_as_phones(shot, lit, rng) for shot, lit in zip(shots, chosen, strict=True)]
         light = torch.stack([lit.radiance for lit in chosen]).permute(0, 3, 1, 2)
-        gain = self._gain(shots, radiance, mask, light)
+        behind = Behind(light, wo, self.config.cut_out, rng)
+        taken = photograph(
+            shots,
+            self._lit(chosen, radiance, mask, light),
+            rng,
+            behind=behind,
+            grain=lambda: behind.grain,
+            flawed=self.config.conditions > 0,
+            tone=partial(self._tone, curve=curves(shots, self.device)),
+        )
+        shots, framed = taken.shots, behind.framed
+        gain = radiance.new_tensor(taken.gain).reshape(-1, 1, 1, 1)
         light = light * gain
-        behind = see_behind(light, wo)
-        framed = np.ones(count, bool)
-        if self.config.cut_out > 0:
-            framed = rng.random(count) >= self.config.cut_out
-            behind = behind * column(framed)
-        photos = take_photos(shots, radiance * gain, mask, behind, rng, self._tone)
-        found = mask[:, 0].cpu().numpy() > 0
-        if self.config.conditions:
-            found = np.stack([disturb_mask(one, rng) for one in found])
-        photo_mask = torch.from_numpy(found[:, None]).to(self.device).float()
+        photo_mask = torch.from_numpy(taken.mask[:, None]).to(self.device).float()
         white_balance = column([shot.white_balance for shot in shots])
         light, gain = light * white_balance, gain * white_balance
         given = np.zeros((count, 3, 3), np.float32)
@@ -230,7 +230,7 @@ class PairSource:
                 more = framed & (rng.random(count) < self.config.merged_surroundings)
                 surroundings_map = gather(surroundings_map, light, photo_mask, angles, more, rng, tone)
         return Batch(
-            photo=torch.cat([photos * photo_mask, photo_mask], dim=1),
+            photo=torch.cat([taken.photo / 255, photo_mask], dim=1),
             irradiance=self._tone(first_factor * gain, MEAN_CURVE) * mask,
             ldr=self._tone(light, MEAN_CURVE),
             ln_radiance=torch.log(light.clip(min=1e-6)).clip(*LN_RANGE),
@@ -252,29 +252,21 @@ class PairSource:
         wrong[:, 1] = wrong[:, 1].clip(0.1, 1.0)
         return wrong * (rng.random((len(wrong), 1)) < self.config.given_material)
 
-    def _gain(self, shots: list[Shot], radiance, mask, light) -> torch.Tensor:
-        """From radiance to each photo's exposure units, [B, 1, 1, 1]."""
+    def _lit(self, chosen: list[LitMaterial], radiance, mask, light) -> LitObjects:
+        """radiance [B, 3, S, S] of objects, with mask [B, 1, S, S], under light [B, 3, H, 2H]."""
         weights = radiance.new_tensor(REC709).reshape(1, 3, 1, 1)
         seen = (radiance * weights).sum(1, keepdim=True)
-        on_object = ((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist()
-        bright = (light * weights).sum(1)
-        scene = torch.exp(torch.log(bright.clip(min=1e-4)).mean((1, 2))).tolist()
-        for one in [number for number, shot in enumerate(shots) if shot.meters_frame]:
-            scene[one] = float(distributions.frame_level(bright[one].cpu().numpy()))
-        gains = [exposure(*each) for each in zip(shots, on_object, scene, strict=True)]
-        return radiance.new_tensor(gains).reshape(-1, 1, 1, 1)
-
-
-def _as_phones(shot: Shot, lit: LitMaterial, rng: np.random.Generator) -> Shot:
-    """The shot, metered and balanced as phones do it where the material is of the world's distributions."""
-    if lit.kind is None:
-        return shot
-    rows = pixel_solid_angles(lit.radiance.shape[0])
-    ambient = (lit.radiance.cpu().numpy() * rows[..., None]).sum(axis=(0, 1))
-    return phone_shot(shot, ambient, rng)
+        return LitObjects(
+            radiance=radiance,
+            mask=mask > 0,
+            on_object=((seen * mask).sum((1, 2, 3)) / mask.sum((1, 2, 3)).clip(min=1.0)).tolist(),
+            brightness=(light * weights).sum(1),
+            maps=lambda number: chosen[number].radiance.cpu().numpy(),
+            by_phone=[lit.kind is not None for lit in chosen],
+        )
 
 
 def _small_turns(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rotations [count, 3, 3] about all three axes, GIVEN_ERROR_DEG each."""
-    angles = rng.normal(0.0, np.radians(GIVEN_ERROR_DEG), (count, 3))
+    """Rotations [count, 3, 3] about all three axes, GIVEN_NORMALS_ERROR_DEG each."""
+    angles = rng.normal(0.0, np.radians(GIVEN_NORMALS_ERROR_DEG), (count, 3))
     return np.stack([rotation_x(x) @ rotation_y(y) @ rotation_z(z) for x, y, z in angles])

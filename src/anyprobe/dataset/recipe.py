@@ -15,7 +15,7 @@ import numpy as np
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.errors import InputError
 
-VERSION = 2
+RECIPE_VERSION = 2
 """Raised whenever the same fields would give another pair."""
 DRAWS = 1
 """Raised whenever other scenes would be drawn; a better renderer alone shows the same ones anew."""
@@ -24,7 +24,7 @@ KINDS = ("object", "map")
 NO_SHAPE = "00000000"
 VIEWPOINTS = 23
 """Camera positions on the upper hemisphere, as in the paper's Sect. 3.5."""
-MATERIALS = 8
+MATERIAL_CHOICES = 8
 EXPOSURES = 5
 WORLD = 2
 """Conditions of photos with dataset.distributions, flawed as the world gives them."""
@@ -58,7 +58,7 @@ class Recipe:
     def to_bytes(self) -> bytes:
         """Version, kind and conditions, map, shape, material, view, seed; big-endian."""
         return _LAYOUT.pack(
-            VERSION,
+            RECIPE_VERSION,
             2 * KINDS.index(self.kind) + (4 if self.conditions == WORLD else self.conditions),
             bytes.fromhex(self.map_id),
             bytes.fromhex(self.shape_id),
@@ -80,10 +80,12 @@ class Recipe:
             raise InputError(
                 f"recipe {text[:48]!r}: expected {2 * _LAYOUT.size} hexadecimal digits, got {len(text)} characters"
             ) from error
-        if version != VERSION:
-            raise InputError(f"recipe {text}: expected version {VERSION}, got {version}; use the release that wrote it")
+        if version != RECIPE_VERSION:
+            raise InputError(
+                f"recipe {text}: expected version {RECIPE_VERSION}, got {version}; use the release that wrote it"
+            )
         kind = flags // 2 % 2
-        count = EXPOSURES if kind else MATERIALS
+        count = EXPOSURES if kind else MATERIAL_CHOICES
         if flags > 4 or material >= count or view >= VIEWPOINTS:
             raise InputError(
                 f"recipe {text}: expected kind < 2, material < {count}, view < {VIEWPOINTS}, "
@@ -134,7 +136,7 @@ class Plan:
         """The paper's: shapes x maps x 8 materials x 23 views, or maps x 23 views x 5 exposures."""
         if self.kind == "map":
             return len(self.map_ids) * VIEWPOINTS * EXPOSURES
-        return len(self.shape_ids) * len(self.map_ids) * MATERIALS * VIEWPOINTS
+        return len(self.shape_ids) * len(self.map_ids) * MATERIAL_CHOICES * VIEWPOINTS
 
     def recipe(self, index: int) -> Recipe:
         """Recipe number index, 0 to count - 1."""
@@ -146,7 +148,7 @@ class Plan:
             place, view, material = _digits(_shuffled(index, self.count, self.seed), (*radices, EXPOSURES))
         else:
             half = _shuffled(index // 2, self.count // 2, self.seed)
-            place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIALS // 2))
+            place, view, shape, material = _digits(half, (*radices, len(self.shape_ids), MATERIAL_CHOICES // 2))
             shape_id, material = self.shape_ids[shape], 2 * material + index % 2
         return Recipe(
             kind=self.kind,
@@ -190,7 +192,13 @@ def world_recipes(store: AssetStore, count: int, seed: int) -> list[Recipe]:
     """A test set under the world's distributions: in turn their KINDS, the darker and the brighter half of
     each, indoor/outdoor, every shape alike; the rest at random."""
     return _test_set(
-        store, count, seed, WORLD, MATERIALS, lambda k: k // (2 * MATERIALS) + k, lambda k, rng: k % MATERIALS
+        store,
+        count,
+        seed,
+        WORLD,
+        MATERIAL_CHOICES,
+        lambda k: k // (2 * MATERIAL_CHOICES) + k,
+        lambda k, rng: k % MATERIAL_CHOICES,
     )
 
 

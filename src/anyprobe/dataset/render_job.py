@@ -20,8 +20,8 @@ from anyprobe import __version__
 from anyprobe.dataset import shards
 from anyprobe.dataset.asset_store import PROCEDURAL_VERSION
 from anyprobe.dataset.process_pools import run_local
-from anyprobe.dataset.recipe import VERSION as RECIPE_VERSION
-from anyprobe.dataset.samples import CONDITIONS, FORMATS, StoreRenderer, decode, same
+from anyprobe.dataset.recipe import RECIPE_VERSION
+from anyprobe.dataset.samples import CONDITIONS, FORMATS, StoreRenderer, decode_part, same
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import held
 
@@ -46,7 +46,7 @@ def render_again(job: RenderJob, task: tuple[int, tuple[int, ...]], report: Call
 def _first_difference(name: str, old: bytes, new: bytes) -> str:
     if name != "json":
         return ""
-    a, b = decode(name, old), decode(name, new)
+    a, b = decode_part(name, old), decode_part(name, new)
     keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
     return f" ({', '.join(keys[:3])})"
 
@@ -63,12 +63,12 @@ def differing_pairs(
 ) -> dict[int, str]:
     """What differs, by shard, when `count` random pairs of some shards are rendered again."""
     job = _job(folder, data, make)
-    tasks = choose(job.plan, among, count)
+    tasks = choose_pairs(job.plan, among, count)
     results = run_local(partial(render_again, job), tasks, lambda task, n: None, workers=workers, say=say)
     return {shard: wrong for (shard, _), wrong in results.items() if wrong}
 
 
-def choose(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
+def choose_pairs(plan: Mapping, among: Sequence[int], count: int) -> list[tuple[int, tuple[int, ...]]]:
     """So many pairs of some shards by lot, or all if they are fewer: (shard, numbers of its pairs)."""
     numbers = [number for shard in among for number in shard_range(plan, shard)]
     chosen = sorted(np.random.default_rng().permutation(numbers)[:count].tolist())
@@ -344,7 +344,7 @@ class Status:
     missing: list[int]
 
 
-def status(folder: Path) -> Status:
+def job_status(folder: Path) -> Status:
     """Count what is there, by the indices."""
     plan, pairs, size = read_plan(folder), 0, 0
     groups: Counter[str] = Counter()

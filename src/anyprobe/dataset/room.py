@@ -21,7 +21,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, p
 from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.sky import Day, draw_day, tint
 
-PATCHES = 12
+_PATCHES = 12
 """Patches along each side of each wall: 864 in all."""
 
 WARM = np.array([1.15, 1.0, 0.75])
@@ -85,7 +85,7 @@ def _perpendicular(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     return _corner_sum(bend - log / 4) / (2 * np.pi)
 
 
-def form_factors(half: np.ndarray, patches: int = PATCHES) -> np.ndarray:
+def form_factors(half: np.ndarray, patches: int = _PATCHES) -> np.ndarray:
     """F [6 n^2, 6 n^2] of a box with half sizes [3]: F_ij is the share of i's light that reaches j.
 
     Patches go wall by wall, in each by the first of its axes, then the second.
@@ -114,13 +114,13 @@ def form_factors(half: np.ndarray, patches: int = PATCHES) -> np.ndarray:
     return exchange.reshape(len(areas), len(areas)) / areas[:, None]
 
 
-def patch_areas(half: np.ndarray, patches: int = PATCHES) -> np.ndarray:
+def patch_areas(half: np.ndarray, patches: int = _PATCHES) -> np.ndarray:
     """Area of every patch, [6 n^2], in form_factors' order."""
     sides = [4 * half[u] * half[v] / patches**2 for u, v in map(_along, range(6))]
     return np.repeat(sides, patches**2)
 
 
-def patch_points(half: np.ndarray, patches: int = PATCHES) -> Points:
+def patch_points(half: np.ndarray, patches: int = _PATCHES) -> Points:
     """The middles of all patches, in form_factors' order."""
     middle = (np.arange(patches) + 0.5) / patches * 2 - 1
     position, side = np.empty((6, patches, patches, 3)), np.empty((6, patches, patches, 2))
@@ -162,7 +162,7 @@ def coverage(rectangle: Rectangle, xy: np.ndarray, side: np.ndarray) -> np.ndarr
     return np.clip((high - low) / side, 0.0, 1.0).prod(axis=-1, keepdims=True)
 
 
-def paint(color: np.ndarray, rectangle: Rectangle, value: np.ndarray, points: Points) -> np.ndarray:
+def paint_rectangle(color: np.ndarray, rectangle: Rectangle, value: np.ndarray, points: Points) -> np.ndarray:
     """color [N, 3] of the points with the rectangle laid over it; value [3], or [N, 3] of its own."""
     here = np.flatnonzero(points.wall == rectangle.wall)
     share = coverage(rectangle, points.position[here][:, _along(rectangle.wall)], points.side[here])
@@ -236,9 +236,9 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
 
     def lay(rectangle, albedo, emission, emission_seen=None):
         for name, (points, color) in look.items():
-            look[name][1] = paint(color, rectangle, albedo, points)
+            look[name][1] = paint_rectangle(color, rectangle, albedo, points)
             value = emission if name == "patches" or emission_seen is None else emission_seen
-            glow[name] = paint(glow[name], rectangle, value, points)
+            glow[name] = paint_rectangle(glow[name], rectangle, value, points)
 
     for _ in range(rng.integers(5, 18)):  # furniture, pictures, doors, carpets
         where = rng.choice([0, 1, 2, 4, 5])
@@ -275,7 +275,7 @@ def room(rng: np.random.Generator, height: int = 256) -> np.ndarray:
     return normalize_map((radiance * balance).reshape(height, 2 * height, 3))
 
 
-def between_patches(values: np.ndarray, half: np.ndarray, points: Points, patches: int = PATCHES) -> np.ndarray:
+def between_patches(values: np.ndarray, half: np.ndarray, points: Points, patches: int = _PATCHES) -> np.ndarray:
     """values [6 n^2, C] of the patches at points between their middles, bilinear on each wall."""
     grid = values.reshape(6, patches, patches, -1)
     along = np.array([_along(wall) for wall in range(6)])[points.wall]

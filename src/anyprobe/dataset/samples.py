@@ -137,7 +137,7 @@ def encode_map_pair(pair: MapPair) -> Sample:
     )
 
 
-def decode(name: str, data: bytes) -> Any:
+def decode_part(name: str, data: bytes) -> Any:
     """A part as it was before encoding, by the end of its name; InputError if it is none."""
     try:
         if name.endswith(".npy"):
@@ -154,7 +154,7 @@ def same(name: str, first: bytes, second: bytes) -> bool:
     """Whether two parts hold the same values bit for bit, however they were packed."""
     if first == second:
         return True
-    a, b = decode(name, first), decode(name, second)
+    a, b = decode_part(name, first), decode_part(name, second)
     if isinstance(a, dict) or isinstance(b, dict):
         return a == b
     return a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()

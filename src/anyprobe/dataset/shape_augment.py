@@ -22,7 +22,7 @@ STRETCH = 0.15
 """Standard deviation of the logarithm by which a picture is drawn out along one axis and in along the other."""
 DEPTH = 0.3
 """Standard deviation of the logarithm by which slopes are made steeper."""
-MARGIN = (1.04, 1.2)
+_MARGIN = (1.04, 1.2)
 """The picture's side over the longer side of the object's box, as where surfaces are drawn."""
 SLOW, FAST = (1.0, 4.0), (6.0, 25.0)
 """Speeds of the waves that bend the surface and that are pressed into it [radians over half the picture]."""
@@ -30,7 +30,7 @@ MOST_SLOW, MOST_FAST = 0.5, 0.4
 """Their slopes sum to no more."""
 JOINED = (0.25, 0.7)
 """Size of a surface that is put before another, of its own."""
-LEAST = 0.02
+_LEAST = 0.02
 """Cosine between a normal and the ray to the eye, at least: an interpolated one may have turned away."""
 
 
@@ -123,7 +123,7 @@ def _draw(mask: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     places = (np.stack([column, row], axis=1) + 0.5) * 2 / mask.shape[0] - 1
     places = places * [1.0, -1.0] @ new_from_old.T
     low, high = places.min(axis=0), places.max(axis=0)
-    half = (high - low).max() / 2 * rng.uniform(*MARGIN)
+    half = (high - low).max() / 2 * rng.uniform(*_MARGIN)
     old_from_new = np.linalg.inv(new_from_old)
     waves = [_waves(rng, SLOW, MOST_SLOW), _waves(rng, FAST, MOST_FAST)]
     return (
@@ -170,7 +170,7 @@ def reshape(
     t = tan_half.to(device).reshape(-1, 1, 1)
     facing = n[..., 2] - t * (n[..., :2] * old).sum(dim=-1)  # n . (-x, -y, 1)
     length = torch.sqrt(1 + t**2 * old.square().sum(dim=-1))
-    slope = n[..., :2] / torch.maximum(facing, LEAST * length)[..., None]  # rho_x, rho_y
+    slope = n[..., :2] / torch.maximum(facing, _LEAST * length)[..., None]  # rho_x, rho_y
     linear = reshaping.old_from_new.mT / torch.linalg.det(reshaping.old_from_new).sqrt()[:, None, None]
     slope = torch.einsum("bij,bhwj->bhwi", (linear * reshaping.deeper[:, None, None]).to(device), slope)
     waves, phases = reshaping.waves.to(device), reshaping.phases.to(device)

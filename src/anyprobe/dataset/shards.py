@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.dataset.recipe import Recipe
-from anyprobe.dataset.samples import FORMATS, Sample, arrays_of, decode
+from anyprobe.dataset.samples import FORMATS, Sample, arrays_of, decode_part
 from anyprobe.errors import InputError, OutputError
 from anyprobe.files.atomic import atomic_path
 
@@ -270,12 +270,12 @@ def _sample_fault(
     if places != parts:
         return f"{key}: its offsets in the index are wrong"
     for name, (shape, dtype) in arrays.items():
-        array = decode(name, parts[name])
+        array = decode_part(name, parts[name])
         if array.shape != shape or array.dtype != np.dtype(dtype):
             return f"{key}.{name}: expected {list(shape)} {dtype}, got {list(array.shape)} {array.dtype}"
         if not np.isfinite(array).all():
             return f"{key}.{name}: expected finite numbers"
-    fields = decode("json", parts["json"])
+    fields = decode_part("json", parts["json"])
     if not isinstance(fields, dict) or Recipe.from_hex(str(fields.get("recipe"))).key != key:
         return f"{key}.json: expected this pair's recipe, got another"
     return ""

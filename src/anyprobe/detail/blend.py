@@ -47,9 +47,9 @@ STEP = 2.0
 STEPS = 5
 MOST_LIGHTS = 3
 """Light sources above white that are discs of their own; an estimate has two."""
-CLIPPED = 0.97
+_CLIPPED = 0.97
 """Display value of what is seen from which on it is at least as bright as it looks."""
-LEAST_COVER = 1e-3
+_LEAST_COVER = 1e-3
 """What display values are divided by at least, where next to nothing is covered."""
 LEAST_RADIUS = np.radians(1.0)
 """The smallest radius of a disc."""
@@ -188,10 +188,10 @@ def _shown(seen: np.ndarray | None, rest: np.ndarray, rows: int) -> tuple[np.nda
     if seen is None:
         return np.zeros((3, 1, 1), np.float32), np.zeros((1, 1, 1), np.float32)
     cover = _planar(seen[..., 3:4])
-    display = _planar(seen[..., :3]) / np.maximum(cover, LEAST_COVER)
+    display = _planar(seen[..., :3]) / np.maximum(cover, _LEAST_COVER)
     radiance = np.where(display > 1, display, inverse_response(display))
-    gain = np.maximum(_enlarge(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), LEAST_COVER), 1.0)
-    clipped = (display >= CLIPPED).any(axis=0) & (_measured(seen)[0] < 0.5)
+    gain = np.maximum(_enlarge(rest, rows).mean(axis=0) / np.maximum(radiance.mean(axis=0), _LEAST_COVER), 1.0)
+    clipped = (display >= _CLIPPED).any(axis=0) & (_measured(seen)[0] < 0.5)
     return np.where(clipped, radiance * gain, radiance), cover
 
 

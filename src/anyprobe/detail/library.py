@@ -32,8 +32,8 @@ from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power
 
-SUFFIXES = (".exr", ".hdr")
-ROWS = 512
+_SUFFIXES = (".exr", ".hdr")
+_ROWS = 512
 """The most rows of a picture."""
 FEATURE_ROWS = 16
 EXPONENT, SIGMA = 0.6, 0.6
@@ -47,7 +47,7 @@ PATTERN, SHADING = 12.0, 6.0
 up to 6; and of radiance itself, about what a dull object shows of it."""
 DETAIL = 48.0
 """Sharpness of the blur that separates an estimate from detail: exp(-l (l + 1) / 96) of order l, a half at order 8."""
-VERSION, OWN_VERSION = 2, 1
+_VERSION, OWN_VERSION = 2, 1
 """Of the file; another is made anew. Our own, of the first, has no lights of its own and no files."""
 MOST_MAPS = 5000
 """Of a folder, the folders in it included."""
@@ -66,7 +66,7 @@ class Entry(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Source:
+class MapSource:
     """A file of a library's folder. stamp: path within the folder, bytes and time of change; digest: SHA-256 of its
     bytes; fault: why it is not in the library, or empty."""
 
@@ -118,7 +118,7 @@ def encode(radiance: np.ndarray) -> bytes:
     Raises:
         InputError: next to no light.
     """
-    small = reduced(radiance, ROWS)
+    small = reduced(radiance, _ROWS)
     weights = pixel_solid_angles(small.shape[0])
     bright = luminance(small)
     floor = DARKEST * float((bright * weights).sum() / (4 * np.pi))
@@ -159,7 +159,7 @@ def entry_of(name: str, radiance: np.ndarray, digest: str = "") -> Entry:
 
 
 def write_library(
-    path: Path, entries: Iterable[Entry | tuple[str, bytes]], sources: list[Source] | None = None
+    path: Path, entries: Iterable[Entry | tuple[str, bytes]], sources: list[MapSource] | None = None
 ) -> None:
     """Write the file of a library; the same maps give the same bytes.
 
@@ -193,7 +193,7 @@ def write_library(
         if len(lights) == len(names):
             _put_array(file, "lights.npy", np.stack(lights))
         index = {
-            **{"version": VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
+            **{"version": _VERSION, "names": names, "richness": richness, "levels": levels, "digests": digests},
             "sources": [[list(one.stamp), one.digest, one.fault] for one in sources or []],
         }
         _put(file, "index.json", json.dumps(index).encode())
@@ -233,7 +233,7 @@ def open_library(folder: str | Path | None = None) -> Library:
     path = _cache_folder() / f"{name}.zip"
     before = _index(path)
     if before is None or [stamp for stamp, *_ in before["sources"]] != [list(stamp) for stamp in stamps]:
-        sources: list[Source] = []
+        sources: list[MapSource] = []
         write_library(path, _entries(folder, stamps, path, before, sources), sources)
         _make_room(path)
     found = _opened(path, tuple(stamps))
@@ -246,7 +246,7 @@ def _stamps(folder: Path) -> list[tuple[str, int, int]]:
     found: list[Path] = []
     for place, folders, names in os.walk(folder):
         folders[:] = sorted(one for one in folders if not one.startswith("."))
-        found += [Path(place, one) for one in names if one.lower().endswith(SUFFIXES) and not one.startswith(".")]
+        found += [Path(place, one) for one in names if one.lower().endswith(_SUFFIXES) and not one.startswith(".")]
         if len(found) > MOST_MAPS:
             raise InputError(f"{folder}: expected at most {MOST_MAPS} maps, got more; name a folder within it")
     stamps = []
@@ -261,13 +261,17 @@ def _index(path: Path) -> dict[str, Any] | None:
     try:
         with zipfile.ZipFile(path) as file:
             index = json.loads(file.read("index.json"))
-        return index if index["version"] == VERSION and len(index["digests"]) == len(index["names"]) else None
+        return index if index["version"] == _VERSION and len(index["digests"]) == len(index["names"]) else None
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None
 
 
 def _entries(
-    folder: Path, stamps: list[tuple[str, int, int]], path: Path, before: dict[str, Any] | None, sources: list[Source]
+    folder: Path,
+    stamps: list[tuple[str, int, int]],
+    path: Path,
+    before: dict[str, Any] | None,
+    sources: list[MapSource],
 ) -> Iterator[Entry]:
     """All maps of a folder that can be read, from the file that was before where their bytes are the same.
 
@@ -291,7 +295,7 @@ def _entries(
                 entry = entry_of(name, read_radiance(folder / stamp[0]), digest)
             except AnyprobeError as error:
                 fault = " ".join(str(error).splitlines())
-        sources.append(Source(stamp=stamp, digest=digest, fault=fault))
+        sources.append(MapSource(stamp=stamp, digest=digest, fault=fault))
         if entry is not None:
             yield entry
     faulty = [one.fault for one in sources if one.fault]
@@ -332,8 +336,8 @@ def _opened(path: Path, stamps: tuple) -> Library:
     """The library of a file, kept for as long as its folder's stamps are the same."""
     with zipfile.ZipFile(path) as file:
         index = json.loads(file.read("index.json"))
-        if index["version"] not in (VERSION, OWN_VERSION):
-            raise InputError(f"{path}: expected a library of version {VERSION}, got {index['version']}; make it anew")
+        if index["version"] not in (_VERSION, OWN_VERSION):
+            raise InputError(f"{path}: expected a library of version {_VERSION}, got {index['version']}; make it anew")
         features = np.load(io.BytesIO(file.read("features.npy"))).astype(np.float32)
         count, lights = len(index["names"]), _lights(path)
         if lights is None:  # as the pictures have them, whose light sources are cut off

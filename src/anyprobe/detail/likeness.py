@@ -27,7 +27,7 @@ from anyprobe.light.filtering import blur_cosine_power, irradiance_map
 from anyprobe.render.surface import pixel_rays
 from anyprobe.scatter.microfacet import schlick_weight
 
-LIGHT_ROWS = 32
+MATCH_ROWS = 32
 """Of the maps that are compared."""
 PIXELS, FINE_PIXELS = 96, 160
 """Of the object that are compared, in the search and in its refinement."""
@@ -39,7 +39,7 @@ STEEPNESS = (0.8, 1.0, 1.25)
 """Factors of the slant of estimated normals: these are too flat or too steep as a whole."""
 KEPT = 8
 """Places of each map that are refined."""
-CLIPPED = 0.96
+_CLIPPED = 0.96
 """Display value from which on a pixel says only how bright it is at least."""
 LEAST_FACING = 0.15
 """n.wo of a pixel that counts; estimated normals at the rim are poor."""
@@ -99,8 +99,8 @@ def shown_by(
     display = small[rows, columns, :3] / small[rows, columns, 3:]
     turn = camera_from_crop.T
     return Shown(
-        radiance=inverse_response(np.minimum(display, CLIPPED + 0.01)),
-        clipped=display.max(axis=-1) > CLIPPED,
+        radiance=inverse_response(np.minimum(display, _CLIPPED + 0.01)),
+        clipped=display.max(axis=-1) > _CLIPPED,
         n=n[rows, columns] @ turn,
         wo=wo[rows, columns] @ turn,
         behind=behind,
@@ -109,7 +109,7 @@ def shown_by(
 
 def light_of(radiance: np.ndarray) -> tuple[np.ndarray, float]:
     """What a map [H, 2H, 3] is compared by: [32, 64, 3] float32 of mean 1, and the mean of the map."""
-    small = reduced(radiance, LIGHT_ROWS)
+    small = reduced(radiance, MATCH_ROWS)
     weights = pixel_solid_angles(len(small))[..., None] / (4 * np.pi)
     level = max(float((small * weights).sum() / 3), 1e-12)
     return small / np.float32(level), level
@@ -137,7 +137,7 @@ def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_came
     light: [H, 2H, 3] of the map, see light_of, in its own frame.
     """
     own, theirs = (
-        bilinear(irradiance_map(reduced(radiance, LIGHT_ROWS)), direction_to_uv(n)).mean(axis=0)
+        bilinear(irradiance_map(reduced(radiance, MATCH_ROWS)), direction_to_uv(n)).mean(axis=0)
         for radiance, n in ((estimate, shown.n), (light, shown.n @ map_from_camera.T))
     )
     level = luminance(own) / max(float(luminance(theirs)), 1e-12)
@@ -186,7 +186,7 @@ def _search(shown: Shown, matt: np.ndarray, coats: list[np.ndarray], pitch_deg: 
     few = slice(None, PIXELS)
     n, wo = (one[few] @ map_from_camera_at(0.0, pitch_deg).T for one in (shown.n, shown.wo))
     coat = schlick_coat(n, wo).astype(np.float32)
-    at_n, at_r = (nearest_pixels(one, LIGHT_ROWS) for one in (n, reflect(wo, n)))
+    at_n, at_r = (nearest_pixels(one, MATCH_ROWS) for one in (n, reflect(wo, n)))
     measured = _Measured(shown, few)
     e = seen_at_yaws(matt, at_n)
     cost = []

@@ -205,7 +205,7 @@ EDGE = 0.04
 """Share of the photo's shorter side over which it fades out at its border."""
 GROW = 0.015
 """Share of the photo's longer side around the object that is left out: its edge is not where the mask says."""
-FRONT = 0.05
+_FRONT = 0.05
 """Least -z of a direction that a photo may show."""
 
 
@@ -230,9 +230,9 @@ def seen_in_photo(
         colors = np.where(colors > 1, colors, response(np.maximum(colors, 0.0)))
     picture = np.dstack([colors, _beside(mask, size)])
     d = pixel_directions(rows)
-    depth = np.maximum(-d[..., 2], FRONT)
+    depth = np.maximum(-d[..., 2], _FRONT)
     column, row = 0.5 + focal * d[..., 0] / depth / width, 0.5 - focal * d[..., 1] / depth / height
-    inside = (d[..., 2] < -FRONT) & (column > 0) & (column < 1) & (row > 0) & (row < 1)
+    inside = (d[..., 2] < -_FRONT) & (column > 0) & (column < 1) & (row > 0) & (row < 1)
     found = np.zeros((rows, 2 * rows, 4), np.float32)
     margin = np.minimum(np.minimum(column, 1 - column) * width, np.minimum(row, 1 - row) * height)[inside] / (
         EDGE * min(width, height)

@@ -13,7 +13,7 @@ from anyprobe.light.dominant_light import find_dominant_light
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-CLIPPED, CLIPPED_SHARE = 0.99, 0.85
+_CLIPPED, CLIPPED_SHARE = 0.99, 0.85
 DARK, DARK_SHARE = 0.05, 0.8
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
 BELOW_DEG = 12.0
@@ -31,7 +31,7 @@ def exposure_doubts(
     dark = float((luminance(rgb) <= DARK).mean())
     if dark >= DARK_SHARE:
         return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; expose longer",)
-    clipped = float((rgb >= CLIPPED).all(axis=-1).mean())
+    clipped = float((rgb >= _CLIPPED).all(axis=-1).mean())
     if clipped < CLIPPED_SHARE:
         return ()
     advice = "expose shorter"

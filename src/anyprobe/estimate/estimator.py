@@ -16,7 +16,7 @@ import numpy as np
 from anyprobe.core.color import luminance
 from anyprobe.core.contract import contract
 from anyprobe.detail.background import background_of
-from anyprobe.detail.likeness import LIGHT_ROWS, shown_by
+from anyprobe.detail.likeness import MATCH_ROWS, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
 from anyprobe.estimate.doubts import ground_doubts, light_doubts
@@ -28,10 +28,11 @@ from anyprobe.estimate.result import Info, Light
 from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
 from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.files.images import ImageSource
+from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
 from anyprobe.light.environment import integral, rotate
 from anyprobe.masks.segmenters import SegmenterSource, load_segmenter
-from anyprobe.scatter.materials import Albedo, Material, as_material
+from anyprobe.scatter.materials import Material
 
 BLACK, WHITE, ENOUGH_EXPOSED = (contract("exposure")[name] for name in ("black", "white", "enough"))
 """Where less of the object than this is neither black nor clipped, confidence falls in proportion."""
@@ -235,7 +236,7 @@ class Estimator:
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
         behind = None
         if crop.surroundings_map is not None:  # for match
-            behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, LIGHT_ROWS)
+            behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
         estimated, sure = time.perf_counter(), photo.mask_confidence
         confidence = outputs.confidence
         if confidence is None:

@@ -6,7 +6,7 @@ What nobody gives is guessed from how such photos are taken. The guess's error s
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from anyprobe.masks.check import object_box
 
 if TYPE_CHECKING:
     from jaxtyping import Float
-
-    from anyprobe.estimate.photo import Photo
 
 GIVEN, ESTIMATED, GUESSED = "given", "estimated", "guessed"
 _GROUND = contract("ground")
@@ -96,7 +94,18 @@ def ground_by_posture(
     )
 
 
-def estimate_ground(photo: Photo, *, pitch_deg: float | None = None, roll_deg: float | None = None) -> Ground:
+class Framed(Protocol):
+    """What the ground is estimated from: mask [H, W], field of view of the longer side, pitch where given."""
+
+    @property
+    def mask(self) -> np.ndarray: ...
+    @property
+    def long_fov_deg(self) -> float: ...
+    @property
+    def pitch_deg(self) -> float | None: ...
+
+
+def estimate_ground(photo: Framed, *, pitch_deg: float | None = None, roll_deg: float | None = None) -> Ground:
     """The ground of a photo with its object marked.
 
     Args:

@@ -30,7 +30,7 @@ SMOOTH = 0.1
 """Largest alpha of a mirror: its lobe is a pixel or three of the map wide."""
 MIRROR_STEEP = 0.2
 """Least n.wo of a pixel that counts: at the rim one pixel mirrors a tenth of the sphere."""
-CLIPPED = 0.97
+_CLIPPED = 0.97
 """Display value from which on a pixel says only how bright its light is at least."""
 LEVELS = 3
 """Maps of 64, 32 and 16 rows that pixels fall into: where they lie far apart, a coarse one joins them."""
@@ -83,8 +83,8 @@ def measure(
     angles = None if mirrored is None else _solid_angles(wi, known)[seen]
     n, wo, wi, display = n[seen], wo[seen], wi[seen], image[seen][:, :3]
     fresnel = material.f0 + (1.0 - material.f0) * schlick_weight(dot(n, wo))
-    light = inverse_response(np.minimum(display, CLIPPED)) / fresnel
-    clipped = display.max(axis=-1, keepdims=True) >= CLIPPED
+    light = inverse_response(np.minimum(display, _CLIPPED)) / fresnel
+    clipped = display.max(axis=-1, keepdims=True) >= _CLIPPED
     emitted = None
     if mirrored is not None:
         whole = mirrored[seen] / fresnel

@@ -23,7 +23,7 @@ from anyprobe.scatter.materials import Material
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-SOURCES = 3
+_SOURCES = 3
 """Light sources that several photos together have, at most."""
 VOTE = 12.0
 """Sharpness of the cosine power with which each photo's light sources vote for a place."""
@@ -60,7 +60,7 @@ def _by_vote(above: np.ndarray) -> np.ndarray:
     d, solid_angles = pixel_directions(len(above)), pixel_solid_angles(len(above))
     whole = left = luminance(above) * solid_angles
     found, power = np.zeros_like(above), 0.0
-    for _ in range(SOURCES):
+    for _ in range(_SOURCES):
         if left.sum() < LEAST_POWER:
             break
         votes = blur_cosine_power((left / solid_angles)[..., None], VOTE)[..., 0]
@@ -79,7 +79,7 @@ def _by_vote(above: np.ndarray) -> np.ndarray:
 
 SURE = 2.0
 """The power of its confidence that a map counts with, pixel by pixel; chosen on assets that no weights learned from."""
-LEAST = 1e-4
+_LEAST = 1e-4
 """Weight of a pixel of which a map says nothing."""
 NOT_GIVEN = "exposure: expected photos that all say theirs (EXIF), got some that do not; taken to be the same for all"
 
@@ -157,7 +157,7 @@ def fuse_lights(lights: Sequence[Light], world_from_camera: Sequence[np.ndarray]
     turned = [first] + [light.rotate(turn) for light, turn in zip(lights[1:], turns[1:], strict=True)]
     maps = np.stack([light.radiance * np.float32(gain) for light, gain in zip(turned, gains, strict=True)])
     sure = np.stack([np.ones(maps.shape[1:3]) if one.confidence is None else one.confidence for one in turned])
-    weights = sure**SURE + LEAST
+    weights = sure**SURE + _LEAST
     known = all(light.confidence is not None for light in lights)
     notes = [line for light in lights for line in light.warnings]
     notes += [] if len(lights) == 1 or given else [NOT_GIVEN]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 EXPOSURES_EV = (-2.0, 0.0, 2.0)
 SPHERES = {"diffuse": "matte", "silver": "silver", "mirror": "mirror"}
 ROW = 256
-SPHERE = 128
+_SPHERE = 128
 GAP = 8
 CAPTION = 20
 BACKGROUND, CAPTION_COLOR = (20, 20, 20), (220, 220, 220)
@@ -41,7 +41,7 @@ def draw_preview(photo: Photo, light: Light) -> Float[np.ndarray, "H W 3"]:
     """
     picture = _fit(photo.rgb, ROW)
     first: list[Captioned] = [("photo", picture), ("mask", draw_overlay(picture, _fit(photo.mask, ROW)))]
-    spheres = sphere_images(light.radiance, SPHERE)
+    spheres = sphere_images(light.radiance, _SPHERE)
     ev = min(0.0, math.floor(-2 * math.log2(max(spheres["diffuse"].max(), 1e-6))) / 2)
     for name, sphere in spheres.items():
         first.append((f"{SPHERES[name]}, {_stops(ev)}", _fit(response(sphere * 2.0**ev), ROW)))
@@ -54,7 +54,7 @@ def draw_matches(photo: Photo, light: Light, matches: Sequence[tuple[MatchedMap,
     light's frame: spheres, all at one exposure, and the map."""
     rows = [("estimate", light.radiance)]
     rows += [(f"{one.rank + 1}: {one.name}", radiance) for one, radiance in matches]
-    drawn = [(caption, sphere_images(radiance, SPHERE), radiance) for caption, radiance in rows]
+    drawn = [(caption, sphere_images(radiance, _SPHERE), radiance) for caption, radiance in rows]
     brightest = max(spheres["diffuse"].max() for _, spheres, _ in drawn)
     gain = 2.0 ** min(0.0, math.floor(-2 * math.log2(max(brightest, 1e-6))) / 2)
     picture = _fit(photo.rgb, ROW)
@@ -94,7 +94,7 @@ def _fit(picture: np.ndarray, height: int) -> np.ndarray:
     return np.asarray(resized, dtype=np.float32) / 255
 
 
-SUFFIXES = (".exr", ".hdr", ".json", ".png")
+OUTPUT_SUFFIXES = (".exr", ".hdr", ".json", ".png")
 
 
 def write_results(photo: Photo, light: Light, folder: Path, stem: str, colorspace: str = "rec709") -> dict[str, Path]:
@@ -110,7 +110,7 @@ def write_results(photo: Photo, light: Light, folder: Path, stem: str, colorspac
         for kind in ("hdr", "json"):
             light.save(scratch / f"{stem}.{kind}")
         write_png(scratch / f"{stem}.png", draw_preview(photo, light))
-    return {suffix[1:]: folder / f"{stem}{suffix}" for suffix in SUFFIXES}
+    return {suffix[1:]: folder / f"{stem}{suffix}" for suffix in OUTPUT_SUFFIXES}
 
 
 EDGE = (0.1, 1.0, 0.4)

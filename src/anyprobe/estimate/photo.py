@@ -196,10 +196,10 @@ def load_photo(
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
     )
-    asked = word == PHOTO
-    if not asked and (word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha)):
+    is_asked = word == PHOTO
+    if not is_asked and (word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha)):
         return photo
-    return replace(photo, use_background=True, asked_background=asked, ground=estimate_ground(photo))
+    return replace(photo, use_background=True, asked_background=is_asked, ground=estimate_ground(photo))
 
 
 def _known_normals(

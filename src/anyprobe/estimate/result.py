@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
-VERSION = 4
+SIDECAR_VERSION = 4
 """Version of the sidecar; one that says none is of version 1. Older names stand below."""
 FIRST_NAMES = {"told": "well_exposed_fraction", "main_light": "dominant_light", "lamps": "emitters", "known": "hints"}
 """Keys of a sidecar of version 1, which says no version, and of today's."""
 OLDER_NAMES = {"priors": "hints"}
 """The same of versions 2 and 3."""
-EMITTERS = {"drawn": "mode", "spread": "expected"}
+_EMITTERS = {"drawn": "mode", "spread": "expected"}
 """The same for the values of `emitters`."""
 OLDER_NAMES_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
 """The same for what is within a key, up to version 2."""
@@ -308,7 +308,7 @@ class Light:
         """Everything but the pixels, ready for JSON; lists of plain numbers."""
         main = self.dominant_light()
         return {
-            "version": VERSION,
+            "version": SIDECAR_VERSION,
             **self.info,
             **self._frame(),
             "scale": SCALE,
@@ -373,11 +373,11 @@ class Light:
 
 
 def current_names(said: Mapping[str, Any]) -> dict[str, Any]:
-    """A sidecar under the names of VERSION."""
+    """A sidecar under the names of SIDECAR_VERSION."""
     names = OLDER_NAMES if "version" in said else FIRST_NAMES
     renamed = {names.get(name, name): value for name, value in said.items()}
-    if str(renamed.get("emitters")) in EMITTERS:
-        renamed["emitters"] = EMITTERS[renamed["emitters"]]
+    if str(renamed.get("emitters")) in _EMITTERS:
+        renamed["emitters"] = _EMITTERS[renamed["emitters"]]
     for key, names in OLDER_NAMES_INSIDE.items():
         if isinstance(renamed.get(key), Mapping):
             renamed[key] = {names.get(name, name): value for name, value in renamed[key].items()}

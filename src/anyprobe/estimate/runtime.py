@@ -18,9 +18,10 @@ from anyprobe.core.contract import contract
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, MissingExtra, ModelError
 from anyprobe.files.graphs import open_graph
+from anyprobe.given_material import MATERIAL_INPUTS, material_input
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.light.reconstruct import LN_MAX, reconstruct
-from anyprobe.scatter.materials import MATERIAL_INPUTS, Material, material_input
+from anyprobe.scatter.materials import Material
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -37,8 +38,10 @@ Run = Callable[..., list[np.ndarray]]
 def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, threads: int | None) -> Run:
     """Run the graph at path, which session has open and checked, by an engine.
 
-    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact
-    (docs/conventions.md says by how much); the others compute in float32. cuda is ONNX Runtime on an NVIDIA GPU.
+    Convolutions of 8 bits have weights of 7, so that sums cannot overflow on processors without VNNI; OpenVINO fuses
+    them differently from ONNX Runtime. openvino-bf16 computes the rest in bfloat16 where the processor can: the
+    fastest, and a little less exact (docs/results.md); the others in float32. Positions stay exact integers. cuda is
+    ONNX Runtime on an NVIDIA GPU.
 
     Raises:
         InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.
@@ -184,7 +187,15 @@ def stages_of(folder: Path) -> tuple[str, ...]:
 
 
 class Models:
-    """Sessions opened once and used for many photos; safe to share between threads."""
+    """Sessions opened once and used for many photos; safe to share between threads.
+
+    `light.onnx` takes, of N = 1 and in this order, LIFT_INPUTS: photo [N, 4, 128, 128], display RGB times mask, and
+    mask; tan_half [N, 1], tangent of half the crop's field of view; given_normals [N, 3, 64, 64], zero where unknown;
+    surroundings [N, 4, 64, 128], display RGB times cover, and cover; material [N, 8], see material_input, or zero. It
+    gives LIFT_OUTPUTS: irradiance [N, 3, 128, 128], ln_radiance [N, 3, 64, 128], confidence [N, 1, 64, 128], normals
+    [N, 3, 64, 64], ln_expected [N, 3, 64, 128], and posterior [N, 7] of POSTERIOR. Contract 2 lacks material and
+    posterior; contract 1 has other names too, FORMER_INPUTS.
+    """
 
     def __init__(
         self, model: str = DEFAULT_MODEL, threads: int | None = None, engine: str = DEFAULT_ENGINE, emitters: str = MODE

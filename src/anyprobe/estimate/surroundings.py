@@ -29,19 +29,19 @@ from anyprobe.light.environment import MAP_HEIGHT, rotate
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-CONTRACT = contract("surroundings")
-GROW_PX: int = CONTRACT["grow_px"]
+_CONTRACT = contract("surroundings")
+GROW_PX: int = _CONTRACT["grow_px"]
 """Pixels of the crop around the object that are left out: its edge is not where the mask says."""
-FINE: float = CONTRACT["fine"]
+FINE: float = _CONTRACT["fine"]
 """Pixels of the shrunk photo on one of the map's."""
-CLIPPED: float = CONTRACT["clipped"]
+CLIPPED: float = _CONTRACT["clipped"]
 """Display value from which on a place is at least as bright as it looks."""
-SEEN: float = CONTRACT["seen"]
+SEEN: float = _CONTRACT["seen"]
 """How sure a place is that the photo shows."""
-TINT: float = CONTRACT["tint"]
+TINT: float = _CONTRACT["tint"]
 """How much of the colour by which what is seen differs from what was guessed there is taken for the light's own;
 chosen on pairs that no run learns from."""
-TINT_FLOOR: float = CONTRACT["tint_floor"]
+TINT_FLOOR: float = _CONTRACT["tint_floor"]
 """Added to radiance before its logarithm is compared."""
 LEAST_COVER = 1e-3
 """What colours are divided by at least, where next to nothing is covered."""
@@ -54,7 +54,7 @@ PLAIN_SHARE: float = contract("ground")["plain_share"]
 """A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
 SAMPLES: int = contract("ground")["samples"]
 """Pixels along the longer side that are looked at for that, at least."""
-PLAIN: float = CONTRACT["plain"]
+PLAIN: float = _CONTRACT["plain"]
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 
 
@@ -210,7 +210,7 @@ def is_cut_out(
 def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN) -> Outputs:
     """A model's answer with what is known of the map [H, 2H, 4 or 5] in the place of its guess.
 
-    Display values mean radiance by the mean camera's curve; a clipped place may be brighter than it looks.
+    Display values mean radiance by the mean camera curve; a clipped place may be brighter than it looks.
     tint: whether the guess takes on some of the colour that it misses there; not where the object's own is known.
     sure: confidence of what is known.
     """

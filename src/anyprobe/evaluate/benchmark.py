@@ -18,8 +18,8 @@ from anyprobe.files.images import write_png
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import MAP_HEIGHT, reduced
 
-SUFFIXES = (".exr", ".hdr")
-FRAME = (
+_SUFFIXES = (".exr", ".hdr")
+_FRAME = (
     "map H x 2H in the camera's frame: +X right, +Y up, the camera looks along -Z; row 0 up, "
     "u = 0.5 + atan2(x, -z) / (2 pi), the photo's middle in the map's middle"
 )
@@ -41,7 +41,7 @@ def write_photo(folder: Path, key: str, picture: np.ndarray, mask: np.ndarray, f
         "width": width,
         "height": height,
         "fov_deg": fov_deg,
-        "frame": FRAME,
+        "frame": _FRAME,
         "units": UNITS,
     }
     write_png(folder / said["photo"], picture)
@@ -65,7 +65,7 @@ def read_predictions(folder: Path, keys: Sequence[str]) -> dict[str, np.ndarray]
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a folder of maps named by key, got none; write KEY.exr or KEY.hdr there")
-    found = {key: [path for s in SUFFIXES if (path := folder / f"{key}{s}").is_file()] for key in keys}
+    found = {key: [path for s in _SUFFIXES if (path := folder / f"{key}{s}").is_file()] for key in keys}
     absent = [key for key, paths in found.items() if not paths]
     if absent:
         raise InputError(

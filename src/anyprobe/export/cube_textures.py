@@ -102,7 +102,7 @@ def to_half_rgba(faces: Float[np.ndarray, "6 S S 3"], limit: float) -> Float16[n
 
 IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 VK_FORMAT_R16G16B16A16_SFLOAT = 97
-HEADER_BYTES = 80
+_HEADER_BYTES = 80
 LEVEL_ALIGNMENT = 8
 """Least common multiple of 4 and the texel's 8 bytes."""
 
@@ -112,7 +112,7 @@ def write_ktx2_cube(path: Path, levels: list[np.ndarray]) -> None:
     size = levels[0].shape[1]
     descriptor = _descriptor()
     values = _key_values({"KTXorientation": b"rd\0", "KTXwriter": b"anyprobe\0"})
-    descriptor_at = HEADER_BYTES + 24 * len(levels)
+    descriptor_at = _HEADER_BYTES + 24 * len(levels)
     values_at = descriptor_at + len(descriptor)
     body = bytearray(descriptor + values)
     index = []
@@ -183,7 +183,7 @@ BC6H_MAX = 65504.0
 BLOCKS = 1 << 12
 """Encoded at once, some 10 kB each."""
 
-MODE = 0b00011
+_MODE = 0b00011
 WEIGHTS = np.array([0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64])
 """Sixty-fourths of the second endpoint, from the format's definition."""
 
@@ -271,7 +271,7 @@ def _refined(
 
 def _pack(first: list[int], second: list[int], index: list[int]) -> bytes:
     """One block: mode, r g b of the first endpoint, of the second, then 3 + 15 x 4 bits of places."""
-    bits, at = MODE, 5
+    bits, at = _MODE, 5
     for code in (*first, *second):
         bits |= code << at
         at += 10

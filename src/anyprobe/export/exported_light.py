@@ -27,7 +27,7 @@ from anyprobe.light.light_sources import split_light_sources
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-SCALE = (
+EXPORT_SCALE = (
     "relative: linear Rec. 709 radiance in the photo's exposure units times 2^exposure_ev; "
     "1 is what the camera's curve maps to white"
 )
@@ -182,7 +182,7 @@ def sidecar(light: ExportedLight, target: str, frame: TargetFrame, more: Mapping
         "frame": frame.text,
         "map": {"u": frame.u, "v": frame.v, "row_0": "up", "rolled_quarters_right": frame.quarters},
         "world_from_camera": numbers(light.world_from_camera),
-        "scale": SCALE,
+        "scale": EXPORT_SCALE,
         "exposure_ev": light.exposure_ev,
         "clipped_energy": 0.0,
         **primary_light(light),
@@ -223,7 +223,7 @@ def write_maps(light: ExportedLight, folder: Path, frame: TargetFrame, suffix: s
     """
     for name, radiance in ((light.name, light.radiance), (f"{light.name}_ambient", light.ambient)):
         path, rolled = folder / f"{name}{suffix}", frame.roll(radiance)
-        attributes = {"frame": f"{frame.text}; u = {frame.u}, v = {frame.v}", "scale": SCALE}
+        attributes = {"frame": f"{frame.text}; u = {frame.u}, v = {frame.v}", "scale": EXPORT_SCALE}
         if suffix == ".hdr":
             write_hdr(path, rolled, attributes=attributes)
         else:

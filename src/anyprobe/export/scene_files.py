@@ -22,7 +22,14 @@ import numpy as np
 from anyprobe.core.sampling import hammersley
 from anyprobe.errors import OutputError
 from anyprobe.export.cube_textures import C_FROM_OURS, clipped_share, cube_faces, face_directions, face_size
-from anyprobe.export.exported_light import SCALE, DirectionalLight, ExportedLight, numbers, read_template, write_maps
+from anyprobe.export.exported_light import (
+    EXPORT_SCALE,
+    DirectionalLight,
+    ExportedLight,
+    numbers,
+    read_template,
+    write_maps,
+)
 from anyprobe.export.target_frames import OPENEXR, gltf
 from anyprobe.files.exr import write_channels
 from anyprobe.files.images import png_bytes
@@ -223,7 +230,7 @@ def write_mitsuba(light: ExportedLight, folder: Path) -> Mapping[str, Any]:
     """<name>.exr, 32-bit floats, and <name>.xml. A path tracer finds the dominant light in the map."""
     pixels = pole_to_pole(OPENEXR.roll(light.radiance)).astype(np.float32)
     attributes = {
-        "anyprobe:scale": SCALE,
+        "anyprobe:scale": EXPORT_SCALE,
         "anyprobe:rows": "pole to pole, as Mitsuba 3 reads them: v = row / (rows - 1)",
     }
     channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}

@@ -49,7 +49,7 @@ def planar(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, " 27"]:
     return coefficients.T.reshape(27)
 
 
-def irradiance(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
+def irradiance_sh(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
     """A_l L_i: E(n) = sum of these times Y_i(n), [9, 3]."""
     return coefficients * COSINE_LOBE[:, None]
 
@@ -59,7 +59,7 @@ def gltf(coefficients: Float[np.ndarray, "9 3"]) -> Float[np.ndarray, "9 3"]:
 
     It asks for (-x, y, z) with the signs of Condon and Shortley, which is ours with y turned round.
     """
-    turned = irradiance(coefficients)
+    turned = irradiance_sh(coefficients)
     turned[list(ODD_IN_Y)] *= -1
     return turned
 

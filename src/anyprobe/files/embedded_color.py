@@ -44,7 +44,7 @@ R03, INTEROPERABILITY = "R03", 1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Shown:
+class DisplayPixels:
     """A picture in sRGB.
 
     values: [H, W] or [H, W, 3], uint8, uint16 or float in [0, 1]. radiance: [H, W, 3] linear Rec. 709,
@@ -81,7 +81,7 @@ def said_encoding(image: Image.Image, stream: BinaryIO | None) -> tuple[ColorEnc
     return None, b"", ()
 
 
-def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> Shown:
+def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes = b"") -> DisplayPixels:
     """A picture in sRGB: of an encoding, or of a profile, or of neither.
 
     picture: L, RGB or CMYK of Pillow; or [H, W] or [H, W, 3] of 16 bits or floats.
@@ -91,14 +91,14 @@ def shown(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, pro
         encoding = encoding_of(profile)
         space = {"L": b"GRAY", "RGB": b"RGB ", "CMYK": b"CMYK"}[_mode(picture)]
         if profile[16:20] != space and profile[36:40] == b"acsp":
-            return Shown(values=_plain(picture), warnings=(UNFIT,))
+            return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
         if encoding is None or (whole and not encoding.brighter and not is_srgb(encoding)):
             return _by_table(picture, encoding, profile)
     values = _plain(picture)
     if encoding is None or is_srgb(encoding):
-        return Shown(values=values)
+        return DisplayPixels(values=values)
     display, radiance = to_display(values, encoding)
-    return Shown(values=display, radiance=radiance, warnings=_outside(values, encoding))
+    return DisplayPixels(values=display, radiance=radiance, warnings=_outside(values, encoding))
 
 
 UNFIT = "its colour profile is damaged or of another kind of picture; taken for sRGB"
@@ -117,7 +117,7 @@ def _plain(picture: Image.Image | np.ndarray) -> np.ndarray:
     return picture
 
 
-def _by_table(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes) -> Shown:
+def _by_table(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None, profile: bytes) -> DisplayPixels:
     """By LittleCMS, with 8 bits."""
     if not isinstance(picture, Image.Image):
         whole = picture * 255.0 if picture.dtype.kind == "f" else picture / 257.0
@@ -125,8 +125,8 @@ def _by_table(picture: Image.Image | np.ndarray, encoding: ColorEncoding | None,
     try:
         values = np.asarray(converted(picture, profile))
     except ValueError:
-        return Shown(values=_plain(picture), warnings=(UNFIT,))
-    return Shown(values=values, warnings=() if encoding is None else _outside(_plain(picture), encoding))
+        return DisplayPixels(values=_plain(picture), warnings=(UNFIT,))
+    return DisplayPixels(values=values, warnings=() if encoding is None else _outside(_plain(picture), encoding))
 
 
 def _outside(values: np.ndarray, encoding: ColorEncoding) -> tuple[str, ...]:

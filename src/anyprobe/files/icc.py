@@ -15,7 +15,7 @@ from PIL import Image, ImageCms
 
 from anyprobe.files.color_encoding import ColorEncoding, by_code_points
 
-HEADER_BYTES = 128
+_HEADER_BYTES = 128
 MAX_TAGS, MAX_POINTS = 200, 1 << 16
 
 SRGB_D50 = np.array(
@@ -81,10 +81,10 @@ def _tags(profile: bytes) -> dict[str, bytes]:
     """A profile's tags by signature; struct.error or ValueError where it is none."""
     if profile[36:40] != b"acsp":
         raise ValueError("no profile")
-    (count,) = struct.unpack_from(">I", profile, HEADER_BYTES)
+    (count,) = struct.unpack_from(">I", profile, _HEADER_BYTES)
     found = {}
     for k in range(min(count, MAX_TAGS)):
-        name, at, size = struct.unpack_from(">4sII", profile, HEADER_BYTES + 4 + 12 * k)
+        name, at, size = struct.unpack_from(">4sII", profile, _HEADER_BYTES + 4 + 12 * k)
         found[name.decode("latin-1")] = profile[at : at + size]
     return found
 

@@ -30,7 +30,7 @@ from anyprobe.files.deep_pixels import (
     sixteen_bits,
     turned_upright,
 )
-from anyprobe.files.embedded_color import Shown, said_encoding, shown
+from anyprobe.files.embedded_color import DisplayPixels, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
 from anyprobe.files.gain_map import GainMap, find_gain_map
 from anyprobe.files.headers import (
@@ -220,7 +220,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             picture = np.ascontiguousarray(deep[..., 0] if deep.shape[2] == 2 else deep[..., :3])
         else:
             picture, alpha = _opaque(_upright(image))
-        done = Shown(values=_values(picture)) if as_data else shown(picture, encoding, profile)
+        done = DisplayPixels(values=_values(picture)) if as_data else shown(picture, encoding, profile)
         gain_map = None if as_data or done.radiance is not None else _gain_map(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__

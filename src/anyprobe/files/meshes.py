@@ -19,12 +19,12 @@ from anyprobe.errors import InvalidMesh
 from anyprobe.files.paths import read_regular
 from anyprobe.render.mesh import MAX_FACES, Mesh, check_triangles, make_mesh, put_together
 
-SUFFIXES = (".ply", ".obj", ".glb", ".stl", ".off")
+MESH_SUFFIXES = (".ply", ".obj", ".glb", ".stl", ".off")
 
 MAX_PARTS = 20_000
 """Nodes, meshes and the like of a scene."""
 
-HEADER_BYTES = 1 << 16
+_HEADER_BYTES = 1 << 16
 """The counts of faces lie within these."""
 
 _PLY_FACES = re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE)
@@ -39,9 +39,9 @@ def read_mesh(path: str | Path) -> Mesh:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES and not path.is_dir():
+    if suffix not in MESH_SUFFIXES and not path.is_dir():
         raise InvalidMesh(
-            f"{path.name}: expected a mesh in {', '.join(SUFFIXES)}, got {suffix or 'no suffix'}; export it again"
+            f"{path.name}: expected a mesh in {', '.join(MESH_SUFFIXES)}, got {suffix or 'no suffix'}; export it again"
         )
     data = read_regular(path, path.name, InvalidMesh, "a mesh file")
     announced = _check_header(data, suffix, path.name)
@@ -66,7 +66,7 @@ def read_mesh(path: str | Path) -> Mesh:
 
 def _check_header(data: bytes, suffix: str, name: str) -> int | None:
     """Refuse by its first bytes what is empty, cut or far too large; the faces they announce, if any."""
-    size, start = len(data), data[:HEADER_BYTES]
+    size, start = len(data), data[:_HEADER_BYTES]
     if size == 0:
         raise InvalidMesh(f"{name}: expected a mesh, got an empty file (0 bytes); fetch it again")
     faces, whole = None, 0

@@ -36,13 +36,13 @@ OBJECTS: dict[str, Callable[[], Mesh]] = {
 }
 
 
-OLD_NAMES = {"ball": "sphere"}
+_OLD_NAMES = {"ball": "sphere"}
 """Names that older scripts use."""
 
 
 def open_object(name: str) -> Mesh:
     """One of OBJECTS, or a mesh file; +Y is up. InputError or InvalidMesh lists them."""
-    name = OLD_NAMES.get(name, name)
+    name = _OLD_NAMES.get(name, name)
     if name in OBJECTS:
         return OBJECTS[name]()
     if not Path(name).suffix:

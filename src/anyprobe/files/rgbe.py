@@ -31,7 +31,7 @@ COMMENT_WIDTH = 72
 
 XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
 """PRIMARIES of a file of CIE X, Y and Z."""
-FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
+_FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
 
 UNSTATED = (0.0,) * 8
 """PRIMARIES as programs write them that know of none."""
@@ -69,7 +69,7 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
     blank = BLANK.search(start)
     if not data.startswith(HDR_MAGIC) or blank is None:
         raise InvalidEnvironment(f"{name}: expected a Radiance .hdr file, got other or no data; copy it again")
-    exposure, form = np.ones(3), FORMATS[0]
+    exposure, form = np.ones(3), _FORMATS[0]
     primaries: tuple[float, ...] = REC709_CHROMATICITIES
     for line in start[: blank.start()].split(b"\n"):
         key, _, value = line.partition(b"=")
@@ -89,10 +89,10 @@ def read_header(data: bytes, name: str, max_pixels: int) -> HdrHeader:
                 raise InvalidEnvironment(
                     f"{name}: expected PRIMARIES to be eight numbers, got {_shown(value)}; repair the header"
                 ) from error
-    if form not in FORMATS:
+    if form not in _FORMATS:
         raise InvalidEnvironment(f"{name}: expected FORMAT=32-bit_rle_rgbe, got {_shown(form)}; save it as RGBE")
-    if primaries == UNSTATED or form != FORMATS[0]:
-        primaries = REC709_CHROMATICITIES if form == FORMATS[0] else XYZ
+    if primaries == UNSTATED or form != _FORMATS[0]:
+        primaries = REC709_CHROMATICITIES if form == _FORMATS[0] else XYZ
     if not (np.isfinite(exposure) & (exposure > 0.0)).all():
         raise InvalidEnvironment(f"{name}: expected EXPOSURE to be a number > 0; repair the header")
     line, _, _ = data[blank.end() : HDR_HEADER_BYTES].partition(b"\n")

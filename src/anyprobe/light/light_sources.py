@@ -1,8 +1,8 @@
 """Light sources of a map, soft to hard: a few, of direction, power and angular size; under an even sky there are none.
 
-A source lies where the mean luminance over a cap of PLACE_DEG is greatest, the next where it is greatest further than
-APART_DEG from all before and off their discs. It is what its disc sends beyond the ring around it; its disc is the
-smallest of RADII_DEG that has SIZED of what the widest has.
+A source lies where the mean luminance over a cap of _PLACE_DEG is greatest, the next where it is greatest further than
+_APART_DEG from all before and off their discs. It is what its disc sends beyond the ring around it; its disc is the
+smallest of _RADII_DEG that has SIZED of what the widest has.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from anyprobe.light.filtering import blur_cap
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-PLACE_DEG, APART_DEG = 8.0, 16.0
-RADII_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 16.0)
+_PLACE_DEG, _APART_DEG = 8.0, 16.0
+_RADII_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 16.0)
 SETTLED_DEG = (16.0, 16.0)
 """Discs to whose centre of light a place moves, one after the other."""
 RING_DEG = 22.0
@@ -54,26 +54,26 @@ def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSou
     d = pixel_directions(len(small)).reshape(-1, 3)
     angles = np.broadcast_to(pixel_solid_angles(len(small)), small.shape[:2]).ravel()
     bright = luminance(small)
-    left = blur_cap(bright[..., None], np.radians(PLACE_DEG)).ravel().copy()
+    left = blur_cap(bright[..., None], np.radians(_PLACE_DEG)).ravel().copy()
     colors, bright = small.reshape(-1, 3), bright.ravel()
     total = float(bright @ angles)
     found: list[LightSource] = []
     while len(found) < MOST and total > 0 and left.max() > 0:
         peak = d[int(np.argmax(left))]
-        near = d @ peak > np.cos(np.radians(PLACE_DEG))
+        near = d @ peak > np.cos(np.radians(_PLACE_DEG))
         center = peak
-        for radius in (PLACE_DEG, *SETTLED_DEG):
+        for radius in (_PLACE_DEG, *SETTLED_DEG):
             disc = d @ center > np.cos(np.radians(radius))
             center = ((bright - bright[disc].min()) * angles * disc) @ d + 1e-9 * center
             center = center / np.linalg.norm(center)
-        if any(center @ one.direction > np.cos(np.radians(APART_DEG)) for one in found):
+        if any(center @ one.direction > np.cos(np.radians(_APART_DEG)) for one in found):
             left[near] = 0.0  # the rim of one that is found
             continue
         cosine = d @ center
         source = _source(colors, bright, angles, cosine, total)
         if source is None:
             break
-        apart = max(APART_DEG, source[0] + PLACE_DEG + 2.0)  # where the cap holds none of it
+        apart = max(_APART_DEG, source[0] + _PLACE_DEG + 2.0)  # where the cap holds none of it
         left[(cosine > np.cos(np.radians(apart))) | near] = 0.0
         radius, irradiance, share = source
         found.append(
@@ -92,7 +92,7 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
     rest = np.array(radiance, np.float32)
     d, angles = pixel_directions(len(rest)), pixel_solid_angles(len(rest))
     angles = np.broadcast_to(angles, d.shape[:2])
-    widest, rim = np.cos(np.radians((RADII_DEG[-1], RING_DEG)))
+    widest, rim = np.cos(np.radians((_RADII_DEG[-1], RING_DEG)))
     found = find_light_sources(radiance)
     bright = np.any([d @ source.direction >= widest for source in found], axis=0)
     sources = []
@@ -113,16 +113,16 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
 def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float] | None:
     """Radius, irradiance [3] and share of what lies around a direction; None where that is no source."""
     degrees = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    ring = (degrees > RADII_DEG[-1]) & (degrees < RING_DEG)
+    ring = (degrees > _RADII_DEG[-1]) & (degrees < RING_DEG)
     around = np.average(colors[ring], axis=0, weights=angles[ring])
     beyond = np.maximum(colors - around, 0.0) * angles[:, None]
-    within = np.array([luminance(beyond[degrees <= r].sum(axis=0)) for r in RADII_DEG])
+    within = np.array([luminance(beyond[degrees <= r].sum(axis=0)) for r in _RADII_DEG])
     share = float(within[-1] / total)
     size = int(np.argmax(within >= SIZED * within[-1]))
-    disc = degrees <= RADII_DEG[size]
+    disc = degrees <= _RADII_DEG[size]
     mean = float(np.average(bright[disc], weights=angles[disc])) if disc.any() else 0.0
     if share < LEAST_SHARE or mean < LEAST_CONTRAST * float(luminance(around)):
         return None
-    whole = degrees <= RADII_DEG[-1]
+    whole = degrees <= _RADII_DEG[-1]
     irradiance = (beyond[whole] * np.maximum(cosine[whole], 0.0)[:, None]).sum(axis=0)
-    return RADII_DEG[size], irradiance.astype(np.float32), share
+    return _RADII_DEG[size], irradiance.astype(np.float32), share

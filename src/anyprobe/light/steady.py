@@ -76,7 +76,7 @@ class Steady:
     spread: float = 0.0
 
 
-def begin(y: np.ndarray) -> Steady:
+def begin_filter(y: np.ndarray) -> Steady:
     """The first value."""
     return Steady(steady=y, fast=y, last=y)
 

@@ -27,7 +27,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.light.environment import check_radiance, rotate
 from anyprobe.light.source_split import Source, draw_sources, split_sources
-from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin
+from anyprobe.light.steady import FILTER, Smoothing, Steady, advance, begin_filter
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -123,7 +123,7 @@ def step(
         pose = np.asarray(world_from_camera, np.float64)
         soft = np.maximum(rotate(soft, pose), 0.0)
         sources = tuple(replace(one, direction=pose @ one.direction) for one in sources)
-    y = encode(soft)
+    y = filtered_log(soft)
     power = np.log([OFFSET + sum(float(luminance(one.power)) for one in sources)])
     if state is not None and not (np.isfinite(dt_s) and dt_s > 0):
         raise ValueError(f"expected dt_s > 0, got {dt_s}")
@@ -132,7 +132,7 @@ def step(
         return replace(state, held=True)
     if state is None or is_cut:
         tracks = tuple(_new(one, share=1.0) for one in sources)
-        return FilterState(soft=begin(y), power=begin(power), tracks=tracks)
+        return FilterState(soft=begin_filter(y), power=begin_filter(power), tracks=tracks)
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
         power=advance(state.power, power, dt_s, _distance, c),
@@ -177,7 +177,7 @@ def _value(source: Source) -> np.ndarray:
 
 
 def _new(source: Source, share: float) -> Track:
-    return Track(value=begin(_value(source)), shown=source.direction, share=share)
+    return Track(value=begin_filter(_value(source)), shown=source.direction, share=share)
 
 
 def _seen(track: Track, source: Source, dt_s: float, c: Smoothing) -> Track:
@@ -204,7 +204,7 @@ def _distance(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(one - other))
 
 
-def encode(radiance: np.ndarray) -> np.ndarray:
+def filtered_log(radiance: np.ndarray) -> np.ndarray:
     """y of L."""
     return np.log(np.minimum(radiance, 1.0) + np.float32(OFFSET)) + np.maximum(radiance - 1.0, 0.0) / SLOPE
 

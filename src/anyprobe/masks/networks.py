@@ -23,7 +23,7 @@ MEAN, SPREAD = (np.array(U2NETP[key], np.float32) for key in ("mean", "spread"))
 SIZE = SMALL["size"]
 """Side of the small network's input and output."""
 
-CONTRACT = {
+MASK_CONTRACT = {
     "contract": "1",
     "stage": "mask",
     "input": f"display RGB in [0, 1] of the whole photo, longer side {SIZE}, centred, {SMALL['grey']} beside it; "
@@ -87,7 +87,7 @@ class SmallNetwork:
             raise ModelError(f"{path}: the mask network is missing; reinstall anyprobe")
         self._session = open_graph(path)
         found = self._session.get_modelmeta().custom_metadata_map
-        for key, value in CONTRACT.items():
+        for key, value in MASK_CONTRACT.items():
             if found.get(key) != value:
                 raise ModelError(
                     f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"

@@ -89,8 +89,8 @@ def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
     return row * (2 * height) + column  # integers: an int8 engine may round others
 
 
-def lift(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
-    """Splat values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
+def lift_to_map(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:
+    """Add values [N, C, S, S] of weight [N, 1, S, S] on the pixels of a map, pixel [N, S * S] of map_pixel.
 
     Returns:
         [N, C + 1, height, 2 height]: sums of weight x value, and of the weights.

@@ -14,24 +14,24 @@ from torch import nn
 from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions
+from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.blocks import UpBlock, conv, wrap
+from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
 from anyprobe.nets.emitter_head import EmitterHead
-from anyprobe.nets.lifting import CameraRays, NormalsNet, given_or_estimated, lift, map_pixel, mirror_direction, pyramid
-from anyprobe.scatter.materials import MATERIAL_INPUTS
+from anyprobe.nets.lifting import (
+    CameraRays,
+    NormalsNet,
+    given_or_estimated,
+    lift_to_map,
+    map_pixel,
+    mirror_direction,
+    pyramid,
+)
 
 HEIGHT = 32
 """Rows that it works at; the map has twice as many."""
-MARGIN = 8
+_MARGIN = 8
 """Columns repeated beyond the seam, on both sides."""
-
-
-def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
-    """Undo blocks.wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
-    left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
-    first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
-    fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
-    return torch.cat([first + fade * (right - first), middle, last + fade.flip(0) * (left - last)], dim=3)
 
 
 class SphereNet(nn.Module):
@@ -48,7 +48,7 @@ class SphereNet(nn.Module):
     ) -> None:
         super().__init__()
         directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
-        self.register_buffer("directions", wrap(directions, MARGIN), persistent=False)
+        self.register_buffer("directions", wrap(directions, _MARGIN), persistent=False)
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         deepest = HEIGHT >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
@@ -64,18 +64,18 @@ class SphereNet(nn.Module):
         fine, *rest = scales
         directions = self.directions.expand(fine.shape[0], -1, -1, -1)
         inputs = torch.cat([F.pixel_unshuffle(fine, 2), rest[0], F.avg_pool2d(surroundings, 2)], dim=1)
-        x = torch.cat([wrap(inputs, MARGIN), directions], dim=1)
+        x = torch.cat([wrap(inputs, _MARGIN), directions], dim=1)
         levels = [self.first(x)]
         start = self.start(code).reshape(-1, 48, self.deepest, 2 * self.deepest)
         for depth, (down, seen) in enumerate(zip(self.down, self.seen, strict=True), start=1):
-            parts = [down(levels[-1]), wrap(rest[depth], MARGIN >> depth)]
+            parts = [down(levels[-1]), wrap(rest[depth], _MARGIN >> depth)]
             if depth == len(self.down):
-                parts.append(wrap(start, MARGIN >> depth))
+                parts.append(wrap(start, _MARGIN >> depth))
             levels.append(seen(torch.cat(parts, dim=1)))
         x = levels.pop()
         for up in self.up:
             x = up(x, levels.pop())
-        return _close(F.pixel_shuffle(self.head(x), 2), 2 * MARGIN)
+        return fade_seam(F.pixel_shuffle(self.head(x), 2), 2 * _MARGIN)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -189,7 +189,7 @@ class LightNet(nn.Module):
 
     Optional inputs: given normals [N, 3, 64, 64], camera frame, zero where not given; surroundings
     [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map; the object's
-    material [N, 8] of scatter.materials.material_input, zero where not given.
+    material [N, 8] of given_material.material_input, zero where not given.
     """
 
     def __init__(self, features: int = 8, code: int = 192) -> None:
@@ -241,6 +241,6 @@ class LightNet(nn.Module):
         seen = [F.avg_pool2d(photo[:, :3], 2) / cover, F.avg_pool2d(features.irradiance, 2) / cover]
         pixel = map_pixel(mirror_direction(normals, wo).detach(), MAP_HEIGHT)
         values = torch.cat([torch.cat(seen, dim=1), features.features], dim=1).float()
-        scales = pyramid(lift(values, features.weight, pixel, MAP_HEIGHT), SCALES)
+        scales = pyramid(lift_to_map(values, features.weight, pixel, MAP_HEIGHT), SCALES)
         scales[0] = torch.cat([scales[0][:, :COLORS], scales[0][:, -1:]], dim=1)
         return scales

@@ -14,12 +14,14 @@ from torch.nn import functional as F
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.blocks import UpBlock, conv, wrap
+from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
 from anyprobe.nets.context_net import CODE, ContextNet
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead
-from anyprobe.nets.light_net import HEIGHT, MARGIN, _close
+from anyprobe.nets.light_net import HEIGHT
 from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 
+SEAM = 8
+"""Columns repeated beyond the seam, on both sides."""
 SAID = 7
 """Numbers that LightNet says of the object and of its own errors."""
 DROPPED = 0.25
@@ -98,13 +100,13 @@ class WholeNet(nn.Module):
             features.append(down(features[-1]))
         x = features.pop()
         grid = self.start(torch.cat([around, said], dim=1)).unflatten(1, (32, self.deepest, 2 * self.deepest))
-        middle = (MARGIN >> len(self.down)) or 1
+        middle = (SEAM >> len(self.down)) or 1
         x = self.middle(torch.cat([x, wrap(grid.to(x.dtype), middle)], dim=1))
         seen = F.dropout(self.code(x[..., middle:-middle]).float(), DROPPED, self.training)
         code = torch.cat([seen, around, said], dim=1)
         for block in self.up:
             x = block(x, features.pop())
-        out = F.pixel_shuffle(_close(self.head(x), MARGIN), 2).float()
+        out = F.pixel_shuffle(fade_seam(self.head(x), SEAM), 2).float()
         with torch.autocast(context.device.type, enabled=False):
             return self._drawn(out, code, shown0, above0, (context[:, 4:].amax(dim=(2, 3)) > 0).float(), posture)
 
@@ -148,4 +150,4 @@ class WholeNet(nn.Module):
         bright = [torch.log1p(one.mean(dim=1, keepdim=True)) / 2 for one in (expected, drawn)]
         x = F.pixel_unshuffle(torch.cat([shown.sqrt(), *bright, confidence, surroundings], dim=1), 2)
         x = torch.cat([x, self.directions.expand(len(x), -1, -1, -1), rise, stands], dim=1)
-        return wrap(x, MARGIN)
+        return wrap(x, SEAM)

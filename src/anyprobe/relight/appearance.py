@@ -30,7 +30,7 @@ MOST_REFLECTED = 0.9
 MOST_PIXELS = 1 << 22
 """The most pixels of a photo that its object's brightness and colour are taken from."""
 
-SPHERE = 24
+_SPHERE = 24
 NUM_QUANTILES = 32
 
 
@@ -41,7 +41,7 @@ def material_from_photo(photo: Photo, radiance: np.ndarray) -> Material:
     quantiles = np.quantile(luminance(seen), _levels())
     # a larger map would be read at points between which a sun is lost
     pyramid, u = build_pyramid(reduced(radiance), side=64, emitters=NUM_EMITTERS), hammersley(64)
-    n, _ = sphere_normals(SPHERE)
+    n, _ = sphere_normals(_SPHERE)
     wo = np.broadcast_to(np.array([0, 0, 1], np.float32), n.shape)
     best, least = Material(albedo=0.0, f0=0.0, alpha=1.0), np.inf
     for alpha in ALPHAS:
@@ -62,8 +62,8 @@ def least_scale(photo: Photo, radiance: np.ndarray) -> float:
     for a sphere, of paper or a mirror, whichever shows more of the map [H, 2H, 3].
     """
     seen = _seen_of_object(photo)
-    on = sphere_normals(SPHERE)[1]
-    white = max(float(luminance(sphere(radiance, SPHERE)[on]).mean()) for sphere in (diffuse, mirror))
+    on = sphere_normals(_SPHERE)[1]
+    white = max(float(luminance(sphere(radiance, _SPHERE)[on]).mean()) for sphere in (diffuse, mirror))
     return max(1.0, float(luminance(inverse_response(seen)).mean()) / (MOST_REFLECTED * max(white, 1e-6)))
 
 

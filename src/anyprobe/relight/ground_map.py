@@ -20,7 +20,7 @@ from anyprobe.relight.shadow import GroundShadow
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-ROWS = 128
+_ROWS = 128
 """Of the map, at least."""
 
 MOST_SIDE = 512
@@ -38,13 +38,13 @@ def with_ground(
     color: np.ndarray,
     shadow: GroundShadow | None = None,
 ) -> Float[np.ndarray, "K 2*K 3"]:
-    """A map of the camera's frame with the ground below its horizon, of at least ROWS rows.
+    """A map of the camera's frame with the ground below its horizon, of at least _ROWS rows.
 
     Args:
         color: [3], linear radiance of the ground where the photo does not show it.
         shadow: on it; None: none.
     """
-    times = max(1, ROWS // radiance.shape[0])
+    times = max(1, _ROWS // radiance.shape[0])
     light = radiance.repeat(times, axis=0).repeat(times, axis=1)  # no power is lost or moved
     rows = light.shape[0]
     v, u = ((np.arange(n) + 0.5) / n for n in (rows, 2 * rows))

@@ -21,7 +21,7 @@ UNKNOWN_LENS_DEG = 38.0
 """Along the longer side, where neither EXIF nor the caller gives it. Of a cropped or zoomed photo the 65
 degrees that estimates take would stretch a sphere near its border; too narrow a guess shows far less."""
 
-STRIP_PIXELS = 1 << 18
+VIEW_STRIP_PIXELS = 1 << 18
 """Pixels whose places on the ground are worked out at once: some 200 bytes each."""
 
 LEAST_ABOVE = 0.02
@@ -92,7 +92,7 @@ class View:
     def strips(self, part: Part | None = None) -> list[Part]:
         """The pixels of ground_strips alone."""
         lines, columns = part or (slice(0, self.height), slice(0, self.width))
-        step = max(1, STRIP_PIXELS // max(columns.stop - columns.start, 1))
+        step = max(1, VIEW_STRIP_PIXELS // max(columns.stop - columns.start, 1))
         tops = range(lines.start, lines.stop, step)
         return [(slice(top, min(top + step, lines.stop)), columns) for top in tops]
 

@@ -18,10 +18,10 @@ from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
 from anyprobe.relight.appearance import material_from_photo
 from anyprobe.relight.ground_map import with_ground
-from anyprobe.relight.ground_view import STRIP_PIXELS, View, view_of
+from anyprobe.relight.ground_view import VIEW_STRIP_PIXELS, View, view_of
 from anyprobe.relight.path_traced import GROUND_RADII, NUM_PATHS, GroundDisc, open_mitsuba, trace_mesh
 from anyprobe.relight.placement import Placement, Side, place_beside
-from anyprobe.relight.shadow import GRID, NUM_DIRECTIONS, GroundShadow, sky_irradiance
+from anyprobe.relight.shadow import NUM_DIRECTIONS, SHADOW_CELLS, GroundShadow, sky_irradiance
 from anyprobe.render.mesh import Mesh
 from anyprobe.render.picture import draw_mesh
 from anyprobe.render.surface import Camera
@@ -123,7 +123,7 @@ def ratio_over(view: View, shadow: GroundShadow, part: Part) -> Callable[[Part],
     if count == size:
         return lambda strip: ratio_at(*(np.arange(side.start, side.stop) + 0.5 for side in strip))
     y, x = (c + (np.arange(n) + 0.5) * s / n for c, n, s in zip(corner, count, size, strict=True))
-    some = np.array_split(y, -(-y.size * x.size // STRIP_PIXELS))
+    some = np.array_split(y, -(-y.size * x.size // VIEW_STRIP_PIXELS))
     with ThreadPoolExecutor(THREADS) as pool:
         coarse = np.concatenate(list(pool.map(lambda rows: ratio_at(rows, x).astype(np.float32), some)))
     channels = [Image.fromarray(np.ascontiguousarray(coarse[..., k])) for k in range(3)]
@@ -252,7 +252,7 @@ class Stage:
         other.photo = photo
         return other
 
-    def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = GRID) -> GroundShadow:
+    def shadow(self, radiance: np.ndarray, count: int = NUM_DIRECTIONS, grid: int = SHADOW_CELLS) -> GroundShadow:
         """The object's shadow under a map [H, 2H, 3] of the camera's frame."""
         spot = self.placement
         return GroundShadow(spot.mesh, spot.foot, spot.radius, self.view.up, radiance, count, grid)

@@ -26,7 +26,7 @@ LEAST_SHARE = 0.35
 FRONT_ROWS = (0.25, 0.5, 0.75, 1.0)
 """Where places in front are tried, from the row that the real object stands on to the lowest of the photo."""
 
-MARGIN, GAP = 0.02, 0.15
+_MARGIN, GAP = 0.02, 0.15
 """Kept free at the photo's border, of its width; and between the two objects, of the virtual one's."""
 
 FLAT = 0.6
@@ -149,7 +149,7 @@ def find_spot(
         row: on which both stand. behind: row of the ground behind the real object. most_behind: the share of what
             was asked that is tried there.
     """
-    edge = MARGIN * view.width
+    edge = _MARGIN * view.width
     bounds = edge, edge, view.width - edge, view.height - edge
     left, _, right, _ = outline.box
     sides = [(right, 1), (left, -1)] if view.width - right >= left else [(left, -1), (right, 1)]

@@ -21,7 +21,7 @@ from anyprobe.render.mesh import Mesh
 from anyprobe.render.surface import cover
 
 NUM_DIRECTIONS = 192
-GRID = 256
+SHADOW_CELLS = 256
 REACH = 5.0
 """Half the side of the shaded square of ground, in radii of the object."""
 
@@ -77,7 +77,7 @@ class GroundShadow:
         up: np.ndarray,
         radiance: np.ndarray,
         count: int = NUM_DIRECTIONS,
-        grid: int = GRID,
+        grid: int = SHADOW_CELLS,
     ) -> None:
         """Args: the mesh stands at foot [3] on the plane up . (x - foot) = 0; one frame for all."""
         self.foot, self.up = foot, up

@@ -6,8 +6,7 @@ Taking F at the half vector for both parts keeps f_r reciprocal.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
@@ -18,9 +17,6 @@ from anyprobe.core.contract import contract
 from anyprobe.core.frames import dot, normalize
 from anyprobe.errors import InputError
 from anyprobe.scatter.microfacet import ggx_distribution, schlick_weight, smith_visibility
-
-Albedo = float | Sequence[float]
-"""Linear: one number for grey, or red, green and blue."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,7 +33,7 @@ class Material:
     alpha: float
 
 
-def evaluate(material: Material, wo, wi, n):
+def brdf(material: Material, wo, wi, n):
     """f_r(wo, wi) [1/sr], paper Eq. 2; no cosine inside. [..., 3] each -> [..., 3]."""
     xp = array_namespace(wo, wi, n)
     h = normalize(wo + wi)
@@ -60,22 +56,6 @@ def total_reflectance(albedo, f0):
     """
     fresnel = f0 + (1.0 - f0) / 21.0
     return fresnel + (1.0 - fresnel) * albedo
-
-
-MATERIAL_INPUTS: int = contract("materials")["inputs"]
-"""Numbers by which a network is given a material."""
-LEAST_REFLECTANCE: float = contract("materials")["least_reflectance"]
-"""Darker than this is taken as this: a hollow of black velvet."""
-
-
-def material_input(material: Material) -> np.ndarray:
-    """A material as networks are given it, [8] float32: 1, sqrt(alpha), ln of the total reflectance and f0, each RGB.
-
-    All zero stands for a material that is not known.
-    """
-    albedo, f0 = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in (material.albedo, material.f0))
-    reflected = np.log(np.maximum(total_reflectance(albedo, f0), LEAST_REFLECTANCE))
-    return np.concatenate([[1.0, np.sqrt(float(material.alpha))], reflected, f0]).astype(np.float32)
 
 
 def _named(key: str) -> dict[str, Material]:
@@ -106,91 +86,6 @@ def material_named(name: str, *also: str) -> Material:
     )
 
 
-MATTE = "matte"
-"""The material that has the albedo or roughness where only these are given."""
-LEAST_ROUGHNESS: float = contract("materials")["least_roughness"]
-"""Below it a lobe is narrower than any pixel."""
-
-
 def alpha_from_roughness(roughness: float) -> float:
     """GGX alpha of a roughness as glTF, USD and engines have it: its square (Burley 2012)."""
     return float(roughness) ** 2
-
-
-def given_material(
-    name: str | None = None, albedo: Albedo | None = None, roughness: float | None = None
-) -> Material | None:
-    """A material by its name, its albedo, its roughness or any of these; None where nothing is given.
-
-    Args:
-        name: one of MATERIALS; None with an albedo or a roughness is MATTE.
-        albedo: linear, one number or three, in (0, 1]; replaces the named material's.
-        roughness: 0.1 to 1; replaces the named material's.
-    Raises:
-        InputError: another name, albedo or roughness, or an albedo for a metal, which has none.
-    """
-    if name is None and albedo is None and roughness is None:
-        return None
-    material = material_named(MATTE if name is None else name)
-    if roughness is not None:
-        if not LEAST_ROUGHNESS <= roughness <= 1:
-            raise InputError(
-                f"roughness: expected a number from {LEAST_ROUGHNESS:g} to 1, got {roughness:g}; "
-                "0.1 is polished, 1 is matte"
-            )
-        material = replace(material, alpha=alpha_from_roughness(roughness))
-    if albedo is None:
-        return material
-    values = np.asarray(albedo, np.float64).reshape(-1)
-    if values.size not in (1, 3) or not ((values > 0) & (values <= 1)).all():
-        raise InputError(
-            f"albedo: expected one number or three above 0 and up to 1, got {', '.join(f'{v:g}' for v in values)}; "
-            "a grey card has 0.18"
-        )
-    if not np.any(material.albedo):
-        raise InputError(f"albedo: expected a material that has one, got the metal {name}; leave one of them out")
-    return replace(material, albedo=np.broadcast_to(values, 3).copy())
-
-
-def as_material(
-    material: Material | str | None = None, albedo: Albedo | None = None, roughness: float | None = None
-) -> Material | None:
-    """The object's material from what is given of it: itself, a name, an albedo, a roughness; None for nothing.
-
-    Raises:
-        InputError: neither a material nor a name, values that no surface has, or an albedo beside a Material.
-    """
-    if not isinstance(material, Material | str | None):
-        raise InputError(
-            f"material: expected a Material or one of {', '.join(PRESETS)} or a measured one's name, "
-            f"got {type(material).__name__}; "
-            "give an albedo alone as albedo="
-        )
-    try:
-        values = None if albedo is None else [float(v) for v in np.asarray(albedo, np.float64).reshape(-1)]
-    except (TypeError, ValueError) as error:
-        raise InputError(f"albedo: expected one number or three, got {' '.join(repr(albedo).split())}") from error
-    if not isinstance(material, Material):
-        return given_material(material, values, roughness)
-    if albedo is not None or roughness is not None:
-        raise InputError(
-            "albedo, roughness: expected a material's name beside it or none, got a Material, which has its own; "
-            "leave one of them out"
-        )
-    return _checked(material)
-
-
-def _checked(material: Material) -> Material:
-    """The same with arrays for its numbers; InputError where they are no surface's."""
-    albedo, f0, alpha = material.albedo, material.f0, material.alpha
-    try:
-        colors = np.stack([np.broadcast_to(np.asarray(one, np.float64), 3) for one in (albedo, f0)])
-        alpha = float(alpha)
-    except (TypeError, ValueError):
-        colors = np.full((2, 3), np.nan)
-    if not (((colors >= 0) & (colors <= 1)).all() and 0.01 <= alpha <= 1):  # NaN fails too
-        raise InputError(
-            f"material: expected albedo and f0 of one number or three in 0 to 1 and alpha in 0.01 to 1, "
-            f"got {' '.join(f'{albedo}, {f0} and {alpha}'.split())}"
-        )
-    return Material(albedo=colors[0], f0=colors[1], alpha=alpha)

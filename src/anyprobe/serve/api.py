@@ -119,7 +119,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
             "places": limits.workers + limits.waiting,
         }
 
-    @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE, tags=["light"], response_class=Response)
+    @app.post("/v1/estimate", openapi_extra=openapi.ESTIMATE_ROUTE, tags=["light"], response_class=Response)
     async def estimate(request: Request) -> Response:
         """Estimate the light around the object of a photo.
 
@@ -128,7 +128,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
         """
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            upload = await read_upload(request, pool, openapi.ESTIMATE)
+            upload = await read_upload(request, pool, openapi.ESTIMATE_ROUTE)
             start = time.perf_counter()
             taken = await cut(request, upload)
 
@@ -140,7 +140,7 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
             return await pool.run(work, _leaving(request))
 
-    @app.post("/v1/fuse", openapi_extra=openapi.FUSE, tags=["light"], response_class=Response)
+    @app.post("/v1/fuse", openapi_extra=openapi.FUSE_ROUTE, tags=["light"], response_class=Response)
     async def fuse(request: Request) -> Response:
         """Estimate one light from several photos of an object whose cameras' poses are known.
 
@@ -167,45 +167,45 @@ def _add_api(app: FastAPI, estimator: Estimator, limits: Limits, pool: WorkerPoo
 
             return await pool.run(work, _leaving(request))
 
-    @app.post("/v1/detail", openapi_extra=openapi.DETAIL, tags=["light"], response_class=Response)
+    @app.post("/v1/detail", openapi_extra=openapi.DETAIL_ROUTE, tags=["light"], response_class=Response)
     async def detail(request: Request) -> Response:
         """A map (.exr or .hdr as the body) with the structure of a real-looking place, for mirrors; SH9 stays."""
         media = answers.choose_type(request, answers.LIGHT_TYPES)
         async with pool.place():
-            upload = await read_upload(request, pool, openapi.DETAIL)
+            upload = await read_upload(request, pool, openapi.DETAIL_ROUTE)
             light = await decode(request, tasks.sharpened, upload)
             work = answers.light_response
             return await pool.run(lambda _: work(light, media, upload.include, None), _leaving(request))
 
-    @app.post("/v1/mask", openapi_extra=openapi.MASK, tags=["light"], response_class=Response)
+    @app.post("/v1/mask", openapi_extra=openapi.MASK_ROUTE, tags=["light"], response_class=Response)
     async def mask(request: Request) -> Response:
         """The mask that an estimate would use: a grey PNG of the upright photo's size."""
         media = answers.choose_type(request, answers.MASK_TYPES)
         async with pool.place():
-            upload = await read_upload(request, pool, openapi.MASK)
+            upload = await read_upload(request, pool, openapi.MASK_ROUTE)
             found = await decode(request, tasks.mask, upload, media == answers.JSON)
         return JSONResponse(found) if media == answers.JSON else Response(found, media_type=media)
 
-    @app.post("/v1/photo", openapi_extra=openapi.PHOTO, tags=["page"], response_class=Response)
+    @app.post("/v1/photo", openapi_extra=openapi.PHOTO_ROUTE, tags=["page"], response_class=Response)
     async def photo(request: Request) -> Response:
         """A photo a browser cannot open (HEIC, TIFF, EXR) as an upright sRGB PNG of at most 2048 pixels."""
         async with pool.place():
-            upload = await read_upload(request, pool, openapi.PHOTO)
+            upload = await read_upload(request, pool, openapi.PHOTO_ROUTE)
             picture, fov_deg = await decode(request, tasks.upright, upload)
         headers = {} if fov_deg is None else {"X-Long-Fov-Deg": f"{fov_deg:.3f}"}
         return Response(picture, media_type="image/png", headers=headers)
 
-    @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT, tags=["light"], response_class=Response)
+    @app.post("/v1/export/{target}", openapi_extra=openapi.EXPORT_ROUTE, tags=["light"], response_class=Response)
     async def export(request: Request, target: str) -> Response:
         """A map (.exr or .hdr as the body) as the files of one target, in a zip."""
         find_target(target)
         async with pool.place():
-            upload = await read_upload(request, pool, openapi.EXPORT)
+            upload = await read_upload(request, pool, openapi.EXPORT_ROUTE)
             archive = await decode(request, tasks.export_zip, upload, target)
         name = f'attachment; filename="light_{target}.zip"'
         return Response(archive, media_type="application/zip", headers={"Content-Disposition": name})
 
-    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"], openapi_extra=openapi.TARGETS)
+    @app.get("/v1/targets", summary="What /v1/export can write.", tags=["light"], openapi_extra=openapi.TARGETS_ROUTE)
     async def targets() -> list[str]:
         return list(TARGETS)
 
@@ -229,7 +229,7 @@ def _add_error_lines(app: FastAPI, limits: Limits) -> None:
     """Every error as {"error": one line}; what was not foreseen is logged and not sent."""
 
     def line(error: object, status: int, headers: dict[str, str] | None = None) -> JSONResponse:
-        return JSONResponse({"error": tasks.line_of(error)}, status, headers)
+        return JSONResponse({"error": tasks.form_line(error)}, status, headers)
 
     @app.exception_handler(Busy)
     async def busy(request: Request, error: Busy) -> Response:

@@ -90,7 +90,7 @@ def _upload(
 _ANY: dict[str, Any] = {"schema": {"type": "object"}}
 _BYTES = {"schema": _FILE}
 
-ESTIMATE = _upload(
+ESTIMATE_ROUTE = _upload(
     _texts("place", "camera", "light") | _ANSWER | _DETAIL,
     ["json", "exr", "hdr", "png"],
     {"application/json": _ANY, "image/x-exr": _BYTES, "image/vnd.radiance": _BYTES, "image/png": _BYTES},
@@ -99,7 +99,7 @@ ESTIMATE = _upload(
 
 
 def _multiview() -> dict[str, Any]:
-    """As ESTIMATE, of several photos in a form."""
+    """As ESTIMATE_ROUTE, of several photos in a form."""
     texts = {**_texts("camera", "light"), **_ANSWER, **_DETAIL}
     poses = "JSON: camera to world, a list of matrices, or transforms.json"
     fields: dict[str, Any] = {
@@ -111,26 +111,26 @@ def _multiview() -> dict[str, Any]:
     fields |= {name: {"type": "string", "description": text} for name, text in texts.items()}
     form = {"schema": {"type": "object", "required": ["photo", "poses"], "properties": fields}}
     return {
-        "parameters": [one for one in ESTIMATE["parameters"] if one["name"] in (*fields, "format")],
+        "parameters": [one for one in ESTIMATE_ROUTE["parameters"] if one["name"] in (*fields, "format")],
         "requestBody": {"required": True, "content": {FORM: form}},
-        "responses": ESTIMATE["responses"],
+        "responses": ESTIMATE_ROUTE["responses"],
     }
 
 
-FUSE = _multiview()
-TARGETS = {"responses": _AT_THE_DOOR}
+FUSE_ROUTE = _multiview()
+TARGETS_ROUTE = {"responses": _AT_THE_DOOR}
 HEALTH = {"responses": {status: text for status, text in _AT_THE_DOOR.items() if status != "401"}}
-MASK = _upload(
+MASK_ROUTE = _upload(
     _texts("place", "camera"), ["png", "json"], {"image/png": _BYTES, "application/json": _ANY}, files=_files("place")
 )
-PHOTO = _upload({}, [], {"image/png": _BYTES}, files={})
-DETAIL = _upload(
+PHOTO_ROUTE = _upload({}, [], {"image/png": _BYTES}, files={})
+DETAIL_ROUTE = _upload(
     {"size": _DETAIL["size"]},
     ["json", "exr", "hdr", "png"],
-    ESTIMATE["responses"]["200"]["content"],
+    ESTIMATE_ROUTE["responses"]["200"]["content"],
     files={"confidence": "map of the same size: how much each direction counts, 0 to 1"},
 )
-EXPORT = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
+EXPORT_ROUTE = _upload(_EXPORT, [], {"application/zip": _BYTES}, files={})
 
 
 def form_names(address: dict[str, Any]) -> list[str]:

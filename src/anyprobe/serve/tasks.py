@@ -74,7 +74,7 @@ class Upload:
         return all(one.startswith(QUICK_STARTS) for one in pictures) and sum(map(len, pictures)) <= QUICK_BYTES
 
 
-def line_of(said: object) -> str:
+def form_line(said: object) -> str:
     """An error or a warning as one line that names form fields: `mask=` is `mask` there."""
     return renamed(" ".join(str(said).split()), lambda hint: hint.name)
 
@@ -182,7 +182,7 @@ def _open(upload: Upload, max_pixels: int) -> Photo:
     """The photo with its object marked, under the name it was sent with."""
     _check_pixels(upload, max_pixels)
     photo = load_photo(upload.photo, upload.hints, name=upload.name)
-    return replace(photo, warnings=tuple(map(line_of, photo.warnings)))
+    return replace(photo, warnings=tuple(map(form_line, photo.warnings)))
 
 
 def _check_pixels(upload: Upload, max_pixels: int) -> None:

@@ -23,7 +23,7 @@ from anyprobe.files.poses import parse_poses
 from anyprobe.hints import HINTS, SPHERE, Hints, check_together, said_as
 from anyprobe.serve.guards import RECEIVED
 from anyprobe.serve.limits import MAX_PHOTOS, UNREAD_S
-from anyprobe.serve.openapi import FORM, FUSE, OLD_NAMES, form_names, query_names
+from anyprobe.serve.openapi import FORM, FUSE_ROUTE, OLD_NAMES, form_names, query_names
 from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
@@ -100,7 +100,7 @@ async def read_views(request: Request, pool: WorkerPool) -> tuple[list[Upload], 
     unused += [name for name in ("click", "exclude") if option.texts(name)]
     if unused:
         raise InvalidPhoto(f"{unused[0]}: expected a mask or a box a photo, got what one photo alone can have")
-    refuse_unknown(form, request.query_params, FUSE)
+    refuse_unknown(form, request.query_params, FUSE_ROUTE)
     if not 1 <= len(photos) <= MAX_PHOTOS:
         raise InvalidPhoto(f"photo: expected 1 to {MAX_PHOTOS} file parts of this name, got {len(photos)}")
     boxes = [HINTS["box"].read(text) for text in option.texts("box")]

@@ -25,12 +25,12 @@ from anyprobe.dataset.pair import LN_RANGE
 from anyprobe.dataset.pairs import Batch, PairConfig, PairSource
 from anyprobe.dataset.process_pools import one_thread
 from anyprobe.dataset.render_job import SETTINGS, num_shards, read_plan
-from anyprobe.dataset.samples import NORMALS, StoreRenderer, decode, decode_normals
+from anyprobe.dataset.samples import NORMALS, StoreRenderer, decode_normals, decode_part
 from anyprobe.dataset.shards import ShardIndex, is_done, read_index, tar_path
 from anyprobe.dataset.surfaces import SurfaceSet, build_surfaces
 from anyprobe.errors import InputError
+from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT, rotate, shrink
-from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe.train.config import LightConfig, RunConfig
 
 AHEAD = 2
@@ -227,7 +227,7 @@ class ShardSource:
         with tar_path(self.folder, shard).open("rb") as stream:
             for name, (offset, size) in self.indices[shard].parts[key].items():
                 stream.seek(offset)
-                parts[name] = decode(name, stream.read(size))
+                parts[name] = decode_part(name, stream.read(size))
         fields = parts["json"]
         light = self._light(fields["map_id"], json.dumps(fields["map_from_camera"]))
         radiance = light * np.asarray(fields["gain"], np.float32)

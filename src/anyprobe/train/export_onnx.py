@@ -18,9 +18,9 @@ from anyprobe.errors import ModelError
 from anyprobe.estimate.runtime import CONTRACT, LIFT_INPUTS, LIFT_OUTPUTS, NORMALS_SIZE, PHOTO_SIZE
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.radiance import write_exr
+from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.light_net import LightNet
-from anyprobe.scatter.materials import MATERIAL_INPUTS
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
@@ -35,8 +35,8 @@ def write_mean_map(source: PairSource, path: Path, batches: int = 64) -> None:
     write_exr(path, np.ascontiguousarray(mean))
 
 
-PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
-NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
+_PHOTO = (1, 4, PHOTO_SIZE, PHOTO_SIZE)
+_NORMALS = (1, 3, NORMALS_SIZE, NORMALS_SIZE)
 SURROUNDINGS = (1, 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
 
 
@@ -108,9 +108,9 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     """The graphs that a run's networks become, by stage."""
     if "light" in nets:
         net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
-        shapes = dict(zip(LIFT_INPUTS, (PHOTO, (1, 1), NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
+        shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
-    inputs = {"irradiance": PHOTO, "illumination": PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
+    inputs = {"irradiance": _PHOTO, "illumination": _PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
     return {stage: Graph(net=nets[stage], inputs={"input": shape}, small=True) for stage, shape in inputs.items()}
 
 

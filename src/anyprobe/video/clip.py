@@ -188,7 +188,7 @@ def _resized(path: Path, index: int, own: tuple[int, int], size: tuple[int, int]
     )
 
 
-def upright_size(clip: Clip) -> tuple[int, int]:
+def clip_size(clip: Clip) -> tuple[int, int]:
     """Width and height of the first frame as it is shown, pixels; 0, 0 where none can be decoded."""
     frame = next(read_frames(clip, []), None)
     return (0, 0) if frame is None else (frame.rgb.shape[1], frame.rgb.shape[0])

@@ -32,7 +32,7 @@ MOST_CHANGE = 1.4
 ANEW = 8
 """Every so many frames the mask is found anew, by one look around the last one; between, it moves with the picture."""
 
-SIDE = 128
+_SIDE = 128
 """Of the window around the object that is compared from frame to frame."""
 
 ROOM = 0.25
@@ -46,7 +46,7 @@ COARSE_PX = 128
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy")
-SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPTH_SUFFIXES}
+HINT_SUFFIXES = {"mask": MASK_SUFFIXES, "depth": DEPTH_SUFFIXES, "normals": DEPTH_SUFFIXES}
 """Suffixes of the files of one frame each."""
 
 
@@ -73,7 +73,7 @@ class MaskFollower:
         for kind, folder in given.items():
             if not folder.is_dir():
                 raise InputError(f"{kind}: expected a folder with one file for each frame, got {folder}")
-        self._files = {kind: visible_files(folder, SUFFIXES[kind]) for kind, folder in given.items()}
+        self._files = {kind: visible_files(folder, HINT_SUFFIXES[kind]) for kind, folder in given.items()}
         cut = {"near", "far"} & {name for name, value in every_frame.items() if value is not None}
         self.finds = "mask" not in self._files and not ("depth" in self._files and cut)
         if hints and not self.finds:
@@ -176,7 +176,7 @@ class Seen:
         height, width = mask.shape
         self.window = Window(x0=0, y0=0, x1=width, y1=height).around(object_box(mask), ROOM)
         window = self.window
-        cover = resize(mask[window.y0 : window.y1, window.x0 : window.x1], SIDE, SIDE) > 0.5
+        cover = resize(mask[window.y0 : window.y1, window.x0 : window.x1], _SIDE, _SIDE) > 0.5
         tile = self._tile_of(rgb)
         self._cover = cover.astype(np.float64)
         self._object = self._cover * (tile - tile[cover].mean() if cover.any() else tile)
@@ -188,17 +188,17 @@ class Seen:
         spectrum = np.fft.rfft2(np.stack([tile, tile**2]))
         cover, object_ = np.conj(np.fft.rfft2(np.stack([self._cover, self._object])))
         agree, total, square = np.fft.irfft2(
-            [spectrum[0] * object_, spectrum[0] * cover, spectrum[1] * cover], (SIDE, SIDE)
+            [spectrum[0] * object_, spectrum[0] * cover, spectrum[1] * cover], (_SIDE, _SIDE)
         )
         spread = np.sqrt(np.maximum(square - total**2 / count, 1e-6) * max(float((self._object**2).sum()), 1e-6))
-        shifts = (np.arange(SIDE) + SIDE // 2) % SIDE - SIDE // 2
-        near = abs(shifts) <= SIDE * ROOM / (1 + 2 * ROOM)
+        shifts = (np.arange(_SIDE) + _SIDE // 2) % _SIDE - _SIDE // 2
+        near = abs(shifts) <= _SIDE * ROOM / (1 + 2 * ROOM)
         alike = np.where(np.outer(near, near), agree / spread, -1.0)
         row, column = np.unravel_index(alike.argmax(), alike.shape)
         if alike[row, column] < ALIKE:
             return None
         down, across = shifts[row], shifts[column]
-        x, y = (round(shift * length / SIDE) for shift, length in zip((across, down), self.window.size, strict=True))
+        x, y = (round(shift * length / _SIDE) for shift, length in zip((across, down), self.window.size, strict=True))
         height, width = self.mask.shape
         moved = np.zeros_like(self.mask)
         moved[max(0, y) : height + min(0, y), max(0, x) : width + min(0, x)] = self.mask[
@@ -207,10 +207,10 @@ class Seen:
         return moved
 
     def _tile_of(self, rgb: np.ndarray) -> np.ndarray:
-        """Green of the window, [SIDE, SIDE]."""
+        """Green of the window, [_SIDE, _SIDE]."""
         window = self.window
         green = rgb[window.y0 : window.y1, window.x0 : window.x1, 1]
-        return resize(green.astype(np.float32), SIDE, SIDE).astype(np.float64)
+        return resize(green.astype(np.float32), _SIDE, _SIDE).astype(np.float64)
 
 
 def _digest(parts: Iterable[bytes]) -> str:

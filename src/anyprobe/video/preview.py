@@ -15,14 +15,14 @@ from anyprobe.render.spheres import sphere_images
 if TYPE_CHECKING:
     from jaxtyping import Float, UInt8
 
-SIDE = 128
+_SIDE = 128
 SPHERES = ("diffuse", "silver", "mirror")
 
 
 def light_picture(radiance: Float[np.ndarray, "H 2*H 3"] | None) -> UInt8[np.ndarray, "128 640 3"]:
-    """The map, then SPHERES, through the mean camera's curve at the clip's exposure; black where there is no light."""
+    """The map, then SPHERES, through the mean camera curve at the clip's exposure; black where there is no light."""
     if radiance is None:
-        return np.zeros((SIDE, (2 + len(SPHERES)) * SIDE, 3), np.uint8)
-    shown = resize(reduced(np.asarray(radiance, np.float32), SIDE), 2 * SIDE, SIDE)
-    spheres = sphere_images(radiance, SIDE)
+        return np.zeros((_SIDE, (2 + len(SPHERES)) * _SIDE, 3), np.uint8)
+    shown = resize(reduced(np.asarray(radiance, np.float32), _SIDE), 2 * _SIDE, _SIDE)
+    spheres = sphere_images(radiance, _SIDE)
     return to_bytes(response(np.concatenate([shown, *(spheres[name] for name in SPHERES)], axis=1)))
