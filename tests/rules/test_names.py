@@ -67,7 +67,6 @@ KEPT = {
     "line_of": "a message that names options, and one that names form fields",
     "paint": "a material under a texture, and a room's rectangle",
     "upright_size": "of a picture's header, and of a clip",
-    "with_ground": "a map for training, and a photo's light for its mirror images",
 }
 """Other names that two modules have, and what each means."""
 
