@@ -25,6 +25,8 @@ USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
 USUAL_ROLL_DEG = 0.0
 GIVEN_ERROR_DEG: float = _GROUND["given_error_deg"]
 """Of a pitch that was measured or set by eye."""
+SURE_DEG = 8.0
+"""Error of a pitch up to which only rotations near it are looked for."""
 SPREAD = float(np.sqrt(np.pi / 2))
 """Standard deviation of a normal distribution over its mean absolute error."""
 LEAST_SLOPE_DEG: float = _GROUND["least_slope_deg"]
@@ -64,6 +66,11 @@ class Ground:
     def of(info: dict[str, Any] | None) -> Ground | None:
         """What `info` says; None for None."""
         return None if info is None else Ground(**{**info, "contact": tuple(info["contact"])})
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether a search for rotations needs to look near this pitch alone."""
+        return self.pitch_error_deg <= SURE_DEG
 
     def info(self) -> dict[str, Any]:
         """As a sidecar has it, rounded."""

@@ -14,6 +14,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
+from anyprobe.estimate.ground import Ground
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import png_bytes, write_png
 from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from anyprobe.detail.library import Library
     from anyprobe.detail.likeness import Shown
     from anyprobe.detail.matching import MatchedMap
-    from anyprobe.estimate.ground import Ground
     from anyprobe.render.mesh import Mesh
     from anyprobe.scatter.materials import Material
 
@@ -42,8 +42,6 @@ _EMITTERS = {"drawn": "mode", "spread": "expected"}
 """The same for the values of `emitters`."""
 OLDER_NAMES_INSIDE = {"dominant_light": {"confidence": "directionality"}, "seconds": {"turn": "rotate"}}
 """The same for what is within a key, up to version 2."""
-SURE_PITCH_DEG = 8.0
-"""Error of an estimated pitch up to which a match looks for rotations near it alone."""
 FRAME = "right-handed, +X right, +Y up, the camera looks along -Z; u = 0.5 + atan2(x, -z) / 2 pi, row 0 is +Y"
 TURNED = "right-handed, +X right, +Y up of a map that was turned by map_from_camera; u = 0.5 + atan2(x, -z) / 2 pi"
 SCALE = "linear Rec. 709 radiance in the photo's exposure units: 1 is what the camera's curve maps to white"
@@ -252,17 +250,13 @@ class Light:
     @property
     def ground(self) -> Ground | None:
         """What the object stands on, in the camera's frame; None where that is not known, as of a cut-out."""
-        from anyprobe.estimate.ground import Ground
-
         return Ground.of(self.info.get("ground"))
 
     @property
     def pitch_deg(self) -> float | None:
-        """How far the camera looks down, where that was given or is estimated within SURE_PITCH_DEG."""
+        """How far the camera looks down, where that was given or is estimated well."""
         given, ground = self.info.get("pitch_deg"), self.ground
-        if given is None and ground is not None and ground.pitch_error_deg <= SURE_PITCH_DEG:
-            return ground.pitch_deg
-        return given
+        return ground.pitch_deg if given is None and ground is not None and ground.is_sure else given
 
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.

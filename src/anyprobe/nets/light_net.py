@@ -28,7 +28,7 @@ from anyprobe.nets.lifting import (
     pyramid,
 )
 
-HEIGHT = 32
+SPHERE_ROWS = 32
 """Rows that it works at; the map has twice as many."""
 _MARGIN = 8
 """Columns repeated beyond the seam, on both sides."""
@@ -47,10 +47,10 @@ class SphereNet(nn.Module):
         self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
     ) -> None:
         super().__init__()
-        directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
+        directions = torch.from_numpy(pixel_directions(SPHERE_ROWS)).permute(2, 0, 1)[None]
         self.register_buffer("directions", wrap(directions, _MARGIN), persistent=False)
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        deepest = HEIGHT >> len(pairs)
+        deepest = SPHERE_ROWS >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
         self.deepest = deepest
         self.first = nn.Sequential(conv(4 * fine + lifted + 3 + 4, widths[0]), conv(widths[0], widths[0]))

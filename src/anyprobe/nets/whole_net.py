@@ -17,7 +17,7 @@ from anyprobe.light.environment import MAP_HEIGHT
 from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
 from anyprobe.nets.context_net import CODE, ContextNet
 from anyprobe.nets.emitter_head import POWER_FLOOR, EmitterHead
-from anyprobe.nets.light_net import HEIGHT
+from anyprobe.nets.light_net import SPHERE_ROWS
 from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 
 SEAM = 8
@@ -63,11 +63,11 @@ class WholeNet(nn.Module):
         super().__init__()
         self.context = ContextNet()
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None].float()
+        directions = torch.from_numpy(pixel_directions(SPHERE_ROWS)).permute(2, 0, 1)[None].float()
         self.register_buffer("directions", directions.contiguous(), persistent=False)
         self.first = nn.Sequential(conv(4 * 10 + 3 + 2, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
-        self.deepest = HEIGHT >> len(pairs)
+        self.deepest = SPHERE_ROWS >> len(pairs)
         self.start = nn.Sequential(nn.Linear(CODE + SAID, 32 * 2 * self.deepest**2), nn.LeakyReLU(0.1))
         self.middle = conv(widths[-1] + 32, widths[-1])
         self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * 2 * self.deepest**2, CODE), nn.LeakyReLU(0.1))
