@@ -233,6 +233,35 @@ def test_light_stands_still_in_the_world_while_the_camera_turns(rng):
             assert angle_deg(pose @ in_camera, SUN) < 5
 
 
+def views(rng, seconds: float, sun=lambda t: SUN):
+    """Frames and poses of a camera that turns 30 degrees a second. They place the sun aside, by up to 14 degrees
+    more and more from 1.5 s to 2.5 s."""
+    for i in range(round(seconds * FPS)):
+        pose = rotation_y(np.radians(30.0) * i / FPS)
+        off = rotation_y(np.radians(14.0) * np.clip(i / FPS - 1.5, 0.0, 1.0))
+        yield seen(rng, sun=off @ sun(i / FPS), pose=pose), pose
+
+
+def test_what_estimates_differ_by_from_side_to_side_turns_no_light(rng):
+    state, toward = None, []
+    for frame, pose in views(rng, 3):
+        state = step(state, frame, 1 / FPS, world_from_camera=pose)
+        toward.append(find_dominant_light(state.radiance).direction)
+    middle = np.mean(toward[FPS:], axis=0)
+    assert max(angle_deg(one, middle) for one in toward[FPS:]) < 3.5
+
+
+@pytest.mark.parametrize("moved_deg", [25, 90])
+def test_a_source_that_is_elsewhere_is_followed_while_the_camera_turns(rng, moved_deg):
+    def sun(t: float) -> np.ndarray:
+        return rotation_y(np.radians(moved_deg)) @ SUN if t >= 1.5 else SUN
+
+    state = None
+    for frame, pose in views(rng, 2, sun):
+        state = step(state, frame, 1 / FPS, world_from_camera=pose)
+    assert angle_deg(find_dominant_light(state.radiance).direction, rotation_y(np.radians(7.0)) @ sun(2)) < 8
+
+
 def test_nothing_turns_faster_than_it_may(rng):
     to = rotation_y(np.radians(25)) @ SUN
     states = run([seen(rng) for _ in range(FPS)] + [seen(rng, sun=to) for _ in range(FPS)], [1 / FPS] * (2 * FPS))

@@ -2,8 +2,8 @@
 
 python blender_extension.py extension.zip order.json answer.json
 
-order.json: {"photo", "turned": the same with EXIF orientation 6, "movie", "broken": paths, "scratch": a folder,
-"normals": [[x, y, z], ...] in the camera's axes, of a white sphere}.
+order.json: {"photo", "turned": the same with EXIF orientation 6, "movie", "broken": paths, "scratch",
+"library": folders, "normals": [[x, y, z], ...] in the camera's axes, of a white sphere}.
 """
 
 import json
@@ -243,6 +243,19 @@ found["marks"] = marked()
 settings.image = bpy.data.images.load(order["movie"])
 found["movie"] = estimate(frame=40)
 found["movie_beyond"] = estimate(frame=4000)
+
+settings.image = bpy.data.images.load(order["photo"])
+found["matched"] = {"result": estimate(library=order["library"], lights="WORLD", use_camera=True)}
+world, camera = bpy.context.scene.world, bpy.context.scene.camera
+(panorama,) = (one.image for one in world.node_tree.nodes if one.type == "TEX_ENVIRONMENT")
+values = np.array(panorama.pixels[:], np.float32).reshape(panorama.size[1], panorama.size[0], -1)[::-1, :, :3]
+blocks = values.reshape(16, values.shape[0] // 16, 32, values.shape[1] // 32, 3).mean(axis=(1, 3))
+found["matched"] |= {
+    "said": bpy.context.scene.light_from_photo.said,
+    "map": blocks.tolist(),
+    "turn": np.array(camera.matrix_world.to_3x3()).tolist(),
+}
+bpy.context.scene.light_from_photo.library = ""
 
 process = sys.modules[f"{MODULE}.process"]
 running = process.Process({"do": "estimate"})

@@ -8,7 +8,7 @@ how far apart the two are, in units of the noise that the values themselves show
     noise  += a(min(noise_s, age)) (min(|y - last| / sqrt 2, 3 noise) - noise)
     lead    = a(min(fast_s, memory + dt))
     fast   += lead (y - fast)
-    spread  = |fast - steady| / (noise sqrt(lead / (2 - lead)))
+    spread  = max(|fast - steady| - slack, 0) / (noise sqrt(lead / (2 - lead)))
     motion  = clip((spread - calm) / (moved - calm), 0, 1)
     memory  = min(memory + dt, still_s) ^ (1 - motion) moving_s ^ motion
     motion > let_go: stale = stale_fast = 1
@@ -19,7 +19,8 @@ how far apart the two are, in units of the noise that the values themselves show
 White noise leaves noise sqrt(lead / (2 - lead)) in `fast`: spread is about 1 while nothing moves. Drift is separated
 from noise even where each step is below the noise, because it adds up in fast - steady. After a move the memory grows
 with the time since: steady is then about the plain mean of what came after. A growing memory forgets only as 1 / t, so
-it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be.
+it does not grow while more of what was before a clear move is left in steady (the share stale) than is let be. slack is
+how far values may be off for a reason that the caller knows, and is no motion.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class Steady:
     """steady, fast, last: what is shown, the leading average, the last value. noise: None before the second value.
 
     memory_s: time constant of steady. age_s: since the start. stale, stale_fast: share of what was before the last
-    clear move in steady and in fast. spread: of the last value; about 1 while nothing moves.
+    clear move in steady and in fast. motion: of the last value, 0 while nothing moves.
     """
 
     steady: np.ndarray
@@ -73,7 +74,7 @@ class Steady:
     age_s: float = 0.0
     stale: float = 0.0
     stale_fast: float = 0.0
-    spread: float = 0.0
+    motion: float = 0.0
 
 
 def begin_filter(y: np.ndarray) -> Steady:
@@ -82,9 +83,14 @@ def begin_filter(y: np.ndarray) -> Steady:
 
 
 def advance(
-    state: Steady, y: np.ndarray, dt_s: float, apart: Callable[[np.ndarray, np.ndarray], float], c: Smoothing
+    state: Steady,
+    y: np.ndarray,
+    dt_s: float,
+    apart: Callable[[np.ndarray, np.ndarray], float],
+    c: Smoothing,
+    slack: float = 0.0,
 ) -> Steady:
-    """The state after one more value; pure. apart: |one - other|."""
+    """The state after one more value; pure. apart: |one - other|; slack: what of |fast - steady| is no motion."""
     age = state.age_s + dt_s
     noise = difference = apart(y, state.last) / np.sqrt(2.0)
     if state.noise is not None:
@@ -92,7 +98,7 @@ def advance(
         noise = state.noise + gain(dt_s, min(c.noise_s, age)) * (min(difference, most) - state.noise)
     lead = gain(dt_s, min(c.fast_s, state.memory_s + dt_s))
     fast = _toward(state.fast, y, lead)
-    spread = apart(fast, state.steady) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
+    spread = max(apart(fast, state.steady) - slack, 0.0) / (max(noise, c.least_noise) * np.sqrt(lead / (2.0 - lead)))
     motion = min(max((spread - c.calm) / (c.moved - c.calm), 0.0), 1.0)
     memory = min(state.memory_s + dt_s, c.still_s) ** (1.0 - motion) * c.moving_s**motion
     stale, stale_fast = (1.0, 1.0) if motion > c.let_go else (state.stale, state.stale_fast)
@@ -109,7 +115,7 @@ def advance(
         age_s=age,
         stale=stale + share * (stale_fast - stale),
         stale_fast=stale_fast,
-        spread=float(spread),
+        motion=float(motion),
     )
 
 

@@ -13,6 +13,11 @@ ln gate_ratio is least, and neither term above 1. Direction (times angle_scale),
 more value of that source; what is shown turns by at most most_turn_deg_s. A source that is new grows to its whole power
 in fade_s, and one that is not seen for patience_s fades as fast. While two places share one source's power in this way,
 their sum is what the frames' sources have in all.
+
+**The view.** Estimates of one light from two sides differ. view goes from 0 to 1 while the camera turns by
+view.turn_deg from where it was when the source last moved. Values as far apart as view times view.slack are then no
+motion, and the last view times view.slack / angle_scale radians to a value's direction are turned at
+view.most_turn_deg_s at most.
 """
 
 from __future__ import annotations
@@ -46,17 +51,26 @@ MOST_TURN: float = float(np.radians(RULES["most_turn_deg_s"]))
 PATIENCE_S: float = RULES["patience_s"]
 FADE_S: float = RULES["fade_s"]
 MOST: int = RULES["most"]
+VIEW_TURN, VIEW_MOST_TURN = (float(np.radians(RULES["view"][name])) for name in ("turn_deg", "most_turn_deg_s"))
+VIEW_SLACK: float = RULES["view"]["slack"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Track:
     """A source that is known. value: of _value, [7] float64. shown: [3] unit, towards it. share: of its power that is
-    shown. unseen_s: since a frame had it."""
+    shown. pose: world_from_camera of the last frame in which it moved, or of its first. unseen_s: since a frame
+    had it."""
 
     value: Steady
     shown: np.ndarray
     share: float
+    pose: np.ndarray
     unseen_s: float = 0.0
+
+    @property
+    def direction(self) -> np.ndarray:
+        """[3] unit: that of the value, which what is shown turns to."""
+        return self.value.steady[:3] / np.linalg.norm(self.value.steady[:3])
 
     @property
     def source(self) -> Source:
@@ -119,8 +133,8 @@ def step(
     """
     c = smoothing or Smoothing()
     soft, sources = split_sources(check_radiance(radiance, "frame's light"))
+    pose = np.eye(3) if world_from_camera is None else np.asarray(world_from_camera, np.float64)
     if world_from_camera is not None:
-        pose = np.asarray(world_from_camera, np.float64)
         soft = np.maximum(rotate(soft, pose), 0.0)
         sources = tuple(replace(one, direction=pose @ one.direction) for one in sources)
     y = filtered_log(soft)
@@ -131,25 +145,27 @@ def step(
     if state is not None and is_cut and not state.held:
         return replace(state, held=True)
     if state is None or is_cut:
-        tracks = tuple(_new(one, share=1.0) for one in sources)
+        tracks = tuple(_new(one, pose, share=1.0) for one in sources)
         return FilterState(soft=begin_filter(y), power=begin_filter(power), tracks=tracks)
     return FilterState(
         soft=advance(state.soft, y, dt_s, _apart, c),
         power=advance(state.power, power, dt_s, _distance, c),
-        tracks=_follow(state.tracks, sources, dt_s, c),
+        tracks=_follow(state.tracks, sources, pose, dt_s, c),
     )
 
 
-def _follow(tracks: Sequence[Track], sources: Sequence[Source], dt_s: float, c: Smoothing) -> tuple[Track, ...]:
+def _follow(
+    tracks: Sequence[Track], sources: Sequence[Source], pose: np.ndarray, dt_s: float, c: Smoothing
+) -> tuple[Track, ...]:
     """What is known of the sources after one more frame."""
     pairs = _pairs(tracks, sources)
     followed = [
-        _seen(track, sources[pairs[i]], dt_s, c) if i in pairs else _unseen(track, dt_s)
+        _seen(track, sources[pairs[i]], pose, dt_s, c) if i in pairs else _unseen(track, dt_s)
         for i, track in enumerate(tracks)
     ]
     taken = set(pairs.values())
     share = min(dt_s / FADE_S, 1.0)
-    followed += [_new(one, share=share) for j, one in enumerate(sources) if j not in taken]
+    followed += [_new(one, pose, share=share) for j, one in enumerate(sources) if j not in taken]
     followed = [track for track in followed if track.share > 0.0]
     weakest_last = sorted(followed, key=lambda track: -track.share)  # stable: of equals the older one stays
     return tuple(weakest_last[:MOST])
@@ -161,7 +177,7 @@ def _pairs(tracks: Sequence[Track], sources: Sequence[Source]) -> dict[int, int]
     for i, track in enumerate(tracks):
         was = track.source
         for j, source in enumerate(sources):
-            angle = _angle(was.direction, source.direction) / GATE
+            angle = _angle(track.direction, source.direction) / GATE
             ratio = abs(np.log((luminance(source.power) + OFFSET) / (luminance(was.power) + OFFSET))) / LN_RATIO
             if angle <= 1.0 and ratio <= 1.0:
                 costs.append((float(angle + ratio), i, j))
@@ -176,17 +192,24 @@ def _value(source: Source) -> np.ndarray:
     return np.concatenate([ANGLE_SCALE * source.direction, np.log(source.power + OFFSET), [np.log(source.radius)]])
 
 
-def _new(source: Source, share: float) -> Track:
-    return Track(value=begin_filter(_value(source)), shown=source.direction, share=share)
+def _new(source: Source, pose: np.ndarray, share: float) -> Track:
+    return Track(value=begin_filter(_value(source)), shown=source.direction, share=share, pose=pose)
 
 
-def _seen(track: Track, source: Source, dt_s: float, c: Smoothing) -> Track:
-    value = advance(track.value, _value(source), dt_s, _distance, c)
-    wanted = value.steady[:3] / np.linalg.norm(value.steady[:3])
-    angle = _angle(track.shown, wanted)
-    part = min(1.0, MOST_TURN * dt_s / angle) if angle > 0.0 else 1.0
-    shown = track.shown + part * (wanted - track.shown)
-    return Track(value=value, shown=shown / np.linalg.norm(shown), share=min(track.share + dt_s / FADE_S, 1.0))
+def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing) -> Track:
+    view = min(_turned(track.pose, pose) / VIEW_TURN, 1.0)
+    value = advance(track.value, _value(source), dt_s, _distance, c, slack=view * VIEW_SLACK)
+    seen = replace(
+        track,
+        value=value,
+        share=min(track.share + dt_s / FADE_S, 1.0),
+        pose=pose if value.motion > 0.0 else track.pose,
+        unseen_s=0.0,
+    )
+    angle = _angle(seen.shown, seen.direction)
+    turn = min(max(angle - view * VIEW_SLACK / ANGLE_SCALE, VIEW_MOST_TURN * dt_s), MOST_TURN * dt_s)
+    shown = seen.shown + (min(1.0, turn / angle) if angle > 0.0 else 1.0) * (seen.direction - seen.shown)
+    return replace(seen, shown=shown / np.linalg.norm(shown))
 
 
 def _unseen(track: Track, dt_s: float) -> Track:
@@ -198,6 +221,11 @@ def _unseen(track: Track, dt_s: float) -> Track:
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:
     return float(2.0 * np.arcsin(np.minimum(np.linalg.norm(one - other) / 2.0, 1.0)))
+
+
+def _turned(from_: np.ndarray, to: np.ndarray) -> float:
+    """Angle between two poses [3, 3]."""
+    return float(np.arccos(np.clip((np.sum(from_ * to) - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def _distance(one: np.ndarray, other: np.ndarray) -> float:

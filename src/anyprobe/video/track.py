@@ -140,7 +140,8 @@ def _filter_state(kept: dict[str, Any]) -> FilterState:
         return Steady(**{**words, **{name: np.asarray(words[name]) for name in MAPS}})
 
     tracks = tuple(
-        Track(**{**one, "value": steady(one["value"]), "shown": np.array(one["shown"])}) for one in kept["tracks"]
+        Track(**{**one, "value": steady(one["value"]), **{name: np.array(one[name]) for name in ("shown", "pose")}})
+        for one in kept["tracks"]
     )
     return FilterState(soft=steady(kept["soft"]), power=steady(kept["power"]), tracks=tracks, held=kept["held"])
 

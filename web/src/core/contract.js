@@ -1001,7 +1001,12 @@ export const CONTRACT = {
       "most_turn_deg_s": 120,
       "patience_s": 0.1,
       "fade_s": 0.25,
-      "most": 6
+      "most": 6,
+      "view": {
+        "turn_deg": 15,
+        "slack": 0.3,
+        "most_turn_deg_s": 3
+      }
     }
   },
   "source_split": {

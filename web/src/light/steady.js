@@ -22,7 +22,7 @@ const gain = (dt, time) => -Math.expm1(-dt / time);
 
 /** The first value. @param {Float32Array | Float64Array} y */
 export function begin(y) {
-  return { steady: y, fast: y, last: y, noise: null, memoryS: 0, ageS: 0, stale: 0, staleFast: 0 };
+  return { steady: y, fast: y, last: y, noise: null, memoryS: 0, ageS: 0, stale: 0, staleFast: 0, motion: 0 };
 }
 
 /**
@@ -33,8 +33,9 @@ export function begin(y) {
  * @param {number} dt seconds since the last value
  * @param {(one: object, other: object) => number} apart |one - other|
  * @param {typeof SMOOTHING} c
+ * @param {number} [slack] what of |fast - steady| is no motion
  */
-export function advance(state, y, dt, apart, c) {
+export function advance(state, y, dt, apart, c, slack = 0) {
   const ageS = state.ageS + dt;
   const difference = apart(y, state.last) / Math.SQRT2;
   let noise = difference;
@@ -44,7 +45,7 @@ export function advance(state, y, dt, apart, c) {
   }
   const lead = gain(dt, Math.min(c.fastS, state.memoryS + dt));
   const fast = approach(state.fast, y, lead);
-  const spread = apart(fast, state.steady) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
+  const spread = Math.max(apart(fast, state.steady) - slack, 0) / (Math.max(noise, c.leastNoise) * Math.sqrt(lead / (2 - lead)));
   const motion = Math.min(Math.max((spread - c.calm) / (c.moved - c.calm), 0), 1);
   let memoryS = Math.min(state.memoryS + dt, c.stillS) ** (1 - motion) * c.movingS ** motion;
   let { stale, staleFast } = motion > c.letGo ? { stale: 1, staleFast: 1 } : state;
@@ -53,7 +54,7 @@ export function advance(state, y, dt, apart, c) {
   const steady = approach(state.steady, fast, share);
   staleFast -= lead * staleFast;
   stale += share * (staleFast - stale);
-  return { steady, fast, last: y, noise, memoryS, ageS, stale, staleFast };
+  return { steady, fast, last: y, noise, memoryS, ageS, stale, staleFast, motion };
 }
 
 /** From one towards another by a share of the way. */

@@ -19,6 +19,10 @@ const radians = (degrees) => (degrees * Math.PI) / 180;
 const [GATE, MOST_TURN] = [radians(rules.gate_deg), radians(rules.most_turn_deg_s)];
 const LN_RATIO = Math.log(rules.gate_ratio);
 const ANGLE_SCALE = rules.angle_scale;
+const [VIEW_TURN, VIEW_MOST_TURN] = [radians(rules.view.turn_deg), radians(rules.view.most_turn_deg_s)];
+const VIEW_SLACK = rules.view.slack;
+/** Stands for the pose where none is known. */
+const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
 
 /**
@@ -32,6 +36,7 @@ const { patience_s: PATIENCE_S, fade_s: FADE_S, most: MOST } = rules;
  */
 export function step(state, radiance, dt, worldFromCamera = null, smoothing = SMOOTHING) {
   let { soft, sources } = splitSources(radiance, MAP_HEIGHT);
+  const pose = worldFromCamera ?? STILL;
   if (worldFromCamera) {
     soft = turn(soft, worldFromCamera);
     sources = sources.map((one) => ({ ...one, direction: turned(worldFromCamera, one.direction) }));
@@ -41,12 +46,12 @@ export function step(state, radiance, dt, worldFromCamera = null, smoothing = SM
   const isCut = state !== null && rms(y, state.soft.fast) > smoothing.cutLevel;
   if (isCut && !state.held) return { ...state, held: true };
   if (state === null || isCut) {
-    return { soft: begin(y), power: begin(power), tracks: sources.map((one) => fresh(one, 1)), held: false };
+    return { soft: begin(y), power: begin(power), tracks: sources.map((one) => fresh(one, pose, 1)), held: false };
   }
   return {
     soft: advance(state.soft, y, dt, rms, smoothing),
     power: advance(state.power, power, dt, distance, smoothing),
-    tracks: follow(state.tracks, sources, dt, smoothing),
+    tracks: follow(state.tracks, sources, pose, dt, smoothing),
     held: false,
   };
 }
@@ -73,11 +78,11 @@ export function shownSources({ tracks, power }) {
 }
 
 /** What is known of the sources after one more frame. */
-function follow(tracks, sources, dt, smoothing) {
+function follow(tracks, sources, pose, dt, smoothing) {
   const pairs = pairsOf(tracks, sources);
-  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], dt, smoothing) : unseen(track, dt)));
+  const followed = tracks.map((track, i) => (pairs.has(i) ? seen(track, sources[pairs.get(i)], pose, dt, smoothing) : unseen(track, dt)));
   const taken = new Set(pairs.values());
-  sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, Math.min(dt / FADE_S, 1))));
+  sources.forEach((one, j) => taken.has(j) || followed.push(fresh(one, pose, Math.min(dt / FADE_S, 1))));
   return followed
     .filter(({ share }) => share > 0)
     .sort((a, b) => b.share - a.share) // stable: of equals the older one stays
@@ -89,8 +94,9 @@ function pairsOf(tracks, sources) {
   const costs = [];
   tracks.forEach((track, i) => {
     const was = sourceOf(track);
+    const toward = directionOf(track);
     sources.forEach((source, j) => {
-      const angle = angleOf(was.direction, source.direction) / GATE;
+      const angle = angleOf(toward, source.direction) / GATE;
       const ratio = Math.abs(Math.log((luminance(...source.power) + OFFSET) / (luminance(...was.power) + OFFSET))) / LN_RATIO;
       if (angle <= 1 && ratio <= 1) costs.push([angle + ratio, i, j]);
     });
@@ -115,15 +121,25 @@ function valueOf({ direction, power, radius }) {
   return Float64Array.of(...direction.map((value) => ANGLE_SCALE * value), ...power.map((value) => Math.log(value + OFFSET)), Math.log(radius));
 }
 
-const fresh = (source, share) => ({ value: begin(valueOf(source)), shown: source.direction, share, unseenS: 0 });
+/** That of a track's value, which what is shown turns to. */
+const directionOf = ({ value: { steady } }) => unit([...steady.subarray(0, 3)]);
 
-function seen(track, source, dt, smoothing) {
-  const value = advance(track.value, valueOf(source), dt, distance, smoothing);
-  const wanted = unit([...value.steady.subarray(0, 3)]);
+const fresh = (source, pose, share) => ({ value: begin(valueOf(source)), shown: source.direction, share, pose, unseenS: 0 });
+
+function seen(track, source, pose, dt, smoothing) {
+  const view = Math.min(turnedBy(track.pose, pose) / VIEW_TURN, 1);
+  const value = advance(track.value, valueOf(source), dt, distance, smoothing, view * VIEW_SLACK);
+  const wanted = directionOf({ value });
   const angle = angleOf(track.shown, wanted);
-  const part = angle > 0 ? Math.min(1, (MOST_TURN * dt) / angle) : 1;
-  const direction = unit(track.shown.map((from, axis) => from + part * (wanted[axis] - from)));
-  return { value, shown: direction, share: Math.min(track.share + dt / FADE_S, 1), unseenS: 0 };
+  const turn = Math.min(Math.max(angle - (view * VIEW_SLACK) / ANGLE_SCALE, VIEW_MOST_TURN * dt), MOST_TURN * dt);
+  const part = angle > 0 ? Math.min(1, turn / angle) : 1;
+  return {
+    value,
+    shown: unit(track.shown.map((from, axis) => from + part * (wanted[axis] - from))),
+    share: Math.min(track.share + dt / FADE_S, 1),
+    pose: value.motion > 0 ? pose : track.pose,
+    unseenS: 0,
+  };
 }
 
 /** One that is hardly shown yet gets less patience. */
@@ -136,6 +152,9 @@ function unseen(track, dt) {
 const distance = (a, b) => Math.sqrt(a.reduce((sum, value, i) => sum + (value - b[i]) ** 2, 0));
 
 const angleOf = (a, b) => 2 * Math.asin(Math.min(distance(a, b) / 2, 1));
+
+/** Angle between two poses. */
+const turnedBy = (from, to) => Math.acos(Math.min(Math.max((from.reduce((sum, value, i) => sum + value * to[i], 0) - 1) / 2, -1), 1));
 
 function unit(vector) {
   const length = Math.hypot(...vector);
