@@ -48,13 +48,13 @@ class Sample:
     groups: tuple[str, ...] = ()
 
 
-Report = Callable[[str], None] | None
+_Report = Callable[[str], None] | None
 
 
 class StoreRenderer:
     """Renders every combination of the assets of a folder, and of our own."""
 
-    def __init__(self, settings: Mapping, data: Path | None, report: Report = None) -> None:
+    def __init__(self, settings: Mapping, data: Path | None, report: _Report = None) -> None:
         self.kind = settings["kind"]
         self.store = load_asset_store(
             data,
@@ -73,7 +73,7 @@ class StoreRenderer:
         self.maps = _notes(self.store.maps)
         self.shapes = _notes(self.store.shapes) if self.kind == "object" else []
 
-    def _leave_out_lines(self, report: Report) -> None:
+    def _leave_out_lines(self, report: _Report) -> None:
         """Without the shapes that photos would not show."""
         for shape in [one for one in self.store.shapes.values() if is_too_thin(one.mesh)]:
             del self.store.shapes[shape.id]

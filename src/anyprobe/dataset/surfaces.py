@@ -85,7 +85,7 @@ class SurfaceView:
     matrix: np.ndarray | None
 
 
-Seen = tuple[np.ndarray, float, int, np.ndarray]
+_Seen = tuple[np.ndarray, float, int, np.ndarray]
 """Of a view what SurfaceSet has, in its order; no hidden cells where they are not asked for."""
 
 
@@ -133,7 +133,7 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[Seen]:
+def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[_Seen]:
     """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells."""
     result = []
     for view in views:
@@ -166,7 +166,7 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
         yield drawn_part(number, config)
 
 
-def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[Seen]]:
+def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[_Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
     see = partial(see_views, size=config.size, shadows=config.shadows)
     if workers == 0:
@@ -208,7 +208,7 @@ def build_surfaces(
     if folder is not None and all((folder / f"{name}.npy").is_file() for name in names):
         return _kept(folder, names)
     total = len(shapes) + config.procedural + config.figures + config.parts
-    seen: list[Seen] = []
+    seen: list[_Seen] = []
     jobs = _shapes_and_views(shapes, config)
     for done, one in enumerate(_seen(jobs, config, workers), start=1):
         seen += one

@@ -13,8 +13,8 @@ from anyprobe.light.dominant_light import find_dominant_light
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-_CLIPPED, CLIPPED_SHARE = 0.99, 0.85
-DARK, DARK_SHARE = 0.05, 0.8
+_CLIPPED, _CLIPPED_SHARE = 0.99, 0.85
+_DARK, DARK_SHARE = 0.05, 0.8
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
 BELOW_DEG = 12.0
 """So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
@@ -28,11 +28,11 @@ def exposure_doubts(
     rgb: Float[np.ndarray, "N 3"], name: str, radiance: Float[np.ndarray, "N 3"] | None = None
 ) -> tuple[str, ...]:
     """Of an object's pixels [N, 3] that are mostly black or mostly clipped; radiance: theirs, where that is known."""
-    dark = float((luminance(rgb) <= DARK).mean())
+    dark = float((luminance(rgb) <= _DARK).mean())
     if dark >= DARK_SHARE:
         return (f"{name}: {dark:.0%} of the object is nearly black; little can be estimated from it; expose longer",)
     clipped = float((rgb >= _CLIPPED).all(axis=-1).mean())
-    if clipped < CLIPPED_SHARE:
+    if clipped < _CLIPPED_SHARE:
         return ()
     advice = "expose shorter"
     if radiance is not None:

@@ -36,7 +36,7 @@ KEPT = (HEIGHT, COMPRESSION, FILL_ORDER, STRIPS, ROWS_PER_STRIP, STRIP_SIZES, TI
 BYTES_OF = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 """Of a value, by its type."""
 
-Entry = tuple[int, int, bytes]
+_Entry = tuple[int, int, bytes]
 """Type, number of values, and their bytes."""
 
 
@@ -177,7 +177,7 @@ def _damaged(name: str) -> InvalidPhoto:
     return InvalidPhoto(f"{name}: expected a whole TIFF of floats, got a damaged or cut one; copy it again")
 
 
-def _entries(data: bytes, order: str) -> dict[int, Entry]:
+def _entries(data: bytes, order: str) -> dict[int, _Entry]:
     """The first directory of a TIFF."""
     (at,) = struct.unpack_from(f"{order}I", data, 4)
     (count,) = struct.unpack_from(f"{order}H", data, at)
@@ -192,19 +192,19 @@ def _entries(data: bytes, order: str) -> dict[int, Entry]:
     return found
 
 
-def _numbers(entry: Entry, order: str) -> tuple[int, ...]:
+def _numbers(entry: _Entry, order: str) -> tuple[int, ...]:
     kind, number, value = entry
     code = {1: "B", 3: "H", 4: "I", 13: "I", 16: "Q"}[kind]
     return struct.unpack(f"{order}{number}{code}", value)
 
 
-def _one(entries: dict[int, Entry], tag: int, order: str, default: int | None = None) -> int:
+def _one(entries: dict[int, _Entry], tag: int, order: str, default: int | None = None) -> int:
     if tag not in entries and default is not None:
         return default
     return _numbers(entries[tag], order)[0]
 
 
-def _as_bytes(data: bytes, order: str, kept: dict[int, Entry], width: int, tile_width: int) -> bytes:
+def _as_bytes(data: bytes, order: str, kept: dict[int, _Entry], width: int, tile_width: int) -> bytes:
     """The same file with a directory that makes it a grey picture of 8 bits, so many pixels wide."""
     grey = {WIDTH: width, BITS: 8, PHOTOMETRIC: 1, SAMPLES: 1, PLANAR: 1, FORMAT: 1}
     grey |= {TILE_WIDTH: tile_width} if tile_width else {}

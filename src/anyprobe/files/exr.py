@@ -55,7 +55,7 @@ FILLER = 13
 quiet: Callable[[], AbstractContextManager] = nullcontext
 """Held around the library, which prints of damaged files; a program that owns its process may set it."""
 
-Window = tuple[np.ndarray, np.ndarray]
+_Window = tuple[np.ndarray, np.ndarray]
 """x, y of the first pixel, and x, y just after the last, int64."""
 
 
@@ -70,8 +70,8 @@ class ExrHeader:
         plain: the header's bytes with the NEEDED attributes alone, as long as they were.
     """
 
-    display: Window
-    data: Window
+    display: _Window
+    data: _Window
     attributes: Mapping[str, tuple[bytes, bytes]]
     decoded: int
     plain: bytes
@@ -150,7 +150,7 @@ def _without_rest(part: bytes, attributes: Mapping[str, tuple[bytes, bytes]]) ->
     return kept + b"x\0string\0" + struct.pack("<i", room - FILLER) + b" " * (room - FILLER) + b"\0"
 
 
-def _window(attributes: Mapping[str, tuple[bytes, bytes]], name: str) -> Window:
+def _window(attributes: Mapping[str, tuple[bytes, bytes]], name: str) -> _Window:
     kind, value = attributes.get(name, (b"", b""))
     if kind != b"box2i" or len(value) != 16:
         raise ValueError(f"no {name}")

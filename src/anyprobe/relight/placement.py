@@ -35,7 +35,7 @@ FLAT = 0.6
 TRIES, LEAST_STEP, CLOSE_PX = 24, 0.5, 0.5
 """To fit it, how much smaller each may make it, and pixels that do not matter."""
 
-Box = tuple[float, float, float, float]
+_Box = tuple[float, float, float, float]
 """Left, top, right, bottom [px]."""
 
 
@@ -74,7 +74,7 @@ class Spot:
     share: float
 
 
-Extent = Callable[[Spot], Box]
+Extent = Callable[[Spot], _Box]
 """What the object covers at a spot."""
 
 
@@ -110,7 +110,7 @@ def place_beside(
         return _standing(unit, upright, foot, height, pitch_deg)
     turned = unit.positions @ upright.T
 
-    def extent_at(spot: Spot) -> Box:
+    def extent_at(spot: Spot) -> _Box:
         pixels = view.pixels(turned * (height * spot.share) + _foot(view, spot))
         return (*pixels.min(axis=0), *pixels.max(axis=0))
 
@@ -127,12 +127,12 @@ class Outline:
 
     def __init__(self, mask: np.ndarray) -> None:
         inside, self.width = mask > 0.5, mask.shape[1]
-        self.box: Box = object_box(mask)
+        self.box: _Box = object_box(mask)
         there = inside.any(axis=1)
         self._left = np.where(there, inside.argmax(axis=1), self.width)
         self._right = np.where(there, self.width - inside[:, ::-1].argmax(axis=1), 0)
 
-    def free(self, top: float, bottom: float, side: int, bounds: Box) -> tuple[float, float]:
+    def free(self, top: float, bottom: float, side: int, bounds: _Box) -> tuple[float, float]:
         """Left and right bound of what is free in rows from top to bottom, on one side (1: right, -1: left)."""
         rows = slice(max(int(np.floor(top)), 0), max(int(np.ceil(bottom)), 1))
         if side > 0:
@@ -173,7 +173,7 @@ def find_spot(
 
 
 def _fit(
-    spot: Spot, bounds: Box, far_row: float, extent_at: Extent, outline: Outline | None = None, side: int = 0
+    spot: Spot, bounds: _Box, far_row: float, extent_at: Extent, outline: Outline | None = None, side: int = 0
 ) -> Spot:
     """Moved into the bounds, and to one side of an outline (1: right, -1: left), GAP off it, its lowest point on the
     spot's row; smaller if needed.
