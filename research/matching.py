@@ -4,8 +4,8 @@
     python -m research.matching DATA --left-out   # by the maps that no shipped weights learn from: to choose by
 
 Each photo is judged three times: the object alone, with the camera's pitch given, and with the background that a photo
-WIDE times as wide as the object's crop shows. Also a vase relit by the estimate, by the map ranked first, and by the
-photo's own map as it was placed.
+WIDE times as wide as the object's crop shows. Also a vase relit by the estimate, by the map ranked first, by
+the photo's own map as it was placed, and by the best of the others, as from a library of other places.
 """
 
 from __future__ import annotations
@@ -106,8 +106,10 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
             places = best_places(seen, library.lights, given)
             angle, yaw = turned_by(places, index, pair)
             first = placed(shown, found.radiance, library, places, int(places.misfit.argmin()))
-            own = placed(shown, found.radiance, library, places, index)
-            scores = [one["relight_rmse"] for one in relight_scores([pair.radiance, found.radiance, first, own])]
+            others = np.where(np.arange(len(library.maps)) == index, np.inf, places.misfit)
+            other, own = (placed(shown, found.radiance, library, places, i) for i in (int(others.argmin()), index))
+            maps = [pair.radiance, found.radiance, first, own, other]
+            scores = [one["relight_rmse"] for one in relight_scores(maps)]
             rank = int((places.misfit < places.misfit[index]).sum())
             row[name] = {"rank": rank, "deg": angle, "yaw": yaw, "vase": dict(zip(VASES, scores, strict=True))}
         yield row
@@ -123,7 +125,7 @@ def background(pair: Pair) -> Background | None:
 
 
 CASES = ("alone", "pitch given", "background shown")
-VASES = ("estimate", "first map", "true map")
+VASES = ("estimate", "first map", "true map", "best other map")
 
 
 def summary(rows: list[dict[str, Any]], name: str) -> dict[str, Any]:

@@ -197,6 +197,20 @@ def test_every_kind_of_picture_gives_one_light_and_faults_are_named(plain_site, 
     assert refused["aborted early"]["name"] == "AbortError"
 
 
+def test_every_source_of_frames_is_followed_and_a_second_session_too(plain_site, estimator):
+    with serve({"/": plain_site}) as url:  # not isolated: one thread
+        seen = run_steps("package_track.mjs", url, {"page": "index.html"})
+    lights = {name: np.array(light["direction"]) for name, light in seen["lights"].items()}
+    expected = estimator(VASE, fov_deg=FOV_DEG).dominant_light().direction
+    aside = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    for name, direction in lights.items():
+        is_posed = name in ("posed", "texture")
+        assert seen["lights"][name]["isInWorld"] == is_posed, name
+        wanted = aside @ expected if is_posed else expected
+        assert direction @ wanted > np.cos(np.radians(15)), name  # masks are found in ways of their own
+    assert seen["events"] == ["estimationstart", "estimationend"] * 2
+
+
 EXPECTED_FAULTS = {
     "nothing": ("invalid-image", "^image: expected an address.*, got null$"),
     "empty": ("invalid-image", "^image: expected a picture with pixels, got an image without an address"),

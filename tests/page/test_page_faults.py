@@ -98,6 +98,12 @@ def test_networks_that_were_missing_are_fetched_again(page_url, vase_photo):
         assert then.startswith("Estimated")
 
 
+def test_a_download_that_stalls_says_so(page_url, vase_photo):
+    seen = run_steps("page_stalled.mjs", page_url, {"photo": str(vase_photo), "file": "**/weights/light.onnx*"})
+    assert seen["stalled"].startswith("Waiting for light.onnx: 0.0 MB have come.")
+    assert seen["then"].startswith("Estimated")
+
+
 def test_lights_are_estimated_without_webgl(page_url, vase_photo):
     seen = run_steps("page_without_webgl.mjs", page_url, {"photo": str(vase_photo)}, flags=("--disable-3d-apis",))
     assert seen["first"].startswith("This browser has no WebGL")

@@ -191,6 +191,24 @@ def test_a_clip_that_turns_midway_stays_upright(tmp_path, monkeypatch):
     assert "96 x 128" in found[1].note
 
 
+@pytest.mark.parametrize("degrees", [0, 90, 180, 270])
+@pytest.mark.parametrize("mirror", ["hflip", "vflip", None])
+def test_a_mirrored_clip_is_not_as_players_show_it(degrees, mirror, tmp_path):
+    """As front cameras write them."""
+    picture = np.zeros((48, 64, 3), np.uint8)
+    picture[:24, :32], picture[:24, 32:], picture[24:, :32] = (250, 20, 20), (20, 250, 20), (20, 20, 250)
+    with av.open(str(tmp_path / "a.mp4"), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv444p"
+        stream.set_display_rotation(degrees, **({mirror: True} if mirror else {}))
+        mux(container, stream, [picture] * 3)
+    shown = np.rot90(picture, degrees // 90)
+    shown = {"hflip": shown[:, ::-1], "vflip": shown[::-1], None: shown}[mirror]
+    found = frames(tmp_path / "a.mp4")[0].rgb.astype(float)
+    assert found.shape == shown.shape
+    assert np.median(np.abs(found - shown)) < 12
+
+
 def moving(container, colour, size=(64, 48), count=3):
     stream = container.add_stream("mpeg4", rate=10)
     stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"

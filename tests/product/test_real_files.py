@@ -178,6 +178,27 @@ def test_an_avif_of_p3_by_code_points():
     close(read_image(data).rgb, DISPLAY, 0.01)
 
 
+WHITE = np.full((64, 96, 3), 255, np.uint8)
+
+
+def apples(picture: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, "MPO", save_all=True, append_images=[Image.fromarray(picture[:32])])
+    return stream.getvalue() + b"<HDRGainMap:HDRGainMapVersion>65536<"
+
+
+def isos(picture: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, "AVIF")
+    return stream.getvalue() + b"\0\0\0\x0cfreetmap"  # as small as it is, among the first bytes
+
+
+@pytest.mark.parametrize("written", [apples, isos])
+def test_a_gain_map_that_is_not_read_is_passed_over_in_silence(written):
+    assert "gain map is not read" in read_image(written(WHITE)).warnings[0]
+    assert read_image(written(WHITE // 2)).warnings == ()
+
+
 def test_a_heic_in_pq_keeps_its_ten_bits_and_its_range():
     heif = pytest.importorskip("pillow_heif")
     bright = LINEAR * 8

@@ -162,7 +162,7 @@ def render_pair(recipe: Recipe, store: AssetStore, trace: Trace | None = None, t
     irradiance[surface.mask] = np.round(response(shading.irradiance * gains, MEAN_CURVE) * 255.0)
     return Pair(
         recipe=recipe,
-        photo=np.dstack([np.moveaxis(taken.photo[0], 0, -1), mask * 255]).astype(np.uint8),
+        photo=np.dstack([np.moveaxis(taken.photo[0], 0, -1), mask * 255]).astype(np.uint8, order="C"),
         irradiance=irradiance,
         radiance=np.asarray(light * gains, np.float32),
         map_from_camera=map_from_camera,

@@ -14,6 +14,7 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -25,7 +26,7 @@ JPEG_START = b"\xff\xd8\xff"
 XMP = b"http://ns.adobe.com/xap/1.0/\0"
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 
-MAX_PICTURES = 8
+MAX_PICTURES, MOST_BYTES = 8, 1 << 28
 MAX_MAP_PIXELS = 50_000_000
 MOST_STOPS = 16.0
 
@@ -81,6 +82,28 @@ def find_gain_map(data: bytes) -> GainMap | None:
             if found is not None:
                 return found
     return None
+
+
+UNREAD = "its gain map is not read, so that highlights end at white; save it as Ultra HDR, PQ or EXR to have them"
+_CLIPPED, MUCH = 0.99, 0.005
+"""Display value from which on a pixel is white, and share of these from which on a gain map is missed."""
+BRAND_BYTES = 4096
+_APPLE = re.compile(rb"hdrgainmap", re.IGNORECASE)
+
+
+def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.ndarray) -> bool:
+    """Whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that nothing here
+    reads: Apple's, or that of a HEIC or AVIF by ISO 21496-1."""
+    if stream is None or image.format not in ("MPO", "HEIF", "AVIF"):
+        return False
+    if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH:
+        return False
+    if any(_APPLE.search(str(kind).encode()) for kind in image.info.get("aux", ())):
+        return True
+    stream.seek(0)
+    if image.format == "MPO":
+        return _APPLE.search(stream.read(MOST_BYTES)) is not None
+    return b"tmap" in stream.read(BRAND_BYTES)
 
 
 def _checked(picture: bytes, *numbers: np.ndarray) -> GainMap | None:

@@ -32,7 +32,7 @@ from anyprobe.files.deep_pixels import (
 )
 from anyprobe.files.embedded_color import DisplayPixels, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.gain_map import GainMap, find_gain_map
+from anyprobe.files.gain_map import MOST_BYTES, UNREAD, GainMap, find_gain_map, misses_gain_map
 from anyprobe.files.headers import (
     MAX_PIXELS,
     UnknownPicture,
@@ -112,7 +112,7 @@ USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 STRIP_ROWS = 64
 """Rows of a large picture that are converted at a time."""
 
-GAIN_MAP_MARKS, GAIN_MAP_BYTES = (b"hdrgm", b"ts:21496"), 1 << 28
+GAIN_MAP_MARKS = (b"hdrgm", b"ts:21496")
 """What a JPEG with a gain map has in its first segments, and how much of a file is looked through for the map."""
 TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
@@ -228,11 +228,15 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             f"{name}: expected a whole image, got a damaged or unusual one ({reason}); copy it again, or open and save "
             "it in another program"
         ) from error
-    del image, picture, deep  # pixels; they are in values now
+    del picture, deep  # pixels; they are in values now
     pixels = _from_array(done.values, name)
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
     radiance = done.radiance
+    missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
+    del image
+    if missed:
+        notes += (UNREAD,)
     if gain_map is not None:
         radiance = gain_map.radiance(pixels.rgb, TURNS.get(orientation))
     notes = tuple(f"{name}: {note}" for note in (*notes, *done.warnings))
@@ -277,7 +281,7 @@ def _gain_map(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
         return None
     stream.seek(0)
     head = stream.read(HEAD_BYTES)
-    return find_gain_map(head + stream.read(GAIN_MAP_BYTES)) if any(mark in head for mark in GAIN_MAP_MARKS) else None
+    return find_gain_map(head + stream.read(MOST_BYTES)) if any(mark in head for mark in GAIN_MAP_MARKS) else None
 
 
 def _orientation(image: Image.Image) -> int:

@@ -6,6 +6,7 @@ take it: by the primaries, else BT.709 for HD and BT.601 for smaller pictures.
 
 from __future__ import annotations
 
+import struct
 from fractions import Fraction
 from pathlib import Path
 
@@ -78,7 +79,7 @@ def shown_pixels(
             f"{path}: expected at most {MAX_PIXELS // 1_000_000} million pixels, "
             f"got {picture.width} x {picture.height}; shrink it first"
         )
-    turns = round((picture.rotation or 0) / 90) % 4
+    turns, mirrors = round((picture.rotation or 0) / 90) % 4, _mirrors(picture)
     own = (height, width) if turns % 2 else (width, height)
     target = own
     if size is not None and size != own:
@@ -89,6 +90,8 @@ def shown_pixels(
 
     def placed(pixels: np.ndarray) -> np.ndarray:
         upright = np.rot90(pixels, turns)
+        if mirrors is not None:
+            upright = (pixels.swapaxes(0, 1) if turns % 2 else pixels)[:: mirrors[0], :: mirrors[1]]
         if size is None or size == target:
             return np.ascontiguousarray(upright)
         canvas = np.zeros((size[1], size[0], 3), pixels.dtype)
@@ -97,6 +100,19 @@ def shown_pixels(
         return canvas
 
     return placed(rgb), None if radiance is None else placed(radiance), own
+
+
+def _mirrors(picture) -> tuple[int, int] | None:
+    """1 or -1 for the order of rows and of columns where the file's display matrix shows a frame as in a mirror, its
+    rows and columns changed about first where it stands on its side; None where it only turns."""
+    said = [bytes(one) for one in picture.side_data if one.type.name == "DISPLAYMATRIX"]
+    if not said or len(said[0]) < 36:
+        return None
+    a, b, _, c, d, *_ = struct.unpack("=9i", said[0][:36])  # shown at a x + c y, b x + d y
+    if a * d - b * c >= 0:
+        return None
+    down, right = (d, a) if abs(a) >= abs(b) else (b, c)
+    return -1 if down < 0 else 1, -1 if right < 0 else 1
 
 
 def _converted(picture, stored: tuple[int, int], path: Path) -> tuple[np.ndarray, np.ndarray | None]:
