@@ -39,6 +39,8 @@ def page_masks(
     clicks: Sequence[Sequence[tuple[float, float]]],
     boxes: Sequence[Sequence[float] | None] | None = None,
     light: Path | None = None,
+    *,
+    live: bool = False,
 ) -> list[PageAnswer]:
     """What the page finds in each photo [H, W, 3] in [0, 1] told its clicks x, y on the object or its box; by U2-Net-p
     where its weights are.
@@ -47,6 +49,7 @@ def page_masks(
         folder: an empty one, for the photos and masks.
         boxes: x0, y0, x1, y1 around the object of each photo, or None.
         light: graph that estimates the light with the mask; None: no light.
+        live: as in a camera's frame, by one look of the small network.
     """
     cases = []
     for number, (rgb, on, box) in enumerate(zip(photos, clicks, boxes or [None] * len(photos), strict=True)):
@@ -59,10 +62,10 @@ def page_masks(
             "box": None if box is None else [float(value) for value in box],
         }
         cases.append({"name": str(number), "width": width, "height": height, "hints": told})
-    found = find_weights()
+    found = None if live else find_weights()
     weights = {"mask": str(default_graph())} if found is None else {"u2netp": str(found.path)}
     weights |= {} if light is None else {"light": str(light)}
-    (folder / "cases.json").write_text(json.dumps({"weights": weights, "cases": cases}))
+    (folder / "cases.json").write_text(json.dumps({"weights": weights, "isLive": live, "cases": cases}))
     run = subprocess.run(["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise RuntimeError(run.stderr[-2000:])

@@ -1,8 +1,8 @@
 /**
  * Masks as the page finds them, and its lights: node bench/masks.js FOLDER
  *
- * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light, cases: [{name, width, height, hints}]}, and NAME.rgba;
- * every mask is written as NAME.f32. Prints {NAME: {ms, dominant}}: processor time of the mask, and the dominant light where
+ * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light, isLive, cases: [{name, width, height, hints}]}, and NAME.rgba;
+ * every mask, of a live frame by one look of the small network, is written as NAME.f32. Prints {NAME: {ms, dominant}}: processor time of the mask, and the dominant light where
  * there is a light's graph.
  */
 
@@ -15,10 +15,10 @@ import { lightOfObject } from "../src/networks/lightOfObject.js";
 import { Models } from "../src/networks/models.js";
 import { cropObject, DEFAULT_LONG_FOV_DEG } from "../src/photo/crop.js";
 import { SmallNetwork, U2NetP } from "../src/photo/maskNetworks.js";
-import { findObject, maskOf } from "../src/photo/search.js";
+import { findObject, glance, maskOf } from "../src/photo/search.js";
 
 const folder = process.argv[2];
-const { weights, cases } = JSON.parse(readFileSync(join(folder, "cases.json")));
+const { weights, isLive, cases } = JSON.parse(readFileSync(join(folder, "cases.json")));
 ort.env.wasm.numThreads = 1;
 const sessions = {};
 for (const [stage, path] of Object.entries(weights)) sessions[stage] = await ort.InferenceSession.create(new Uint8Array(readFileSync(path)));
@@ -40,7 +40,7 @@ const answers = {};
 for (const { name, width, height, hints } of cases) {
   const picture = { width, height, rgba: new Uint8ClampedArray(readFileSync(join(folder, `${name}.rgba`))) };
   const start = used();
-  const found = await findObject(network, picture, hints);
+  const found = await (isLive ? glance : findObject)(network, picture, hints);
   const mask = found ? maskOf(found, width, height) : new Float32Array(width * height);
   answers[name] = { ms: used() - start };
   if (models.lifts) answers[name].dominant = await lightOf(picture, mask);
