@@ -1,9 +1,10 @@
 """How still a video's light is and how late: the filter of anyprobe.light.temporal beside frame by frame.
 
-    python benchmarks/flicker.py [--json] [--seconds 3] [--only SCENE] [--cache FOLDER]
+    python benchmarks/flicker.py [--json] [--seconds 3] [--only SCENE] [--cache FOLDER] [--web]
 
 docs/video.md says what the figures mean. --json prints one object a line, medians over the scenes last.
---cache keeps the estimates, so that another filter is tried on the same ones in seconds.
+--cache keeps the estimates, so that another filter is tried on the same ones in seconds. --web adds the npm package's
+filter, in Node.js, on the same estimates.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
+import subprocess
+import tempfile
 from collections.abc import Iterable
 from collections.abc import Sequence as Run
 from pathlib import Path
@@ -110,7 +113,9 @@ def estimates(
     return truth, found
 
 
-def measure(scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path | None) -> Iterable[dict[str, Any]]:
+def measure(
+    scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path | None, web: bool
+) -> Iterable[dict[str, Any]]:
     """A line for the true lights, frame by frame, and filtered."""
     truth, found = estimates(scene, sequence, estimator, cache)
     steady, state, held = [], None, 0
@@ -122,6 +127,10 @@ def measure(scene: Scene, sequence: Sequence, estimator: Estimator, cache: Path 
     poses = [camera_pose(sequence.yaw(index / FPS)) for index in range(len(found))]
     if sequence.name == "camera turns":
         runs["filtered, pose known"] = filtered_in_the_world(found, poses)
+    if web:
+        runs["filtered, npm"] = filtered_by_node(found)
+        if sequence.name == "camera turns":
+            runs["filtered, npm, pose known"] = filtered_by_node(found, poses)
     start = round(SETTLING_S * FPS)
     shown = {name: spheres(run) for name, run in runs.items()}
     raw = shown["frame by frame"]
@@ -146,6 +155,18 @@ def filtered_in_the_world(found: Run[np.ndarray], poses: Run[np.ndarray]) -> lis
         state = step(state, light, 1 / FPS, world_from_camera=pose)
         steady.append(state.seen_from(pose))
     return steady
+
+
+def filtered_by_node(found: Run[np.ndarray], poses: Run[np.ndarray] | None = None) -> np.ndarray:
+    """By web/src/light/temporal.js, [T, 64, 128, 3] in each frame's camera."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        np.asarray(found, np.float32).tofile(folder / "frames.f32")
+        if poses is not None:
+            np.asarray(poses, np.float64).tofile(folder / "poses.f64")
+        script = Path(__file__).with_name("web_filter.mjs")
+        subprocess.run(["node", script, folder, str(1 / FPS)], check=True)
+        return np.fromfile(folder / "shown.f32", np.float32).reshape(np.shape(found))
 
 
 def wander_deg(maps: Run[np.ndarray], poses: Run[np.ndarray]) -> float:
@@ -178,6 +199,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=3.0, help="of each sequence, at least 3")
     parser.add_argument("--only", metavar="SCENE", action="append", help="vase, pebble or block")
     parser.add_argument("--cache", type=Path, metavar="FOLDER", help="keep the estimates here")
+    parser.add_argument("--web", action="store_true", help="the npm package's filter too (Node.js)")
     options = parser.parse_args()
     estimator = Estimator()
     found = []
@@ -185,7 +207,7 @@ def main() -> None:
         if options.only and scene.name not in options.only:
             continue
         for sequence in sequences(max(options.seconds, 3.0)):
-            for line in measure(scene, sequence, estimator, options.cache):
+            for line in measure(scene, sequence, estimator, options.cache, options.web):
                 found.append(line)
                 tell(line, options.json)
     for line in summaries(found):

@@ -58,6 +58,7 @@ export default async ({ page, context, url, arguments: given }) => {
     await new Promise((done) => setTimeout(done, 1000 * seconds));
     return { ...seen, from, to: performance.now() / 1000 };
   }, given.seconds);
+  told.quality = await page.textContent("#mask-quality:not([hidden])");
   if (given.screenshot) await page.screenshot({ path: given.screenshot, fullPage: true });
   await page.click("#camera");
   told.stopped = await page.evaluate(() => document.getElementById("video").srcObject === null);

@@ -66,6 +66,7 @@ const live = new LiveSession({
     turn++;
     showQuality(null);
   },
+  onMask: showQuality,
   onFault: (error) => {
     showAgain();
     setStatus(error.message, "fault");

@@ -27,6 +27,9 @@ function numbers(seed) {
   return () => (seed = (seed * 16807) % 2147483647) / 2147483647;
 }
 
+/** What is bright. */
+const foundIn = (rgba) => ({ mask: Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0)), quality: 0.9 });
+
 /** How often the mask was found in so many frames, and how often it was told. */
 async function follow(count, leftOf, markAt = -1, hints = { on: [[0.5, 0.5]], off: [] }) {
   const random = numbers(5);
@@ -36,7 +39,7 @@ async function follow(count, leftOf, markAt = -1, hints = { on: [[0.5, 0.5]], of
   const findMask = async ({ rgba }, told) => {
     seen.found.push(at);
     seen.hints.push(told);
-    return Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
+    return foundIn(rgba);
   };
   const lights = new FrameLight(models, findMask, { on: [], off: [] }, 65);
   for (; at < count; at++) {
@@ -71,7 +74,7 @@ test("a light that was under way when an object was clicked on tells no mask, th
       return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
     },
   };
-  const findMask = async ({ rgba }) => Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
+  const findMask = async ({ rgba }) => foundIn(rgba);
   const lights = new FrameLight(models, findMask, { on: [], off: [] }, 65);
   const next = async (at) => (await lights.next(frameOf(50, 10, random), at / 15)).mask;
   onLook = () => lights.mark({ on: [[0.5, 0.5]], off: [] });
@@ -95,7 +98,7 @@ test("a camera that is turned is looked at anew: nothing of its last pictures is
   const told = [];
   const findMask = async ({ rgba }, hints) => {
     told.push(hints);
-    return Float32Array.from({ length: rgba.length / 4 }, (_, i) => (rgba[4 * i] > 120 ? 1 : 0));
+    return foundIn(rgba);
   };
   const lights = new FrameLight(models, findMask, { on: [[0.5, 0.5]], off: [] }, 65);
   const landscape = () => frameOf(50, 10, random);
@@ -123,7 +126,7 @@ test("the background is given to the network while that is wanted, and becomes p
     return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
   };
   const inside = Float32Array.from({ length: WIDTH * HEIGHT }, (_, i) => (i % WIDTH >= 50 && i % WIDTH < 110 ? 1 : 0));
-  const lights = new FrameLight({ light, lifts: true }, async () => inside, { on: [], off: [] }, 65);
+  const lights = new FrameLight({ light, lifts: true }, async () => ({ mask: inside, quality: 0.9 }), { on: [], off: [] }, 65);
   const answers = [];
   for (const surroundings of [false, true, false]) {
     lights.options = { surroundings };
@@ -143,7 +146,7 @@ test("light sources are softened while that is wanted", async () => {
     return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
   };
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
-  const lights = new FrameLight({ light, lifts: true }, async () => inside, { on: [], off: [] }, 65);
+  const lights = new FrameLight({ light, lifts: true }, async () => ({ mask: inside, quality: 0.9 }), { on: [], off: [] }, 65);
   const answers = [await lights.next(frameOf(10, 0, numbers(1)), 0)];
   lights.options = { emitters: "expected" };
   answers.push(await lights.next(frameOf(10, 0, numbers(1)), 1));
@@ -153,7 +156,7 @@ test("light sources are softened while that is wanted", async () => {
 
 test("spheres and stages are made for those who show them alone", async () => {
   const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
-  const lights = new FrameLight(models, async () => new Float32Array(WIDTH * HEIGHT).fill(1), { on: [], off: [] }, 65, {}, false);
+  const lights = new FrameLight(models, async () => ({ mask: new Float32Array(WIDTH * HEIGHT).fill(1), quality: 0.9 }), { on: [], off: [] }, 65, {}, false);
   for (let i = 0; i < 9; i++) {
     const { spheres, stages } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);
     assert.ok(!spheres && !stages);
@@ -163,7 +166,7 @@ test("spheres and stages are made for those who show them alone", async () => {
 test("spheres, stages and mask come now and then", async () => {
   const models = { light: async () => ({ radiance: new Float32Array(64 * 128 * 3).fill(0.5) }) };
   const inside = new Float32Array(WIDTH * HEIGHT).fill(1);
-  const lights = new FrameLight(models, async () => inside, { on: [], off: [] }, 65);
+  const lights = new FrameLight(models, async () => ({ mask: inside, quality: 0.9 }), { on: [], off: [] }, 65);
   const kinds = [];
   for (let i = 0; i < 9; i++) {
     const { spheres, stages, mask } = await lights.next(frameOf(50, 0, numbers(1)), i / 15);

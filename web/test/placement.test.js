@@ -47,6 +47,17 @@ test("nothing is cut off by the border, and what can stands beside", () => {
   }
 });
 
+test("it stands on the ground beside a saucer that is wider than what stands on it", () => {
+  const saucer = [180, 250, 400, 285];
+  const silhouette = silhouetteOf([[250, 150, 330, 250], saucer]);
+  const extentAt = card(110, 110);
+  const spot = findSpot({ silhouette, row: saucer[3], behind: 225, farRow: 0, mostBehind: 1 }, extentAt);
+  const [x0, , x1, y1] = extentAt(spot);
+  assert.equal(spot.side, "beside");
+  assert.ok(x0 >= saucer[2] || x1 <= saucer[0], `${x0} ${x1}`);
+  assert.ok(Math.abs(y1 - saucer[3]) < 2, `${y1}`);
+});
+
 test("it is as large as asked where there is room, on the roomier side, and on the other where only that holds it", () => {
   const right = findSpot(photo([100, 100, 250, 300], 250), card(120, 120));
   assert.equal(right.share, 1);

@@ -100,6 +100,7 @@ function begin({ opening = Promise.resolve(), play = async () => {} } = {}) {
     editor: { open: ({ width, height }) => page.opened.push([width, height]), showOn: () => {} },
     options: () => ({ surroundings: false, emitters: "mode" }),
     onShown: () => {},
+    onMask: () => {},
     onFault: (error) => page.faults.push(error.message),
   });
   sessions.push(session);

@@ -199,8 +199,9 @@ export interface Mask {
   data: Float32Array;
   width: number;
   height: number;
-  /** Of a mask found in a still picture, see AnyProbe.mask; null where it was given. */
+  /** The IoU to expect of a mask that was found, see AnyProbe.mask; null where it was given. */
   quality?: number | null;
+  /** Of a still picture's. */
   warnings?: string[];
 }
 

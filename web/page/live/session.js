@@ -12,10 +12,10 @@ const RATES_EVERY_MS = 500;
 export class LiveSession {
   /**
    * @param {object} parts of the page; options: what light is wanted now; onShown: the camera's picture has taken the
-   *   photo's place; onFault: the camera, or what follows it, failed and is closed
+   *   photo's place; onMask: its mask is shown, with its quality; onFault: the camera, or what follows it, failed and is closed
    */
-  constructor({ networks, config, stage, light, stages, editor, options, onShown, onFault }) {
-    Object.assign(this, { networks, config, stage, light, stages, editor, options, onShown, onFault });
+  constructor({ networks, config, stage, light, stages, editor, options, onShown, onMask, onFault }) {
+    Object.assign(this, { networks, config, stage, light, stages, editor, options, onShown, onMask, onFault });
     this.button = element("camera");
     this.live = null; // since start was called; what was begun with one that is here no longer has been stopped
     this.running = false; // since the camera's first picture
@@ -157,19 +157,20 @@ export class LiveSession {
     this.editor.open(still);
   }
 
-  #setMask({ width, height, mask, box }) {
-    this.mask = mask;
+  #setMask({ width, height, mask, quality, box }) {
+    Object.assign(this, { mask, quality });
     if (this.placed) return this.stage.stage.setMask(mask);
     this.stage.place(width, height, null, mask, box);
     this.placed = true;
   }
 
   async #showMask() {
-    const { mask, size } = this;
+    const { mask, quality, size } = this;
     const still = await this.#takeStill();
     if (!still || this.size !== size || still.width !== size.width || still.height !== size.height) return;
     this.still = still;
     this.editor.showOn(still, mask);
+    this.onMask({ quality, warnings: [] });
   }
 
   /** What the camera shows now, or null where it has been stopped meanwhile. */

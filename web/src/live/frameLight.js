@@ -23,7 +23,7 @@ const REST_EVERY = 8;
 export class FrameLight {
   /**
    * @param {import("../networks/models.js").Models} models
-   * @param {(picture: object, hints: object) => Promise<Float32Array>} findMask
+   * @param {(picture: object, hints: object) => Promise<{mask: Float32Array, quality: number}>} findMask
    * @param {import("../photo/picture.js").Hints} hints as shares of width and height
    * @param {number} longFovDeg
    * @param {import("../networks/lightOfObject.js").LightOptions} [options]
@@ -55,7 +55,7 @@ export class FrameLight {
    * @param {number[] | null} [worldFromCamera] nine numbers, row by row, of the camera when it took the frame: the light is
    *   then in the world
    * @returns {Promise<object>} light, box of the object, milliseconds of each part; now and then spheres and stages,
-   *   and the mask when it is a new one; {lost: true} while no object is marked or seen
+   *   and the mask and its quality when it is a new one; {lost: true} while no object is marked or seen
    */
   async next(frame, time, worldFromCamera = null) {
     const ms = {};
@@ -96,7 +96,7 @@ export class FrameLight {
     lap("spheres");
     ms.all = performance.now() - start;
     const isOfThese = isNew && this.masked !== null; // else clicked meanwhile: it may be another object's
-    return { light, stages: withStages ? stages : null, spheres, mask: isOfThese ? mask : null, box, ...size, ms };
+    return { light, stages: withStages ? stages : null, spheres, mask: isOfThese ? mask : null, quality: this.quality, box, ...size, ms };
   }
 
   /** A camera held another way sees another picture: nothing marked or found in the last one is where it was. */
@@ -117,7 +117,7 @@ export class FrameLight {
     }
     const masked = { seen, age: 0 };
     this.masked = masked;
-    this.mask = await this.findMask(picture, this.#hintsIn(picture));
+    Object.assign(this, await this.findMask(picture, this.#hintsIn(picture)));
     this.box = objectBox(this.mask, picture.width);
     if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
     this.#followObject(picture);

@@ -127,7 +127,7 @@ export class Tracker {
     if (answer.error) return this.fail(receivedError(answer.error));
     if (!answer.lost) this.updates.push(performance.now() / 1000);
     if (!answer.light) return this.onLight(answer);
-    if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height };
+    if (answer.mask) this.mask = { data: answer.mask, width: answer.width, height: answer.height, quality: answer.quality };
     this.onLight({ ...answer, light: new Light({ ...answer.light, mask: this.mask }) });
   }
 
