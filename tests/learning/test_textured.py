@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch", reason="needs the train extra")
 
 from anyprobe.core.sampling import hammersley  # noqa: E402
 from anyprobe.dataset import pair as pair_module  # noqa: E402
-from anyprobe.dataset import pairs  # noqa: E402
+from anyprobe.dataset import pairs, photograph  # noqa: E402
 from anyprobe.dataset.asset_store import load_asset_store  # noqa: E402
 from anyprobe.dataset.distributions import METALS, draw_material  # noqa: E402
 from anyprobe.dataset.lighting import Illuminator  # noqa: E402
@@ -60,7 +60,7 @@ def store():
 def few_samples(monkeypatch):
     """Pairs shaded roughly, and exposed alike whatever they show."""
     monkeypatch.setattr(pair_module, "hammersley", lambda count: hammersley(4))
-    monkeypatch.setattr(pair_module, "exposure", lambda *_: 0.5)
+    monkeypatch.setattr(photograph, "exposure", lambda *_: 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +204,7 @@ def test_no_share_draws_no_random_number_and_calls_nobody(source, monkeypatch):
 @pytest.mark.parametrize("name", ["textured", "two_materials"])
 def test_a_batch_shows_it_and_its_targets_do_not(source, monkeypatch, name):
     """At the same exposure. All else of the photos is the same too, and a texture makes them hardly brighter."""
-    monkeypatch.setattr(pairs, "exposure", lambda *_: 0.5)
+    monkeypatch.setattr(photograph, "exposure", lambda *_: 0.5)
     plain = source(conditions=0).batch(1)
     changed = source(conditions=0, **{name: 1.0}).batch(1)
     again = source(conditions=0, **{name: 1.0}).batch(1)

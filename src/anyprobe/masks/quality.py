@@ -67,20 +67,7 @@ def examine(found: Finding, width: int, height: int) -> Evidence:
         agreed=found.agreed,
         whole=found.whole,
         single=found.single(),
-        border=_on_border(found, photo),
+        border=found.border_share(photo, True),
         small=float(np.log(max(0.05 / max(share, 1e-5), 1.0))),
         large=max(share - 0.6, 0.0) / 0.4,
     )
-
-
-def _on_border(found: Finding, photo: Window) -> float:
-    """How many cells of the part lie on the photo's border, of the sides of its box."""
-    window, part = found.window, found.part
-    sides = (
-        (window.x0 == photo.x0, part[:, 0]),
-        (window.y0 == photo.y0, part[0]),
-        (window.x1 == photo.x1, part[:, -1]),
-        (window.y1 == photo.y1, part[-1]),
-    )
-    around = 2.0 * float(part.any(axis=1).sum() + part.any(axis=0).sum())
-    return sum(int(side.sum()) for is_there, side in sides if is_there) / around

@@ -149,6 +149,19 @@ class Finding:
         sizes = np.sort(sizes[1:])
         return 1.0 if len(sizes) < 2 else 1.0 - float(sizes[-2] / sizes[-1])
 
+    def border_share(self, photo: Window, is_photos: bool) -> float:
+        """Cells of the part on the sides of its window that are, or are not, the photo's border; over the sides of the
+        part's box."""
+        window, part = self.window, self.part
+        sides = (
+            (window.x0 == photo.x0, part[:, 0]),
+            (window.y0 == photo.y0, part[0]),
+            (window.x1 == photo.x1, part[:, -1]),
+            (window.y1 == photo.y1, part[-1]),
+        )
+        around = 2.0 * float(part.any(axis=1).sum() + part.any(axis=0).sum())
+        return sum(int(side.sum()) for there, side in sides if there == is_photos) / around
+
     def mask(self, width: int, height: int) -> np.ndarray:
         """[height, width] float32 of the whole photo, with the soft edge that the network gives."""
         soft = np.where(self.part, np.maximum(self.cover, 0.51), np.minimum(self.cover, 0.49))
@@ -263,7 +276,7 @@ def _beside_clicks(network: Network, rgb: np.ndarray, photo: Window, prompts: Pr
         found = choose(window, look(network, rgb, window, prompts), prompts)
         if found is None:
             continue
-        likely = found.expected() * (1.0 - min(1.0, _touch(found, photo) / BORDER_TOUCH))
+        likely = found.expected() * (1.0 - min(1.0, found.border_share(photo, False) / BORDER_TOUCH))
         if likely > most:
             best, most = found, likely
         if most > SURE:
@@ -312,19 +325,6 @@ def _distance(colors: np.ndarray, part: np.ndarray, seeds: Sequence[tuple[int, i
         length[~part] = np.inf
         if (length == last).all():
             return length
-
-
-def _touch(found: Finding, photo: Window) -> float:
-    """Share of a part's outline that lies on its window's border, where that is not the photo's."""
-    window, part = found.window, found.part
-    sides = (
-        (window.x0 > photo.x0, part[:, 0]),
-        (window.y0 > photo.y0, part[0]),
-        (window.x1 < photo.x1, part[:, -1]),
-        (window.y1 < photo.y1, part[-1]),
-    )
-    rows, columns = part.any(axis=1).sum(), part.any(axis=0).sum()
-    return sum(int(side.sum()) for is_cut, side in sides if is_cut) / (2.0 * float(rows + columns))
 
 
 def _cells_of(window: Window, of: Window) -> Box:
