@@ -31,7 +31,8 @@ GREY = (60, 60, 60)
 
 def main(root: Path) -> None:
     """Estimate, insert by both lights, write the sheet."""
-    photo = load_photo(root / "examples" / "table.png", fov_deg=LONG_FOV_DEG)
+    picture = np.asarray(Image.open(root / "examples" / "table.png"))
+    photo = load_photo(picture[..., :3], mask=picture[..., 3], fov_deg=LONG_FOV_DEG)  # no cut-out
     light = anyprobe.Estimator().from_photo(photo)
     source, truth = true_light(*photo.rgb.shape[1::-1])
     stage = Stage(photo, open_object("sphere"), Arrangement(size=0.6, at=(455, 365), pitch_deg=PITCH_DEG))

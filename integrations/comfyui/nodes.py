@@ -19,6 +19,7 @@ from comfy_api.latest import ComfyExtension, io, ui
 
 import anyprobe
 from anyprobe.core.response import response
+from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.runtime import EMITTERS
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.objects import OBJECTS
@@ -145,11 +146,11 @@ class Relight(io.ComfyNode):
             photos = photos_of(photo, mask, given)
             maps = [None] * len(photos) if hdri is None else one_each(arrays_of(hdri), len(photos), "hdri")
             for one, found in zip(photos, maps, strict=True):
-                stage = Stage(one, OBJECTS[shape](), Arrangement(size=size, at=foot))
                 if found is None:
-                    radiance, said = estimated(one, emitters)
+                    radiance, said, ground = estimated(one, emitters)
                 else:
-                    radiance, said = check_radiance(found, "hdri"), one.warnings
+                    radiance, said, ground = check_radiance(found, "hdri"), one.warnings, None
+                stage = Stage(one, OBJECTS[shape](), Arrangement(size=size, at=foot, ground=ground))
                 pictures.append(stage.relit(radiance, shape_material))
                 warnings += [*said, *stage.warnings]
         return io.NodeOutput(image_of(pictures), ui=warnings_of(warnings))
@@ -233,11 +234,11 @@ def numbers_of(name: str, text: str, field: str) -> Any:
         raise anyprobe.InputError(f"{name}: {str(error).partition(': ')[2]}") from error
 
 
-def estimated(photo: anyprobe.Photo, emitters: str) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The map of a photo, as bright as its object asks where its material is not given; and the warnings."""
+def estimated(photo: anyprobe.Photo, emitters: str) -> tuple[np.ndarray, tuple[str, ...], Ground | None]:
+    """The map of a photo, as bright as its object asks where its material is not given; the warnings; the ground."""
     light = anyprobe.estimate(photo, emitters=emitters)
     gain = 1.0 if photo.material is not None else least_scale(photo, light.radiance)
-    return light.radiance * np.float32(gain), light.warnings
+    return light.radiance * np.float32(gain), light.warnings, light.ground
 
 
 def sidecars_of(light: str | None, count: int) -> list[dict[str, Any] | None]:

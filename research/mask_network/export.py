@@ -11,11 +11,8 @@ import torch
 from anyprobe.errors import ModelError
 from anyprobe.files.atomic import atomic_path
 from anyprobe.masks.networks import MASK_CONTRACT, SIZE
-from anyprobe.train.export_onnx import store_half
+from anyprobe.train.export_onnx import store_half, store_int8
 from research.mask_network.train import load_mask_net
-
-LARGE = 8192
-"""Convolutions of so many weights and more keep them as int8, a scale for each output channel."""
 
 TOLERANCE = 0.01
 """Largest mean difference of the cover that this may make."""
@@ -61,25 +58,3 @@ def export_mask(checkpoint: Path, folder: Path) -> float:
         if not difference <= TOLERANCE:
             raise ModelError(f"mask: expected ONNX within {TOLERANCE} of torch, got {difference:.3g}")
     return difference
-
-
-def store_int8(model) -> None:
-    """Keep the weights of large convolutions, which store_half has halved, as int8 behind a DequantizeLinear; the
-    runtime widens them once, when it opens."""
-    import onnx
-    from onnx import numpy_helper
-
-    for node in [one for one in model.graph.node if one.op_type == "Cast"]:
-        tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
-        if tensor is None or len(tensor.dims) != 4 or np.prod(tensor.dims) < LARGE:
-            continue
-        name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
-        scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
-        steps = np.round(values / scale[:, None, None, None]).astype(np.int8)
-        model.graph.initializer.remove(tensor)
-        parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
-        model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
-        widened = onnx.helper.make_node("DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0)
-        place = list(model.graph.node).index(node)
-        model.graph.node.remove(node)
-        model.graph.node.insert(place, widened)

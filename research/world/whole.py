@@ -20,7 +20,7 @@ from anyprobe.estimate.runtime import DEFAULT_MODEL, model_id
 from anyprobe.evaluate.benchmark import read_predictions, write_photo
 from anyprobe.files.atomic import atomic_files
 from research.results import commit, write_result
-from research.world.whole_photos import COUNT, PARTS, recipes_of, store_of, whole_photos
+from research.world.whole_photos import COUNT, PARTS, recipes_of, renders, store_of, whole_photos
 from research.world.whole_rows import SHIPPED, predicted_rows, rows_of
 from research.world.whole_scores import score as score_photo
 from research.world.whole_scores import summary
@@ -32,14 +32,12 @@ Part = Annotated[str, typer.Option(help=f"One of {', '.join(PARTS)}.")]
 
 
 @app.command()
-def render(data: Data, kept: Kept, part: Part = "test", count: int = COUNT) -> None:
-    """Render what is missing and print one line a photo."""
-    for number, photo in enumerate(whole_photos(data, part, kept, count), 1):
-        height, width, _ = photo.picture.shape
-        typer.echo(
-            f"{number} {photo.recipe.key} {photo.map_name} {photo.shape_name} {width} x {height}, pitch "
-            f"{photo.pitch_deg:.0f} deg {photo.cut_out}"
-        )
+def render(data: Data, kept: Kept, part: Part = "test", count: int = COUNT, first: int = 0) -> None:
+    """Render what is missing, from number `first` on, and print one line a photo."""
+    store = store_of(data, part)
+    for number, (recipe, scene, _) in enumerate(renders(store, part, kept, count, first), first + 1):
+        names = store.map(recipe.map_id).name, store.shape(recipe.shape_id).name
+        typer.echo(f"{number} {recipe.key} {' '.join(names)}, pitch {scene.phone.pitch_deg:.0f} deg {scene.cut_out}")
 
 
 @app.command()

@@ -17,18 +17,29 @@ from anyprobe.core.latlong import pixel_solid_angles
 from anyprobe.dataset import distributions
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store
 from anyprobe.dataset.camera import Shot, draw_shot, one_photo
+from anyprobe.dataset.catalog import MapAsset, normalize_map
+from anyprobe.dataset.lighting import add_lamp, draw_variant
 from anyprobe.dataset.recipe import Recipe, digest, read_recipes, world_recipes
+from anyprobe.dataset.sky import direction_at, tint
 from anyprobe.errors import InputError
 from anyprobe.files.atomic import atomic_path
-from anyprobe.light.environment import MAP_HEIGHT
+from anyprobe.light.environment import MAP_HEIGHT, integral
 from research.left_out import load_left_out
-from research.world.whole_render import Render, Window, render_scene
+from research.world.whole_render import MAP_PATHS, PATHS, Render, render_scene
 from research.world.whole_scenes import Scene, draw_scene
 
 COUNT, SEED = 100, 2041
+TRAIN_SHRINK, TRAIN_PATHS, TRAIN_MAP_PATHS = 2, 9, 9
+"""Photos to learn from are smaller by that factor, and have fewer paths through a pixel."""
+OWN_SHAPES, VARIANTS = 200, 160
+"""Beside the assets to learn from."""
+LAMP_POWERS, LAMP_DEG = (1.0, 40.0), (2.0, 15.0)
+"""Of a lamp, in shares of the power of all else, and its radius."""
 LISTS = {"test": "whole_test.txt", "left-out": "whole_left_out.txt"}
-PARTS = (*LISTS, "train")
-"""Held-out maps and shapes; training assets that no shipped weights learn from, to choose by; and the others."""
+LEARNED = ("train", "lamps")
+PARTS = (*LISTS, *LEARNED)
+"""Held-out maps and shapes; training assets that no shipped weights learn from, to choose by; and the others; the same
+under a lamp in a dark room."""
 KEY, KEY_SPREAD = 0.22, 0.35
 """As in dataset.distributions, for meters that see the frame itself: objects in 85 real photos have a mean linear
 radiance of .09 .13 .23 .29 .39 (10 25 50 75 90 %), frames of .16 .20 .24 .34 .43."""
@@ -66,16 +77,40 @@ def recipes_of(part: str, store: AssetStore | None = None, count: int = COUNT) -
     """The recipes of a part. Those of "test" and "left-out" never change; of "train" the first `count` over a store."""
     if part in LISTS:
         return read_recipes(Path(__file__).parent / LISTS[part])
-    if part != "train" or store is None:
+    if part not in LEARNED or store is None:
         raise InputError(f"part {part!r}: expected one of {', '.join(PARTS)}, train with its store; choose one of them")
     return world_recipes(store, count, SEED)
 
 
 def store_of(data: Path, part: str) -> AssetStore:
     """The maps and shapes of a part, from a data folder with hdri and meshes."""
-    if part == "train":
-        return load_asset_store(data, "train")
+    if part in LEARNED:
+        return _training_store(data, lamps=part == "lamps")
     return load_left_out(data) if part == "left-out" else load_asset_store(data, "test", commercial_only=False)
+
+
+def _training_store(data: Path, lamps: bool) -> AssetStore:
+    """What shipped weights may learn from, with shapes of our own and lights made of two maps and lamps; or, with
+    lamps, under lights of which one lamp sends most."""
+    store = load_asset_store(data, "train", procedural_shapes=OWN_SHAPES)
+    rng, maps = np.random.default_rng(SEED), [asset.radiance for asset in store.maps.values()]
+    made = (
+        MapAsset(
+            id=f"{k:08x}", name=f"variant-{k}", licence="own", indoor=bool(k % 2), radiance=draw_variant(rng, maps)
+        )
+        for k in range(VARIANTS)
+    )
+    if not lamps:
+        return AssetStore([*store.maps.values(), *made], store.shapes.values())
+    return AssetStore((replace(one, radiance=_lamp_lit(rng, one.radiance)) for one in made), store.shapes.values())
+
+
+def _lamp_lit(rng: np.random.Generator, radiance: np.ndarray) -> np.ndarray:
+    """A map [H, 2H, 3] with a lamp of LAMP_POWERS times its own power."""
+    direction = direction_at(rng.uniform(0, 2 * np.pi), np.arcsin(rng.uniform(-0.15, 0.98)))
+    radius = np.radians(np.exp(rng.uniform(*np.log(LAMP_DEG))))
+    power = luminance(integral(radiance)) * np.exp(rng.uniform(*np.log(LAMP_POWERS)))
+    return normalize_map(add_lamp(radiance, direction, radius, power * tint(rng, 0.25), rng.uniform(0.1, 1.5)))
 
 
 def whole_photos(data: Path, part: str, kept: Path, count: int = COUNT) -> Iterator[WholePhoto]:
@@ -85,48 +120,39 @@ def whole_photos(data: Path, part: str, kept: Path, count: int = COUNT) -> Itera
         MissingExtra: some have to be rendered, and Mitsuba cannot run.
     """
     store = store_of(data, part)
-    for recipe in recipes_of(part, store, count):
+    for recipe, scene, render in renders(store, part, kept, count):
+        yield photograph(recipe, scene, render, store)
+
+
+def renders(
+    store: AssetStore, part: str, kept: Path, count: int = COUNT, first: int = 0
+) -> Iterator[tuple[Recipe, Scene, Render]]:
+    """What whole_photos photographs, from number `first` on."""
+    for recipe in recipes_of(part, store, count)[first:]:
         scene = draw_scene(recipe, store)
         path = kept / part / f"{recipe.key}.npz"
+        sizes = (PATHS, MAP_PATHS)
+        if part in LEARNED:
+            scene = replace(scene, phone=scene.phone.shrunk(TRAIN_SHRINK), cut_out="")
+            sizes = (TRAIN_PATHS, TRAIN_MAP_PATHS)
         if not path.is_file():
-            _write(path, render_scene(scene, store.map(recipe.map_id).radiance))
-        yield photograph(recipe, scene, _read(path), store)
+            _write(path, render_scene(scene, store.map(recipe.map_id).radiance, *sizes))
+        yield recipe, scene, _read(path)
 
 
-def context_photo(
-    recipe: Recipe, store: AssetStore, size: int = 160, times: float = 3.0, paths: int = 24
-) -> WholePhoto:
-    """The square around an object alone, `times` as wide as its box, for training: cheaper than the whole photo.
+def photograph(recipe: Recipe, scene: Scene, render: Render, store: AssetStore, shot: int = 0) -> WholePhoto:
+    """As the phone takes it: metering, white balance, lens, curve, noise, JPEG.
 
-    The picture is [size, size], and what lies over the photo's border is rendered too; contact is in its pixels. Of
-    cut-outs there are none. long_fov_deg stays that of the whole photo's longer side; see window_of.
+    shot: 0 for the part's own; each other number is another camera and exposure.
     """
-    scene = draw_scene(recipe, store)
-    window = window_of(scene, size, times)
-    found = render_scene(scene, store.map(recipe.map_id).radiance, paths, 16, window)
-    return photograph(recipe, scene, found, store, window)
-
-
-def window_of(scene: Scene, size: int, times: float) -> Window:
-    """The square of context_photo."""
-    box = scene.phone.pixels(scene.thing.mesh.positions)
-    low, high = box.min(axis=0), box.max(axis=0)
-    center = tuple(float(one) for one in (low + high) / 2)
-    return Window(center=center, side=times * float((high - low).max()), size=size)
-
-
-def photograph(
-    recipe: Recipe, scene: Scene, render: Render, store: AssetStore, window: Window | None = None
-) -> WholePhoto:
-    """As the phone takes it: metering, white balance, lens, curve, noise, JPEG."""
-    rng = recipe.rng().spawn(8)[7]
+    rng = recipe.rng().spawn(8 + shot)[7 + shot]
     mask = render.mask > 0.5
     weights = pixel_solid_angles(MAP_HEIGHT)[..., None]
-    shot = draw_shot(rng, 1)
+    camera = draw_shot(rng, 1)
     balance = distributions.draw_white_balance(rng, (render.truth * weights).sum(axis=(0, 1))[None])[0]
     gain = _gain(rng, render, mask)
     plain, known = PLAINS[rng.integers(len(PLAINS))], bool(rng.random() < LENS_WRITTEN)
-    picture = _taken(shot, render.picture * gain, balance, rng)
+    picture = _taken(camera, render.picture * gain, balance, rng)
     if scene.cut_out == "plain":
         cover = render.mask[..., None]
         picture = np.round(picture * cover + 255 * plain * (1 - cover)).astype(np.uint8)
@@ -134,8 +160,6 @@ def photograph(
         alpha = np.round(255 * render.mask).astype(np.uint8)[..., None]
         picture = np.concatenate([np.where(alpha > 0, picture, 0), alpha], axis=-1)
     contact = scene.phone.pixels(np.zeros(3))
-    if window is not None:
-        contact = (contact - window.center) * window.size / window.side + window.size / 2
     return WholePhoto(
         recipe=recipe,
         picture=picture,

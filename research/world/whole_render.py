@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,23 +35,8 @@ class Render:
     truth: np.ndarray
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Window:
-    """A square part of the photo's plane, which may reach over its border: center x, y and side [px of the photo]."""
-
-    center: tuple[float, float]
-    side: float
-    size: int
-
-
-def render_scene(
-    scene: Scene, radiance: np.ndarray, paths: int = PATHS, map_paths: int = MAP_PATHS, window: Window | None = None
-) -> Render:
-    """Path trace a scene under a map [H, 2H, 3].
-
-    Args:
-        window: of which the picture is, [size, size]; None for the whole photo.
-    """
+def render_scene(scene: Scene, radiance: np.ndarray, paths: int = PATHS, map_paths: int = MAP_PATHS) -> Render:
+    """Path trace a scene under a map [H, 2H, 3]."""
     mi = open_mitsuba()
     surroundings = rotate(radiance, rotation_y(scene.map_yaw))
     fixed = {f"panel{k}": _panel(mi, panel) for k, panel in enumerate(scene.panels)}
@@ -62,18 +48,16 @@ def render_scene(
     whole = mi.load_dict({"type": "scene", "light": light, "thing": thing, **fixed})
     empty = mi.load_dict({"type": "scene", "light": light, **fixed})
     tracer = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH})
-    picture, mask = _photograph(mi, tracer, whole, alone, hiding, scene, paths, window)
-    return Render(picture=picture, mask=mask, truth=_probe(mi, tracer, empty, scene, map_paths))
+    picture, mask = _photograph(mi, tracer, whole, alone, hiding, scene, paths)
+    made = Render(picture=picture, mask=mask, truth=_probe(mi, tracer, empty, scene, map_paths))
+    del light, thing, fixed, alone, hiding, whole, empty, tracer
+    gc.collect()  # numbers of objects are free again, so that the next scene finds its kernels compiled
+    return made
 
 
-def _photograph(mi, tracer, whole, alone, hiding, scene: Scene, paths: int, window: Window | None):
+def _photograph(mi, tracer, whole, alone, hiding, scene: Scene, paths: int):
     phone = scene.phone
-    if window is None:
-        rows, columns, step, corner = phone.height, phone.width, 1.0, (0.0, 0.0)
-    else:
-        rows = columns = window.size
-        step = window.side / window.size
-        corner = window.center[0] - window.side / 2, window.center[1] - window.side / 2
+    rows, columns = phone.height, phone.width
     y, x = (one.ravel() for one in np.mgrid[0:rows, 0:columns])
     total, covered = np.zeros((rows * columns, 3)), np.zeros(rows * columns)
     rng = np.random.default_rng(0)
@@ -83,8 +67,8 @@ def _photograph(mi, tracer, whole, alone, hiding, scene: Scene, paths: int, wind
     for start in range(0, paths, each):
         some = strata[start : start + each, None]
         shift = rng.random((2, len(some), rows * columns), dtype=np.float32)
-        across = corner[0] + step * (x + (some % side + shift[0]) / side)
-        down = corner[1] + step * (y + (some // side + shift[1]) / side)
+        across = x + (some % side + shift[0]) / side
+        down = y + (some // side + shift[1]) / side
         direction = phone.rays(across.ravel(), down.ravel())
         rays = _mi_rays(mi, phone.position, direction)
         sampler = mi.load_dict({"type": "independent", "sample_count": 1})
@@ -114,20 +98,19 @@ def _probe(mi, tracer, empty, scene: Scene, paths: int) -> np.ndarray:
     return ((values * weight).sum(axis=(1, 3)) / weight.sum(axis=(1, 3))).astype(np.float32)
 
 
-def _panel(mi, panel: Panel) -> dict:
+def _panel(mi, panel: Panel):
     """A rectangle with the material's own reflection and its picture, which is repeated mirrored."""
     bitmap = mi.Bitmap(np.ascontiguousarray(panel.cover.albedo, np.float32))
-    scale = [2 * half / panel.cover.side for half in panel.half]
-    albedo = {
-        "type": "bitmap",
-        "bitmap": bitmap,
-        "raw": True,
-        "wrap_mode": "mirror",
-        "to_uv": mi.ScalarTransform3f().scale(mi.ScalarPoint2f(*scale)),
-    }
-    f0 = [PANEL_F0] * 3
-    return {
-        "type": "rectangle",
-        "to_world": mi.ScalarTransform4f(panel.world_from_panel),
-        "bsdf": {"type": NAME, "albedo": albedo, "f0": f0, "alpha": panel.cover.alpha},
-    }
+    albedo = {"type": "bitmap", "bitmap": bitmap, "raw": True, "wrap_mode": "mirror"}
+    bsdf = {"type": NAME, "albedo": albedo, "f0": [PANEL_F0] * 3, "alpha": panel.cover.alpha}
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(bsdf)
+    made = mi.Mesh("panel", 4, 2, has_vertex_texcoords=True, props=properties)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    positions = np.c_[corners, np.zeros(4), np.ones(4)] @ panel.world_from_panel.T
+    parameters = mi.traverse(made)
+    parameters["vertex_positions"] = positions[:, :3].astype(np.float32).ravel()
+    parameters["vertex_texcoords"] = ((corners + 1) * panel.half / panel.cover.side).astype(np.float32).ravel()
+    parameters["faces"] = np.array([0, 1, 2, 0, 2, 3], np.uint32)
+    parameters.update()
+    return made

@@ -39,7 +39,7 @@ def rows_of(photo: WholePhoto, estimator: Estimator) -> dict[str, np.ndarray]:
     if photo.cut_out:
         return rows
     rows["background"] = estimate(surroundings="photo")
-    rows["background and ground's colour, pitch true"] = estimate(pitch_deg=photo.pitch_deg)
+    rows["as shipped, pitch given"] = estimate(pitch_deg=photo.pitch_deg)
     below = (pixel_directions(len(photo.truth)) @ up_of(photo.pitch_deg, photo.roll_deg) < 0)[..., None]
     rows["and the truth below the horizon"] = np.where(below, photo.truth, rows[SHIPPED])
     rows["and the truth above the horizon instead"] = np.where(below, rows[SHIPPED], photo.truth)

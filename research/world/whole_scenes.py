@@ -73,6 +73,11 @@ class Phone:
         """Field of view of the longer side."""
         return float(np.degrees(2 * np.arctan(max(self.width, self.height) / 2 / self.focal)))
 
+    def shrunk(self, factor: int) -> Phone:
+        """The same with fewer pixels."""
+        sides = self.width // factor, self.height // factor
+        return replace(self, focal=self.focal / factor, width=sides[0], height=sides[1])
+
     def pixels(self, points: np.ndarray) -> np.ndarray:
         """World points [..., 3] to x, y [px]."""
         seen = (points - self.position) @ self.world_from_camera

@@ -36,8 +36,7 @@ SPHERE = "sphere"
 PHOTO = "photo"
 """In place of a panorama: take the photo's own background."""
 AUTO, NONE = "auto", "none"
-"""In place of a panorama: the background unless the object is cut out, and below the horizon the ground's colour; and
-nothing but the object."""
+"""In place of a panorama: what the photo shows around the object unless that is cut out; and nothing but the object."""
 
 PICTURES = (
     *(".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".gif", ".heic", ".heif", ".hif", ".avif", ".jxl"),
@@ -158,9 +157,9 @@ class Hints:
             scatter.materials. Level and colour of the light are fitted to it.
         albedo: linear, one number or three (0.18 for a grey card), of a matte object or of the named material.
         roughness: as in glTF, 0.1 to 1, likewise.
-        surroundings: "auto", which is the default: the photo's background unless the object is cut out, and below the
-            horizon the ground's colour; "photo", the background alone; "none", neither; or a panorama in the camera's
-            frame, transparent where unknown.
+        surroundings: "auto", which is the default: what the photo shows around the object, its ground and background,
+            unless the object is cut out; "photo", the same of any photo; "none"; or a panorama in the camera's frame,
+            transparent where unknown.
     Raises:
         InputError: with one line, what does not go together, or a number out of its range.
     """
@@ -243,9 +242,9 @@ class Hints:
     )
     surroundings: SurroundingsSource | None = _hint(
         "light",
-        "What is known of the surroundings: auto, the default, to use the photo's background and the ground's colour "
-        "unless the object is cut out; photo, the background alone; none; or a panorama in the camera's frame, "
-        "transparent where unknown.",
+        "What is known of the surroundings: auto, the default, to use what the photo shows around the object, unless "
+        "that is cut out; photo, the same of any photo; none; or a panorama in the camera's frame, transparent where "
+        "unknown.",
         words=(AUTO, PHOTO, NONE),
         suffixes=(*PICTURES, ".hdr"),
         in_web="surroundings",

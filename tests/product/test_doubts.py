@@ -8,9 +8,9 @@ from PIL import Image
 
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.estimate import estimator as estimate_module
-from anyprobe.estimate.doubts import light_doubts
+from anyprobe.estimate.doubts import ground_doubts, light_doubts
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.ground import up_of
+from anyprobe.estimate.ground import ground_by_posture, up_of
 from anyprobe.estimate.photo import load_photo
 
 
@@ -60,5 +60,10 @@ def test_an_object_above_any_usual_horizon_is_said(photo_rgba, photo_mask):
     rgb = np.random.default_rng(1).integers(60, 160, (4 * height, width, 3)).astype(np.uint8)
     high = np.zeros((4 * height, width), np.uint8)
     high[:height] = photo_mask
-    assert "stands so high in the photo" in warned(rgb, high)
-    assert "give the pitch" not in " ".join(load_photo(rgb, mask=high, pitch_deg=30.0, fov_deg=60.0).warnings)
+    guessed, given = (load_photo(rgb, mask=high, fov_deg=60.0, pitch_deg=pitch).ground for pitch in (None, 30.0))
+    assert "stands so high in the photo" in " ".join(ground_doubts(guessed, "p"))
+    assert not ground_doubts(given, "p")
+    found = ground_by_posture(guessed, np.radians([20.0, 3.0, 0.0]), np.eye(3))
+    assert not ground_doubts(found, "p")
+    unsure = ground_by_posture(guessed, np.radians([20.0, 20.0, 0.0]), np.eye(3))
+    assert "give the pitch" in " ".join(ground_doubts(unsure, "p"))

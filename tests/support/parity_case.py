@@ -11,11 +11,10 @@ import numpy as np
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.response import inverse_response, response
-from anyprobe.estimate.below_horizon import ground_below
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.ground import estimate_ground
 from anyprobe.estimate.photo import crop_object, load_photo
-from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, weights_folder
+from anyprobe.estimate.runtime import EXPECTED, weights_folder
 from anyprobe.given_material import given_material, material_input
 from anyprobe.light.environment import rotate
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
@@ -183,7 +182,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     answers["mask_soft"] = soft.mask
     of_soft = estimator.from_photo(soft)
     answers["radiance_soft"], answers["sh9_soft"] = of_soft.radiance, of_soft.sh9()
-    if estimator.models.stages == LIFT_STAGES:
+    if estimator.models.lifts:
         with_background = replace(loaded, use_background=True)
         answers["surroundings"] = crop_object(with_background).surroundings_map.transpose(2, 0, 1)
         lit = estimator.from_photo(with_background)
@@ -191,10 +190,9 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         for name, pitch_deg in (("auto", None), ("auto_pitch", 35.0)):
             ground = estimate_ground(loaded, pitch_deg=pitch_deg)
             with_ground = replace(loaded, use_background=True, ground=ground)
-            crop = crop_object(with_ground)
-            below = ground_below(crop.surroundings_map, crop.camera_from_crop, ground, crop.foot, crop.tan_half)
-            answers[f"below_{name}"] = below.transpose(2, 0, 1)
+            answers["context"] = crop_object(with_ground).context.transpose(2, 0, 1)
             lit = estimator.from_photo(with_ground)
+            answers[f"ground_{name}"] = [lit.ground.pitch_deg, lit.ground.pitch_error_deg]
             answers[f"radiance_{name}"], answers[f"confidence_{name}"] = lit.radiance, lit.confidence
         answers["radiance_expected"] = estimator.with_settings(emitters=EXPECTED).from_photo(loaded).radiance
         answers["normals"] = _normals(loaded.mask)

@@ -29,7 +29,4 @@ def some_batch(count: int = 4) -> Batch:
         surroundings=torch.zeros(count, 4, 64, 128),
         material=torch.cat([torch.ones(count, 1), values(count, 7)], dim=1),
         given_material=torch.zeros(count, 8),
-        context=torch.zeros(count, 5, 96, 96),
-        up=torch.zeros(count, 3),
-        stands=torch.zeros(count),
     )

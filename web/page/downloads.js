@@ -24,7 +24,7 @@ export function sidecar(result, { photo, model, longFovDeg }) {
     model,
     emitters: result.light.emitters,
     long_fov_deg: longFovDeg,
-    hints: { surroundings: Number(hints.surroundings.toFixed(4)), ground: Number(hints.ground.toFixed(4)) },
+    hints: { surroundings: Number(hints.surroundings.toFixed(4)) },
     object: object && {
       metal: Number(object.metal.toFixed(3)),
       reflectance: object.reflectance.map((value) => Number(value.toFixed(3))),

@@ -14,7 +14,7 @@ export async function readExample() {
   const light = new Light({
     ...describe(unpack(answer.radiance)),
     emitters: "mode",
-    hints: { surroundings: 0, ground: 0 },
+    hints: { surroundings: 0 },
     meanConfidence: answer.confidence,
     wellExposedFraction: answer.well_exposed_fraction ?? answer.told, // as older releases wrote it
   });

@@ -163,7 +163,7 @@ async function estimate(found, isLate) {
 
 function showLight() {
   const { picture, longFovDeg, lensDeg, name, mask, box, result } = opened;
-  stage.place(picture.width, picture.height, lensDeg, mask, box);
+  stage.place(picture.width, picture.height, lensDeg, mask, box, result.light.ground);
   stage.setLight(result.light);
   stages.show(result.stages, result.light.radiance);
   light.show(result, { photo: name, model: config.model, longFovDeg });

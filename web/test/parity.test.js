@@ -15,11 +15,10 @@ import { cameraRadiance, describe } from "../src/light/light.js";
 import { irradianceMap, blurCosinePower } from "../src/light/filtering.js";
 import { splitSources } from "../src/light/sourceSplit.js";
 import { shown, shownSources, step } from "../src/light/temporal.js";
-import { cropNormals, cropObject } from "../src/photo/crop.js";
+import { contextOf, cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
 import { objectBox } from "../src/photo/picture.js";
 import { readMask } from "../src/photo/source.js";
-import { groundBelow } from "../src/photo/ground.js";
 import { isCutOut, seeSurroundings } from "../src/photo/surroundings.js";
 import { SmallNetwork } from "../src/photo/maskNetworks.js";
 import { doubts, examine, expectedIou } from "../src/photo/quality.js";
@@ -143,20 +142,19 @@ test("the background, and the map with it", { skip }, async (t) => {
 test("a cut-out is lit as its object alone", { skip }, async () => {
   assert.ok(isCutOut(found.picture, found.crop.mask));
   const { radiance, hints } = await lit({});
-  assert.deepEqual([hints.surroundings, hints.ground], [0, 0]);
+  assert.equal(hints.surroundings, 0);
   assertMostlyClose(radiance, floats("radiance"), 3e-3, "radiance of the object alone");
 });
 
-test("the ground goes on below the horizon", { skip }, async (t) => {
+test("what stands around the object, the camera's pitch, and the map with them", { skip }, async (t) => {
   if (!found.models.lifts) return t.diagnostic("the paper's chain has no use for it");
   const { longFovDeg, crop, models } = found;
   const picture = { ...found.picture, rgba: found.picture.rgba.map((value, i) => (i % 4 === 3 ? 255 : value)) };
   assert.ok(!isCutOut(picture, crop.mask));
-  const seen = seeSurroundings(picture, longFovDeg, crop);
+  assertClose(contextOf(picture, crop.mask, crop), floats("context"), 1e-5, "context");
   for (const [name, pitchDeg] of [["auto", undefined], ["auto_pitch", 35]]) {
-    assertClose(groundBelow(seen, picture, longFovDeg, crop, pitchDeg), floats(`below_${name}`), 5e-3, `ground, ${name}`);
-    const { radiance, confidence, hints } = await lightOfObject(models, picture, longFovDeg, crop, { pitchDeg });
-    assert.ok(hints.ground > 0.1);
+    const { radiance, confidence, ground } = await lightOfObject(models, picture, longFovDeg, crop, { pitchDeg });
+    assertClose([ground.pitchDeg, ground.pitchErrorDeg], floats(`ground_${name}`), 0.05, `ground, ${name}`);
     assertMostlyClose(radiance, floats(`radiance_${name}`), 5e-3, `radiance, ${name}`);
     assertMostlyClose(confidence, floats(`confidence_${name}`), 3e-3, `confidence, ${name}`);
   }
@@ -247,7 +245,7 @@ test("the filter of a video's lights", { skip }, () => {
   found.frameSeconds.forEach((dt, i) => {
     state = step(state, frames.subarray(i * size, (i + 1) * size), dt);
   });
-  assertClose(shown(state), floats("steadied"), 3e-4, "steadied");
+  assertClose(shown(state), floats("steadied"), 5e-4, "steadied");
 });
 
 const rowsOf = (sources) => sources.flatMap(({ direction, power, radius }) => [...direction, ...power, radius]);

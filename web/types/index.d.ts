@@ -67,7 +67,7 @@ export interface LoadOptions extends Cancellable {
   /** Of WASM, at most 4, and 1 on pages that are not cross-origin isolated. Default: one a core. */
   threads?: number;
   /** Address, address and hash, or bytes of each graph; mask (small, in this package) and u2netp (far better; the file u2netp.onnx of rembg) are fetched when they are first wanted. Default: those in this package. */
-  weights?: { light: Graph; mask?: Graph; u2netp?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
+  weights?: { light: Graph; whole?: Graph; mask?: Graph; u2netp?: Graph } | Record<"irradiance" | "illumination" | "hdr", Graph>;
   /** Folder of onnxruntime-web's files, or its module and .wasm. Default: as the bundler or the import map has it. */
   runtime?: string | URL | { module: string; wasm: string };
   /** Address of the thread's script, or what starts it. */
@@ -184,8 +184,10 @@ export declare class Light {
   readonly object: { metal: number; reflectance: Vector3; reflectanceStops: number } | null;
   /** How far off the map is in two of three cases: its level, and its mean colour; null where unknown. */
   readonly uncertainty: { levelStops: number; colorDeg: number } | null;
-  /** The shares of the map that the background shows and that the ground's colour fills; whether normals and material were given. */
-  readonly hints: { surroundings: number; ground: number; normals: boolean; material: boolean };
+  /** The share of the map that the background shows; whether normals and material were given. */
+  readonly hints: { surroundings: number; normals: boolean; material: boolean };
+  /** What the object stands on, as far as the camera looks down on it; null of a cut-out. */
+  readonly ground: { pitchDeg: number; pitchErrorDeg: number; source: "given" | "estimated" | "guessed" } | null;
   /** Of a tracked frame that came with a pose: directions are in the world. */
   readonly isInWorld?: boolean;
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */

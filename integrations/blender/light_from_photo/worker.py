@@ -97,9 +97,9 @@ def estimate(order: dict, folder: Path) -> dict:
         roughness=order["roughness"],
         surroundings="photo" if order["background"] else None,
     )
-    view, pitch_deg = view_of(photo)
     say(folder, 0.6, "Estimating the light")
     light = estimator.from_photo(photo)
+    view, pitch_deg = view_of(photo, found=light.ground)
     radiance, warnings = light.radiance, list(light.warnings)
     if order["library"]:
         say(folder, 0.7, "Comparing your panoramas")

@@ -17,7 +17,7 @@ from rich.table import Table
 
 from anyprobe.cli.data import Conditions
 from anyprobe.errors import InputError
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES, LIFT_STAGES
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, ENGINES
 
 if TYPE_CHECKING:
     from anyprobe.dataset.asset_store import AssetStore
@@ -165,7 +165,7 @@ def _judged(
             raise InputError(f"{predictions}: expected a folder named after its program, got {title!r}; rename it")
         return {title: predicted(read_predictions(predictions, keys))}
     runtime = Models(model, engine=engine)
-    if hints and runtime.stages != LIFT_STAGES:
+    if hints and not runtime.lifts:
         raise InputError(f"--hints: expected a model that takes normals, got {title}; use {DEFAULT_MODEL}")
     return model_methods(runtime, title, hints)
 

@@ -71,7 +71,7 @@ def match(
     stem, chosen = result_stem(photo, [photo]), ranked[:best]
     files = {one.rank: f"{stem}_{one.rank + 1}_{_file_name(one.name)}.exr" for one in chosen}
     warnings = [*light.warnings, *(f"left out: {fault}" for fault in library.faults)]
-    if light.info.get("pitch_deg") is None and (light.shown is None or light.shown.behind is None):
+    if light.pitch_deg is None and (light.shown is None or light.shown.behind is None):
         warnings.append("the camera's pitch is not known: maps may be tilted; give it with --pitch")
     with atomic_files(out) as scratch, talk.status("writing"):
         for one in chosen:

@@ -31,6 +31,7 @@ from anyprobe.errors import OutputError
 from anyprobe.hints import HINTS, said_as
 
 if TYPE_CHECKING:
+    from anyprobe.estimate.ground import Ground
     from anyprobe.estimate.photo import Photo
     from anyprobe.render.mesh import Mesh
 
@@ -147,8 +148,8 @@ def relight(
     with progress(f"reading {photo}", silent):
         loaded = load_photo(photo, hints, segmenter=segmenter)
     with progress("estimating the light", silent):
-        radiance, gain = _radiance(loaded, light, by, fine)
-    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn))
+        radiance, gain, ground = _radiance(loaded, light, by, fine)
+    stage = placing(Stage)(loaded, mesh, Arrangement(size=size, at=foot, turn_deg=turn, ground=ground))
     names = STRIP if strip else (material,)
     stored = stored_as(photo)
     plain = stored.plain and kind == ".png"
@@ -215,8 +216,11 @@ def progress(what: str, silent: bool) -> Iterator[None]:
         timer.cancel()
 
 
-def _radiance(photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions) -> tuple[np.ndarray, float]:
-    """The given map, turned back to the camera; or the estimate, made as bright as the object asks, and its gain."""
+def _radiance(
+    photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOptions
+) -> tuple[np.ndarray, float, Ground | None]:
+    """The given map, turned back to the camera; or the estimate, made as bright as the object asks, its gain, and the
+    ground that was found with it."""
     if light is not None:
         from anyprobe.export.exported_light import read_with_origin
         from anyprobe.light.environment import rotate
@@ -224,11 +228,11 @@ def _radiance(photo: Photo, light: Path | None, by: ModelOptions, fine: DetailOp
         radiance, _, turn = read_with_origin(light)
         if not np.allclose(turn, np.eye(3)):
             radiance = np.maximum(rotate(radiance, turn.T), 0.0)
-        return radiance, 1.0
+        return radiance, 1.0, None
     from anyprobe.relight.appearance import least_scale
 
-    radiance = by.estimator(**fine.settings()).from_photo(photo).radiance
+    found = by.estimator(**fine.settings()).from_photo(photo)
     if photo.material is not None:  # which settles the level
-        return radiance, 1.0
-    gain = least_scale(photo, radiance)
-    return radiance * np.float32(gain), gain
+        return found.radiance, 1.0, found.ground
+    gain = least_scale(photo, found.radiance)
+    return found.radiance * np.float32(gain), gain, found.ground

@@ -12,7 +12,6 @@ import torch.nn.functional as F
 from anyprobe.core.latlong import direction_to_uv
 from anyprobe.core.response import CameraCurve, response
 from anyprobe.dataset.camera import Shot, take_photo
-from anyprobe.dataset.ground_plane import Scenes
 from anyprobe.dataset.lighting import LitMaterial
 from anyprobe.dataset.shadows import shade_hidden
 from anyprobe.render.reflectance import lookup_coords
@@ -101,44 +100,20 @@ def see_behind(light: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
 
 
 class Behind:
-    """What the photos of a batch show beside their objects: the map, the ground, or black where they are cut out.
+    """What the photos of a batch show beside their objects: the map, or black where they are cut out.
 
-    Once called with the photos' gains: framed [B], which are not cut out; grain [B, 3, S, S]; and where rays are given,
-    wide [B, 3, W, W], the same along them.
+    Once called with the photos' gains: framed [B], which are not cut out; grain [B, 3, S, S].
     """
 
-    def __init__(
-        self,
-        light: torch.Tensor,
-        wo: torch.Tensor,
-        cut_out: float,
-        rng: np.random.Generator,
-        rays: torch.Tensor | None,
-        scale: int,
-        scenes: Scenes | None,
-        stands: torch.Tensor,
-    ) -> None:
-        """light [B, 3, H, 2H] before exposure, seen along wo [B, S, S, 3]; cut_out: the share in black.
-
-        rays [B, W, W, 3]: of a picture scale times as wide; scenes: the grounds of those that stands [B] says.
-        """
+    def __init__(self, light: torch.Tensor, wo: torch.Tensor, cut_out: float, rng: np.random.Generator) -> None:
+        """light [B, 3, H, 2H] before exposure, seen along wo [B, S, S, 3]; cut_out: the share in black."""
         self.light, self.wo, self.cut_out, self.rng = light, wo, cut_out, rng
-        self.rays, self.scale, self.scenes, self.stands = rays, scale, scenes, stands
         self.framed = np.ones(len(light), bool)
-        self.wide: torch.Tensor | None = None
         self.grain: torch.Tensor | None = None
 
     def __call__(self, gains: list[float]) -> torch.Tensor:
-        gain = self.light.new_tensor(gains).reshape(-1, 1, 1, 1)
-        light, size = self.light * gain, self.wo.shape[1]
+        light = self.light * self.light.new_tensor(gains).reshape(-1, 1, 1, 1)
         seen = see_behind(light, self.wo)
-        if self.rays is not None:
-            self.wide = see_behind(light, -self.rays)
-            if self.scenes is not None:
-                self.wide[self.stands] = self.scenes.see(self.rays[self.stands]) * gain[self.stands]
-                edge = (self.rays.shape[1] - self.rays.shape[1] // self.scale) // 2
-                middle = self.wide[self.stands][..., edge:-edge, edge:-edge]
-                seen[self.stands] = F.interpolate(middle, size=(size, size), mode="bilinear")
         if self.cut_out > 0:
             self.framed = self.rng.random(len(light)) >= self.cut_out
             seen = seen * column_of(self.framed, light.device)

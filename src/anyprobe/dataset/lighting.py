@@ -7,9 +7,7 @@ alpha: the dear part of a training pair, and each one serves many pairs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import torch
@@ -21,7 +19,6 @@ from anyprobe.core.sampling import hammersley
 from anyprobe.dataset import distributions
 from anyprobe.dataset.catalog import normalize_map
 from anyprobe.dataset.distributions import draw_alpha
-from anyprobe.dataset.ground_plane import Stand, add_ground, draw_ground, make_stand
 from anyprobe.dataset.sky import direction_at, soft_cap, tint
 from anyprobe.dataset.surfaces import NUM_ELEVATIONS, draw_elevation
 from anyprobe.light.dominant_light import dilate, find_dominant_light
@@ -32,11 +29,6 @@ from anyprobe.render.reflectance import reflectance_normals
 
 SEARCH_HEIGHT = 64
 """Rows of the map in which the dominant light is looked for."""
-
-STANDING = (1, 7)
-"""Elevation classes, from and to below, from which what stands on a ground is seen: 2 to 55 degrees."""
-ROLL = 0.03
-"""Standard deviation [radians] of the camera's roll there."""
 
 MAX_RADIUS = np.radians(35.0)
 """A light wider than this is the surround itself and stays where it is."""
@@ -158,16 +150,13 @@ SIZE = 128
 class LitMaterial:
     """terms [12, SIZE, SIZE]: Eq. 5's irradiance, S1, Ss, Dd, three channels each;
     radiance [64, 128, 3]: the map in the camera's frame; alpha; elevation class; kind: of distributions.KINDS, None for
-    the materials and cameras of the paper; up [3], unit, in the camera's frame; stand: the ground that is part of the
-    light, None where there is none."""
+    the materials and cameras of the paper."""
 
     terms: torch.Tensor
     radiance: torch.Tensor
     alpha: float
     elevation: int
     kind: int | None = None
-    up: np.ndarray | None = None
-    stand: Stand | None = None
 
 
 BUDGETS = ((0.12, 0.0, 128, 16), (0.3, 0.2, 64, 32), (np.inf, 1.0, 40, 48))
@@ -203,60 +192,28 @@ class Illuminator:
             self._pyramids[key] = shading_pyramid(self.maps[which], width).to(self.device)
         return self._pyramids[key]
 
+    @torch.no_grad()
     def light(self, which: int, rotation: np.ndarray, alpha: float, elevation: int) -> LitMaterial:
         """One lit material under map number which, through rotation [3, 3] = world from camera (mirrored or not)."""
-        return self._light(partial(self._pyramid, which=which), self.maps[which], rotation, alpha, elevation)
-
-    def light_standing(
-        self, which: int, rotation: np.ndarray, alpha: float, elevation: int, rng: np.random.Generator
-    ) -> LitMaterial:
-        """The same on a random ground of dataset.ground_plane."""
-        fine = self.maps[which]
-        seen, felt = add_ground(
-            fine if alpha < BUDGETS[0][0] else shrink(fine, len(fine) // 2), ground := draw_ground(rng)
-        )
-        base = self._camera_map(fine, self._tensor(rotation.T))
-        stand = make_stand(fine, ground, rotation, base, rng)
-        lit = self._light(lambda width: shading_pyramid(felt, width).to(self.device), seen, rotation, alpha, elevation)
-        return replace(lit, stand=stand)
-
-    def _camera_map(self, radiance: torch.Tensor, world: torch.Tensor) -> torch.Tensor:
-        """A map [H, 2H, 3] in a camera's frame, [64, 128, 3]; world [3, 3] of row vectors, camera to world."""
-        fine = self._look(radiance, self._directions @ world)
-        return fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
-
-    @torch.no_grad()
-    def _light(
-        self,
-        pyramid: Callable[[float], Pyramid],
-        radiance: torch.Tensor,
-        rotation: np.ndarray,
-        alpha: float,
-        elevation: int,
-    ) -> LitMaterial:
         _, width, size, samples = next(budget for budget in BUDGETS if alpha < budget[0])
         world = self._tensor(rotation.T)
         n = self._tensor(reflectance_normals(size).reshape(-1, 3)) @ world
         wo = self._tensor(np.tile([0.0, 0.0, 1.0], (len(n), 1))) @ world
         u = self._tensor(hammersley(samples))
         alphas = torch.full((len(n), 1), alpha, device=self.device)
-        specular = torch.cat(self._specular(pyramid(width), n, wo, alphas, u), dim=1)
+        specular = torch.cat(self._specular(self._pyramid(width, which), n, wo, alphas, u), dim=1)
         coarse = self._tensor(reflectance_normals(32).reshape(-1, 3)) @ world
-        wide = pyramid(1.0)
+        wide = self._pyramid(1.0, which)
         diffuse = self._diffuse(wide, coarse, wo[: len(coarse)].contiguous(), self._tensor(hammersley(64)))
         terms = [_picture(specular, size), _picture(diffuse, 32)]
-        return LitMaterial(
-            terms=torch.cat(terms),
-            radiance=self._camera_map(radiance, world),
-            alpha=alpha,
-            elevation=elevation,
-            up=rotation[1].astype(np.float32),
-        )
+        fine = self._look(self.maps[which], self._directions @ world)
+        radiance = fine.reshape(MAP_HEIGHT, 4, 2 * MAP_HEIGHT, 4, 3).mean(dim=(1, 3))
+        return LitMaterial(terms=torch.cat(terms), radiance=radiance, alpha=alpha, elevation=elevation)
 
-    def draw(self, rng: np.random.Generator, world: float = 0.0, ground: float = 0.0) -> LitMaterial:
+    def draw(self, rng: np.random.Generator, world: float = 0.0) -> LitMaterial:
         """A random map, view and alpha; half of the maps mirrored.
 
-        world: share of those of a kind and an alpha of dataset.distributions; ground: share of those on a ground.
+        world: share of those of a kind and an alpha of dataset.distributions.
         """
         which = int(rng.integers(len(self.maps)))
         elevation = int(rng.integers(NUM_ELEVATIONS))
@@ -267,13 +224,6 @@ class Illuminator:
         if world > 0 and rng.random() < world:
             (kind,) = distributions.draw_kinds(rng, 1).tolist()
             alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
-        if ground > 0 and rng.random() < ground:
-            elevation = int(rng.integers(*STANDING))
-            mirror = np.diag([np.linalg.det(rotation).round(), 1.0, 1.0])
-            rotation = mirror @ world_from_camera(
-                rng.uniform(0, 2 * np.pi), draw_elevation(rng, elevation), rng.normal(0, ROLL)
-            )
-            return replace(self.light_standing(which, rotation, alpha, elevation, rng), kind=kind)
         return replace(self.light(which, rotation, alpha, elevation), kind=kind)
 
 

@@ -38,7 +38,6 @@ class SurfaceConfig:
     directions of its own; tilt_deg: of the angle by which it leans; bend, relief: by how much at most slow waves
     bend it and fast ones press a relief into it, as slopes below one in all. New shapes from old: there are few.
     shadows: whether it is kept which directions each shape hides from itself (dataset.occlusion).
-    points: how many points of each shape are kept, for the shadow that it casts on the ground (dataset.ground_plane).
     """
 
     views: int = 3
@@ -53,24 +52,17 @@ class SurfaceConfig:
     size: int = 128
     seed: int = 1
     shadows: bool = False
-    points: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SurfaceSet:
     """normals [N, 3, S, S] float16 in the camera frame, zero outside the object;
-    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None.
-
-    points [N, P, 3] float16: of each whole shape, evenly by area, from its centre; center [N, 3]: that centre from the
-    eye; up [N, 3], unit: all in the camera's frame and radii of the shape; None where no points are kept."""
+    tan_half [N]; elevation [N] class index; hidden [N, AZIMUTHS, SIDE, SIDE] of dataset.occlusion, or None."""
 
     normals: np.ndarray
     tan_half: np.ndarray
     elevation: np.ndarray
     hidden: np.ndarray | None = None
-    points: np.ndarray | None = None
-    center: np.ndarray | None = None
-    up: np.ndarray | None = None
 
 
 def draw_elevation(rng: np.random.Generator, which: int) -> float:
@@ -93,8 +85,8 @@ class SurfaceView:
     matrix: np.ndarray | None
 
 
-_Seen = tuple[np.ndarray, float, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Of a view what SurfaceSet has, in its order; no hidden cells and no points where they are not asked for."""
+_Seen = tuple[np.ndarray, float, int, np.ndarray]
+"""Of a view what SurfaceSet has, in its order; no hidden cells where they are not asked for."""
 
 
 def draw_views(views: int, config: SurfaceConfig, rng: np.random.Generator) -> list[SurfaceView]:
@@ -141,41 +133,20 @@ def _waves(
     return pushes, waves, rng.uniform(0, 2 * np.pi, count)
 
 
-def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False, points: int = 0) -> list[_Seen]:
-    """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells; points: so many."""
+def see_views(mesh: Mesh, views: list[SurfaceView], size: int, shadows: bool = False) -> list[_Seen]:
+    """What is seen of a mesh, but for views that show next to nothing; shadows: with hidden cells."""
     result = []
     for view in views:
         seen = mesh if view.waves is None else waved(mesh, *view.waves)
         seen = seen if view.matrix is None else transformed(seen, view.matrix)
-        camera = frame_object(seen, view.world_from_camera, view.fov_deg, view.margin, size)
-        surface = see(seen, camera)
+        surface = see(seen, frame_object(seen, view.world_from_camera, view.fov_deg, view.margin, size))
         if surface.mask.mean() < 0.04:
             continue
         picture = np.zeros((size, size, 3), np.float16)
         picture[surface.mask] = surface.normals
         hidden = hidden_cells(surface) if shadows else np.zeros((0, SIDE, SIDE), np.uint8)
-        turn = camera.world_from_camera
-        cloud = (even_points(seen, points) @ turn).astype(np.float16)
-        center, up = (-camera.position @ turn).astype(np.float32), turn[1].astype(np.float32)
-        result.append((picture.transpose(2, 0, 1), surface.tan_half, view.elevation, hidden, cloud, center, up))
+        result.append((picture.transpose(2, 0, 1), surface.tan_half, view.elevation, hidden))
     return result
-
-
-def even_points(mesh: Mesh, count: int) -> np.ndarray:
-    """So many points [N, 3] of a mesh, evenly by area; always the same ones, the lowest vertex (-Y) first."""
-    if count == 0:
-        return np.zeros((0, 3), np.float32)
-    rng = np.random.default_rng(0)
-    corners = mesh.positions[mesh.faces].astype(np.float64)  # [F, 3, 3]
-    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    upto = np.cumsum(np.linalg.norm(np.cross(one, other), axis=1))
-    places = (np.arange(count) + rng.random(count)) / count * upto[-1]
-    face = np.minimum(np.searchsorted(upto, places, side="right"), len(upto) - 1)
-    u, v = rng.random((2, count, 1))
-    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    points = corners[face, 0] + u * one[face] + v * other[face]
-    points[0] = mesh.positions[np.argmin(mesh.positions[:, 1])]
-    return points.astype(np.float32)
 
 
 def drawn_part(number: int, config: SurfaceConfig) -> tuple[Mesh, list[SurfaceView]]:
@@ -197,7 +168,7 @@ def _shapes_and_views(shapes: list[ShapeAsset], config: SurfaceConfig) -> Iterat
 
 def _seen(jobs: Iterator[tuple[Mesh, list[SurfaceView]]], config: SurfaceConfig, workers: int) -> Iterator[list[_Seen]]:
     """see_views of each shape, in order, by so many processes; 0: by this one."""
-    see = partial(see_views, size=config.size, shadows=config.shadows, points=config.points)
+    see = partial(see_views, size=config.size, shadows=config.shadows)
     if workers == 0:
         for job in jobs:
             yield see(*job)
@@ -230,10 +201,10 @@ def build_surfaces(
         watch: hears how many shapes of how many are drawn.
     """
     ids = ",".join(shape.id for shape in shapes)
-    named = str(config).replace(", points=0", "").replace(", shadows=False", "")  # what is kept from before stays
+    named = str(config).replace(", shadows=False", "")  # what is kept from before stays
     key = hashlib.sha256(f"{PROCEDURAL_VERSION}|{named}|{ids}".encode()).hexdigest()[:16]
     folder = None if cache is None else Path(cache) / f"surfaces-{key}"
-    names = (*ARRAYS, *(HIDDEN if config.shadows else ()), *(STANDING if config.points else ()))
+    names = ARRAYS if config.shadows else ARRAYS[:-1]
     if folder is not None and all((folder / f"{name}.npy").is_file() for name in names):
         return _kept(folder, names)
     total = len(shapes) + config.procedural + config.figures + config.parts
@@ -243,15 +214,12 @@ def build_surfaces(
         seen += one
         if watch is not None:
             watch(done, total)
-    normals, tan_half, elevation, hidden, points, center, up = zip(*seen, strict=True)
+    normals, tan_half, elevation, hidden = zip(*seen, strict=True)
     result = SurfaceSet(
         normals=np.stack(normals),
         tan_half=np.array(tan_half, np.float32),
         elevation=np.array(elevation),
         hidden=np.stack(hidden) if config.shadows else None,
-        points=np.stack(points) if config.points else None,
-        center=np.stack(center) if config.points else None,
-        up=np.stack(up) if config.points else None,
     )
     if folder is None:
         return result
@@ -261,9 +229,7 @@ def build_surfaces(
     return _kept(folder, names)
 
 
-ARRAYS = ("normals", "tan_half", "elevation")
-HIDDEN = ("hidden",)
-STANDING = ("points", "center", "up")
+ARRAYS = ("normals", "tan_half", "elevation", "hidden")
 
 
 def _kept(folder: Path, names: tuple[str, ...]) -> SurfaceSet:

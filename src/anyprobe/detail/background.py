@@ -19,9 +19,9 @@ MOST_PIXELS, LEAST_PIXELS = 128, 4
 """Of the background that are compared at most, and without which it is not."""
 COVERED = 0.5
 """Share of a pixel from which on it is known."""
-CLIPPED_SHARE = 0.3
+CLIPPED_WEIGHT = 0.3
 """How much a clipped pixel counts, which says only how bright it is at least."""
-DARK = 0.05
+FAINT_SEEN = 0.05
 """Of the mean: added before logarithms, for noise."""
 
 
@@ -47,8 +47,8 @@ class Background:
     def _cost(self, drawn: np.ndarray) -> np.ndarray:
         """Of radiance [M, B, 3] along the directions."""
         share = self.share
-        rest = np.log(drawn + DARK * np.einsum("mpc,p->mc", drawn, share)[:, None] + 1e-9)
-        rest -= np.log(self.radiance + DARK * (share @ self.radiance) + 1e-9)
+        rest = np.log(drawn + FAINT_SEEN * np.einsum("mpc,p->mc", drawn, share)[:, None] + 1e-9)
+        rest -= np.log(self.radiance + FAINT_SEEN * (share @ self.radiance) + 1e-9)
         rest -= np.einsum("mpc,p->mc", rest, share)[:, None]
         rest[:, self.clipped] = np.minimum(rest[:, self.clipped], 0.0)
         brightness, hue = mean_squares(rest, share)
@@ -73,7 +73,7 @@ def background_of(
     row, column = (one[chosen] for one in at)
     known = small[row, column]
     is_clipped = known[:, 3:6].max(axis=-1) > 0.5 * known[:, 6]
-    share = known[:, 6] * pixel_solid_angles(rows)[row, 0] * np.where(is_clipped, CLIPPED_SHARE, 1.0)
+    share = known[:, 6] * pixel_solid_angles(rows)[row, 0] * np.where(is_clipped, CLIPPED_WEIGHT, 1.0)
     return Background(
         d=pixel_directions(rows)[row, column] @ camera_from_map.T,
         radiance=known[:, :3] / known[:, 6:],

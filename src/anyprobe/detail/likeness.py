@@ -20,7 +20,7 @@ from anyprobe.core.color import luminance
 from anyprobe.core.frames import dot, normalize, reflect
 from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_solid_angles
 from anyprobe.core.response import inverse_response
-from anyprobe.detail.background import CLIPPED_SHARE, DARK, Background, mean_squares
+from anyprobe.detail.background import CLIPPED_WEIGHT, FAINT_SEEN, Background, mean_squares
 from anyprobe.detail.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import blur_cosine_power, irradiance_map
@@ -242,11 +242,11 @@ class _Measured:
     def __init__(self, shown: Shown, few: slice) -> None:
         radiance, clipped = shown.radiance[few].astype(np.float32), shown.clipped[few]
         mean = radiance.mean(axis=0)
-        weight = np.where(clipped[:, None], CLIPPED_SHARE, 1.0) / (radiance + 2 * DARK * mean) ** 2
+        weight = np.where(clipped[:, None], CLIPPED_WEIGHT, 1.0) / (radiance + 2 * FAINT_SEEN * mean) ** 2
         self.weight = (weight / weight.sum(axis=0)).astype(np.float32)
-        self.radiance, self.dark, self.clipped = radiance, (DARK * mean).astype(np.float32), clipped
+        self.radiance, self.dark, self.clipped = radiance, (FAINT_SEEN * mean).astype(np.float32), clipped
         self.log = np.log(radiance + self.dark)
-        share = np.where(clipped, CLIPPED_SHARE, 1.0)
+        share = np.where(clipped, CLIPPED_WEIGHT, 1.0)
         self.share = (share / share.sum()).astype(np.float32)
 
     def misfit(self, e: np.ndarray | None, s: np.ndarray) -> np.ndarray:

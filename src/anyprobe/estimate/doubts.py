@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
-from anyprobe.estimate.ground import GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
+from anyprobe.estimate.ground import ESTIMATED, GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
 from anyprobe.light.dominant_light import find_dominant_light
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ _DARK, DARK_SHARE = 0.05, 0.8
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
 BELOW_DEG = 12.0
 """So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
+UNSURE_DEG = 15.0
+"""Error of an estimated pitch from which on it is said; a blind guess's is USUAL_ERROR_DEG."""
 DIRECTIONAL = 0.25
 """Share of light from one side from which on its direction matters."""
 
@@ -39,7 +41,12 @@ def exposure_doubts(
 
 
 def ground_doubts(ground: Ground | None, name: str) -> tuple[str, ...]:
-    """Of a guessed pitch that the object's place in the photo contradicts."""
+    """Of a guessed pitch that the object's place in the photo contradicts, and of one that is estimated badly."""
+    if ground is not None and ground.source == ESTIMATED and ground.pitch_error_deg > UNSURE_DEG:
+        return (
+            f"{name}: the camera seems to look {ground.pitch_deg:.0f} degrees down, give or take "
+            f"{ground.pitch_error_deg:.0f}; give the pitch",
+        )
     if ground is None or not ground.is_doubtful:
         return ()
     return (

@@ -19,14 +19,14 @@ from anyprobe.detail.background import background_of
 from anyprobe.detail.likeness import MATCH_ROWS, shown_by
 from anyprobe.detail.plausible import DETAILS, ROWS, check_detail, check_rows
 from anyprobe.errors import InputError
-from anyprobe.estimate.below_horizon import ground_below
-from anyprobe.estimate.doubts import light_doubts
+from anyprobe.estimate.doubts import ground_doubts, light_doubts
+from anyprobe.estimate.ground import GIVEN, ground_by_posture
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.multiview import cut_photos, estimate_crops
 from anyprobe.estimate.photo import Crop, Photo, crop_object, load_photo
 from anyprobe.estimate.result import Info, Light
-from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, LIFT_STAGES, MODE, PHOTO_SIZE, Models, model_id
-from anyprobe.estimate.surroundings import CONTINUED, radiance_of, use_surroundings
+from anyprobe.estimate.runtime import DEFAULT_ENGINE, DEFAULT_MODEL, MODE, PHOTO_SIZE, Models, model_id
+from anyprobe.estimate.surroundings import radiance_of, use_surroundings
 from anyprobe.files.images import ImageSource
 from anyprobe.given_material import Albedo, as_material
 from anyprobe.hints import Hints, HintsDict, as_hints, spread
@@ -210,12 +210,19 @@ class Estimator:
         loaded = time.perf_counter()
         start = loaded if start is None else start
         material = photo.material if material is None else as_material(material)
-        if photo.ground is not None and self.models.stages != LIFT_STAGES:
+        if photo.use_background and not photo.asked_background and not self.models.lifts:
             crop = replace(crop, surroundings_map=None)  # that nobody asked for
-        if photo.normals_from_depth and self.models.stages != LIFT_STAGES:
+        if photo.normals_from_depth and not self.models.lifts:
             crop = replace(crop, normals=None)  # likewise
         self._check_use(crop, material)
-        outputs = self.models(crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material)
+        ground, up = photo.ground, None
+        if ground is not None and ground.source == GIVEN:
+            up = crop.camera_from_crop.T @ ground.up
+        outputs = self.models(
+            crop.image, crop.tan_half, crop.normals, crop.surroundings_map, material, crop.context, up
+        )
+        if ground is not None and up is None and outputs.posture is not None:
+            ground = ground_by_posture(ground, outputs.posture, crop.camera_from_crop)
         used: dict[str, Any] = {"normals": crop.normals is not None}
         if material is not None:
             outputs, done = use_material(outputs, crop.image, crop.tan_half, material, crop.normals, crop.radiance)
@@ -227,11 +234,6 @@ class Estimator:
         if surroundings_map is not None:
             outputs = use_surroundings(outputs, surroundings_map, tint=material is None)
             used["surroundings"] = round(float(integral(surroundings_map[..., 3:])[0] / (4 * np.pi)), 4)
-            if photo.ground is not None and crop.foot is not None:
-                below = ground_below(surroundings_map, crop.camera_from_crop, photo.ground, crop.foot, crop.tan_half)
-                if below is not None:
-                    outputs = use_surroundings(outputs, below, tint=False, sure=CONTINUED)
-                    used["ground"] = round(float(integral(below[..., 3:])[0] / (4 * np.pi)), 4)
         behind = None
         if crop.surroundings_map is not None:  # for match
             behind = background_of(*radiance_of(crop.surroundings_map), crop.camera_from_crop, MATCH_ROWS)
@@ -241,9 +243,9 @@ class Estimator:
             confidence = np.full(outputs.radiance.shape[:2], exposed, np.float32)
         found = rotate(np.dstack([outputs.radiance, confidence]), crop.camera_from_crop)
         radiance = np.maximum(found[..., :3], 0.0)
-        doubts: tuple[str, ...] = ()
+        doubts = ground_doubts(ground, photo.name)
         if exposed >= ENOUGH_EXPOSED:  # else that is said already
-            doubts = light_doubts(radiance, photo.ground, photo.pitch_deg, photo.name)
+            doubts += light_doubts(radiance, ground, photo.pitch_deg, photo.name)
         return Light(
             radiance=radiance,
             confidence=found[..., 3].clip(0.0, 1.0),
@@ -267,6 +269,7 @@ class Estimator:
                 "long_fov_deg": round(float(photo.long_fov_deg), 3),
                 "fov_source": photo.fov_source,
                 **({} if photo.pitch_deg is None else {"pitch_deg": round(float(photo.pitch_deg), 3)}),
+                **({} if ground is None else {"ground": ground.info()}),
                 "mask": {"source": photo.mask_source, "confidence": sure and round(sure, 4)},
                 "hints": used,
                 **_said(outputs.posterior),
@@ -283,7 +286,7 @@ class Estimator:
         """Only the model that lifts pixels takes hints."""
         hints = (("normals", crop.normals), ("surroundings", crop.surroundings_map), ("material", material))
         given = [name for name, value in hints if value is not None]
-        if given and self.models.stages != LIFT_STAGES:
+        if given and not self.models.lifts:
             raise InputError(
                 f"{' and '.join(given)}: expected a model that takes them, got {self.models.name}; use {DEFAULT_MODEL}"
             )

@@ -5,8 +5,8 @@ What nobody gives is guessed from how such photos are taken. The guess's error s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -14,14 +14,21 @@ from anyprobe.core.contract import contract
 from anyprobe.errors import InputError
 from anyprobe.masks.check import object_box
 
-GIVEN, GUESSED = "given", "guessed"
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+GIVEN, ESTIMATED, GUESSED = "given", "estimated", "guessed"
 _GROUND = contract("ground")
 USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]
-USUAL_ERROR_DEG = 13.0
+USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
 """Of photos of objects on tables and floors: 5 to 50 degrees downwards are common."""
 USUAL_ROLL_DEG = 0.0
-GIVEN_ERROR_DEG = 1.0
+GIVEN_ERROR_DEG: float = _GROUND["given_error_deg"]
 """Of a pitch that was measured or set by eye."""
+SURE_DEG = 8.0
+"""Error of a pitch up to which only rotations near it are looked for."""
+SPREAD = float(np.sqrt(np.pi / 2))
+"""Standard deviation of a normal distribution over its mean absolute error."""
 LEAST_SLOPE_DEG: float = _GROUND["least_slope_deg"]
 """The ground at the object's base is seen at least this far below the horizon."""
 LEAST_CONTACT: float = _GROUND["least_contact"]
@@ -39,7 +46,7 @@ class Ground:
         pitch_error_deg: standard deviation of that.
         roll_deg: how far the camera is turned to the left about its axis, so that the picture turns to the right.
         contact: x, y [px] where the object touches the ground.
-        source: "given" or "guessed".
+        source: "given", "estimated" from the photo by a network, or "guessed".
         is_doubtful: whether the object's place in the photo contradicts the usual guess.
     """
 
@@ -55,11 +62,43 @@ class Ground:
         """Unit vector [3] away from the ground, in the camera's frame."""
         return up_of(self.pitch_deg, self.roll_deg)
 
+    @staticmethod
+    def of(info: dict[str, Any] | None) -> Ground | None:
+        """What `info` says; None for None."""
+        return None if info is None else Ground(**{**info, "contact": tuple(info["contact"])})
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether a search for rotations needs to look near this pitch alone."""
+        return self.pitch_error_deg <= SURE_DEG
+
+    def info(self) -> dict[str, Any]:
+        """As a sidecar has it, rounded."""
+        rounded = {name: round(getattr(self, name), 2) for name in ("pitch_deg", "pitch_error_deg", "roll_deg")}
+        contact = [round(one, 1) for one in self.contact]
+        return {**asdict(self), **rounded, "contact": contact}
+
 
 def up_of(pitch_deg: float, roll_deg: float = 0.0) -> np.ndarray:
     """+Y of the world [3] in the frame of a camera that looks down so far and is turned so far about its axis."""
     pitch, roll = np.radians(pitch_deg), np.radians(roll_deg)
     return np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
+
+
+def ground_by_posture(
+    ground: Ground, posture: Float[np.ndarray, " 3"], camera_from_crop: Float[np.ndarray, "3 3"]
+) -> Ground:
+    """A guessed ground with the pitch and roll that a network found; posture: of estimate.runtime.Outputs."""
+    pitch, error, roll = (float(one) for one in posture)
+    up = camera_from_crop @ up_of(np.degrees(pitch), np.degrees(roll))
+    return replace(
+        ground,
+        pitch_deg=float(np.degrees(np.arcsin(np.clip(up[2], -1.0, 1.0)))),
+        pitch_error_deg=float(np.degrees(error)) * SPREAD,
+        roll_deg=float(np.degrees(np.arctan2(up[0], up[1]))),
+        source=ESTIMATED,
+        is_doubtful=False,
+    )
 
 
 class Framed(Protocol):

@@ -12,7 +12,7 @@ from anyprobe.core.frames import turn_towards
 from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
-from anyprobe.estimate.doubts import exposure_doubts, ground_doubts
+from anyprobe.estimate.doubts import exposure_doubts
 from anyprobe.estimate.ground import Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
@@ -41,6 +41,11 @@ DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
+CONTEXT_SIZE: int = contract("sizes")["context"]
+CONTEXT_SCALE: int = contract("sizes")["context_scale"]
+CONTEXT_FINE: int = contract("sizes")["context_fine"]
+"""Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
+photo on one of its own from which on not all of them are looked at."""
 """Side of the crop over the longer side of the object's bounding box."""
 
 
@@ -60,7 +65,8 @@ class Photo:
         normals: [H, W, 3] known ones in the camera's frame, unit or zero; None where none were given.
         normals_from_depth: whether they came of a depth image.
         use_background: whether what the photo shows beside the object is known of the map.
-        ground: whose colour goes on below the horizon; None where the object is cut out, or something else was asked.
+        asked_background: whether that was asked for, so that it is refused where it cannot be.
+        ground: given or guessed; None where the object is cut out, or something else was asked.
         surroundings_map: [64, 128, 4 or 5] what a file says of the map, in the camera's frame, see
             estimate.surroundings; None where there was none.
         panorama: the same at its own rows, 512 at most.
@@ -81,6 +87,7 @@ class Photo:
     normals: np.ndarray | None = None
     normals_from_depth: bool = False
     use_background: bool = False
+    asked_background: bool = False
     ground: Ground | None = None
     surroundings_map: np.ndarray | None = None
     panorama: np.ndarray | None = None
@@ -116,8 +123,8 @@ class Crop:
         normals: [64, 64, 3] known ones in the window's frame, unit or zero; None where none were given.
         surroundings_map: [64, 128, 4 or 5] what is known of the map, in the window's frame; None: nothing.
         radiance: [S, S, 3] float32, the photo's radiance times mask; None where display values say all.
-        foot: [3] unit direction to where the object touches the ground, in the camera's frame; None where no ground
-            goes on below the horizon.
+        context: [96, 96, 5] float32, the photo CONTEXT_SCALE times as wide as the window: display RGB, the object's
+            mask, and where the photo is, all zero outside it; None where only the object is looked at.
     """
 
     image: np.ndarray
@@ -128,7 +135,7 @@ class Crop:
     normals: np.ndarray | None = None
     surroundings_map: np.ndarray | None = None
     radiance: np.ndarray | None = None
-    foot: np.ndarray | None = None
+    context: np.ndarray | None = None
 
 
 @spread(Hints)
@@ -182,7 +189,6 @@ def load_photo(
         mask_confidence=found.confidence,
         normals=normals,
         normals_from_depth=by_depth and normals is not None,
-        use_background=word == PHOTO,
         surroundings_map=surroundings_map,
         panorama=panorama,
         exposure=pixels.exposure,
@@ -190,11 +196,10 @@ def load_photo(
         pitch_deg=hints.pitch_deg,
         material=hints.surface(),
     )
-    if word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha):
+    is_asked = word == PHOTO
+    if not is_asked and (word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha)):
         return photo
-    ground = estimate_ground(photo)
-    warnings = photo.warnings + ground_doubts(ground, photo.name)
-    return replace(photo, use_background=True, ground=ground, warnings=warnings)
+    return replace(photo, use_background=True, asked_background=is_asked, ground=estimate_ground(photo))
 
 
 def _known_normals(
@@ -252,16 +257,13 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         surroundings_map = visible_surroundings(
             photo.rgb, photo.long_fov_deg, camera_from_crop, image, float(tan_half), photo.radiance
         )
-        if surroundings_map is None and photo.ground is None:
+        if surroundings_map is None and photo.asked_background:
             raise InputError(
                 f"{photo.name}: expected a photo that shows more than its object, found one colour behind it; "
                 f"leave the surroundings out"
             )
     elif photo.surroundings_map is not None:
         surroundings_map = turned(photo.surroundings_map, camera_from_crop)
-    foot = None
-    if photo.ground is not None:
-        foot = _pixel_direction(photo.ground.contact, width, height, photo.long_fov_deg)
     return Crop(
         image=image,
         camera_from_crop=camera_from_crop,
@@ -271,8 +273,20 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
         normals=normals,
         surroundings_map=surroundings_map,
         radiance=radiance,
-        foot=foot,
+        context=_context(photo, center, side) if photo.use_background else None,
     )
+
+
+def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarray:
+    """Crop.context around a window."""
+    step = max(
+        1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE)
+    )  # of large photos not every pixel is looked at
+    rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
+    middle, side = (center[0] / step, center[1] / step), CONTEXT_SCALE * side / step
+    seen = _window(rgb, np.ones_like(mask), middle, side, CONTEXT_SIZE)
+    cover = _window(rgb, mask, middle, side, CONTEXT_SIZE)[..., 3:]
+    return np.concatenate([seen[..., :3], cover, seen[..., 3:]], axis=-1).clip(0.0, 1.0)
 
 
 def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from anyprobe.core.color import to_bytes
 from anyprobe.core.frames import is_rotation
 from anyprobe.core.response import MEAN_CURVE, response
 from anyprobe.errors import InputError, OutputError
+from anyprobe.estimate.ground import Ground
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.images import png_bytes, write_png
 from anyprobe.files.radiance import map_attributes, write_exr, write_hdr
@@ -91,8 +92,8 @@ class Info(TypedDict, total=False):
     (`paper`); seconds: by step.
 
     Some lights lack a key: exposure where no EXIF says it; pitch_deg, how far the camera looks down, where that was not
-    given; fused, the photos of a multiview light; detail, where that is from, see with_detail. A Light that is no
-    estimate of this release may lack any.
+    given; ground (estimate.ground.Ground), of cut-outs; fused, the photos of a multiview light; detail, where that is
+    from, see with_detail. A Light that is no estimate of this release may lack any.
     """
 
     photo: str
@@ -102,6 +103,7 @@ class Info(TypedDict, total=False):
     long_fov_deg: float
     fov_source: str
     pitch_deg: float
+    ground: dict[str, Any]
     mask: MaskInfo
     hints: dict[str, Any]
     object: ObjectInfo | None
@@ -245,6 +247,17 @@ class Light:
         found = add_detail(self.radiance, self.confidence, library=library, rows=size, seed=seed, seen=seen)
         return replace(self, radiance=found.radiance, info={**self.info, "detail": found.info()})
 
+    @property
+    def ground(self) -> Ground | None:
+        """What the object stands on, in the camera's frame; None where that is not known, as of a cut-out."""
+        return Ground.of(self.info.get("ground"))
+
+    @property
+    def pitch_deg(self) -> float | None:
+        """How far the camera looks down, where that was given or is estimated well."""
+        given, ground = self.info.get("pitch_deg"), self.ground
+        return ground.pitch_deg if given is None and ground is not None and ground.is_sure else given
+
     def match(self, folder: Library | str | Path, *, best: int | None = None) -> list[MatchedMap]:
         """A folder's .exr and .hdr panoramas, the one first that lights the object most as its photo shows it.
 
@@ -258,9 +271,9 @@ class Light:
         """
         from anyprobe.detail.matching import rank_maps
 
-        return rank_maps(
-            self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.info.get("pitch_deg")
-        )[:best]
+        return rank_maps(self.radiance, self.confidence, self.shown, folder, self.map_from_camera, self.pitch_deg)[
+            :best
+        ]
 
     def render(
         self, mesh: Mesh | str | Path, material: Material | str = "chrome", **camera: Any

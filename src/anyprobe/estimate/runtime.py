@@ -106,6 +106,10 @@ STAGES: tuple[str, ...] = tuple(contract("graph")["chain"])
 """The paper's chain, one graph each."""
 LIFT_STAGES = ("light",)
 """The model that lifts pixels to the map: one graph."""
+WHOLE = "whole"
+"""A graph beside it, which completes its answer by what the photo shows around the object."""
+WHOLE_INPUTS: tuple[str, ...] = tuple(contract("graph")["whole"]["inputs"])
+WHOLE_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["whole"]["outputs"])
 LIFT_INPUTS: tuple[str, ...] = tuple(contract("graph")["inputs"])
 LIFT_OUTPUTS: tuple[str, ...] = tuple(contract("graph")["outputs"])
 FORMER_INPUTS = {"1": ("photo", "tan_half", "known_normals", "around"), "2": LIFT_INPUTS[:4]}
@@ -130,7 +134,8 @@ class Outputs:
     radiance [H, 2H, 3]: the map, in the photo's exposure units; irradiance [128, 128, 3] display;
     ldr [H, 2H, 3] display and ln_radiance [H, 2H, 3]: what the map was made of.
     confidence [H, 2H]: probability that a pixel's display value is within 0.1; normals [64, 64, 3]: unit, the
-    estimated ones or those that were given; posterior: by the names of POSTERIOR. None from a model that does not say.
+    estimated ones or those that were given; posterior: by the names of POSTERIOR; posture [3]: of the camera, pitch
+    downwards and its mean error, and roll, radians in the crop's frame. None from a model that does not say.
     """
 
     radiance: np.ndarray
@@ -140,6 +145,7 @@ class Outputs:
     confidence: np.ndarray | None = None
     normals: np.ndarray | None = None
     posterior: dict[str, float] | None = None
+    posture: np.ndarray | None = None
 
     def with_map(
         self, radiance: Float[np.ndarray, "H 2*H 3"], confidence: Float[np.ndarray, "H 2*H"] | None
@@ -175,7 +181,9 @@ def weights_folder(model: str) -> Path:
 
 def stages_of(folder: Path) -> tuple[str, ...]:
     """Names of the graphs in a model's folder, in the order they run."""
-    return LIFT_STAGES if (folder / "light.onnx").is_file() else STAGES
+    if (folder / "light.onnx").is_file():
+        return (*LIFT_STAGES, WHOLE) if (folder / f"{WHOLE}.onnx").is_file() else LIFT_STAGES
+    return STAGES
 
 
 class Models:
@@ -204,8 +212,14 @@ class Models:
         for stage in self.stages:
             path = folder / f"{stage}.onnx"
             session = _open(path, stage, threads)
-            self._inputs = len(session.get_inputs())
+            if stage != WHOLE:
+                self._inputs = len(session.get_inputs())
             self._run[stage] = open_engine(session, path, engine, threads)
+
+    @property
+    def lifts(self) -> bool:
+        """Whether it lifts pixels to the map, and so takes hints."""
+        return LIFT_STAGES[0] in self.stages
 
     @property
     def takes_material(self) -> bool:
@@ -221,7 +235,7 @@ class Models:
     def _check_emitters(self, emitters: str) -> str:
         if emitters not in EMITTERS:
             raise InputError(f"emitters {emitters!r}: expected one of {', '.join(EMITTERS)}")
-        if emitters != MODE and self.stages != LIFT_STAGES:
+        if emitters != MODE and not self.lifts:
             raise InputError(
                 f"emitters {emitters}: expected a model that estimates their distribution, got {self.name}; "
                 f"use {DEFAULT_MODEL}"
@@ -235,6 +249,8 @@ class Models:
         normals: Float[np.ndarray, "64 64 3"] | None = None,
         surroundings: np.ndarray | None = None,
         material: Material | None = None,
+        context: np.ndarray | None = None,
+        up: Float[np.ndarray, " 3"] | None = None,
     ) -> Outputs:
         """Run on a crop.
 
@@ -244,10 +260,13 @@ class Models:
             normals: [64, 64, 3] in the crop's frame, unit, zero where they are not known; None: nowhere.
             surroundings: [64, 128, 4 or 5] what is known of the map, in the crop's frame, see estimate.surroundings;
                 None: nothing.
-            material: of the object; None: not known. The paper's chain has no use for these three.
+            material: of the object; None: not known.
+            context: [96, 96, 5] what lies around the object, see estimate.photo.Crop; None: nothing.
+            up: [3] away from the ground, in the crop's frame; None: not known. The paper's chain has no use for these.
         """
-        if self.stages == LIFT_STAGES:
-            return self._lift(lift_inputs(image, tan_half, normals, surroundings, material))
+        if self.lifts:
+            given = lift_inputs(image, tan_half, normals, surroundings, material)
+            return self._lift(given, None if context is None else whole_inputs(context, up))
         return self._chain(_batch(image))
 
     def _chain(self, photo: np.ndarray) -> Outputs:
@@ -262,9 +281,14 @@ class Models:
             ln_radiance=ln_radiance,
         )
 
-    def _lift(self, given: dict[str, np.ndarray]) -> Outputs:
+    def _lift(self, given: dict[str, np.ndarray], around: dict[str, np.ndarray] | None) -> Outputs:
         values = list(given.values())[: self._inputs]
         irradiance, drawn, confidence, normals, spread, *posterior = self._run["light"](*values)
+        posture = None
+        if around is not None and WHOLE in self._run:
+            alone = {"alone_expected": spread, "alone_radiance": drawn, "alone_confidence": confidence}
+            known = {**given, **around, **alone, "posterior": posterior[0]}
+            drawn, spread, confidence, posture = self._run[WHOLE](*(known[name] for name in WHOLE_INPUTS))
         ln_radiance = _image(spread if self.emitters == EXPECTED else drawn)
         radiance = np.exp(np.minimum(ln_radiance, LN_MAX))
         return Outputs(
@@ -275,6 +299,7 @@ class Models:
             confidence=confidence[0, 0],
             normals=_image(normals),
             posterior=dict(zip(POSTERIOR, posterior[0][0].tolist(), strict=True)) if posterior else None,
+            posture=None if posture is None else posture[0],
         )
 
 
@@ -302,6 +327,12 @@ def lift_inputs(
     return dict(zip(LIFT_INPUTS, values, strict=True))
 
 
+def whole_inputs(context: np.ndarray, up: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """What the graph WHOLE is given beside what the first graph was given and answers."""
+    upright = np.zeros((1, 3), np.float32) if up is None else np.asarray(up, np.float32)[None]
+    return {"context": _batch(context), "up": upright}
+
+
 def _batch(image: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(image.transpose(2, 0, 1)[None], dtype=np.float32)
 
@@ -318,6 +349,9 @@ def _open(path: Path, stage: str, threads: int | None) -> onnxruntime.InferenceS
             raise ModelError(
                 f"{path.name}: expected {key} = {value!r}, got {found.get(key)!r}; use weights of this version"
             )
+    if stage == WHOLE:
+        _check_names(path, "inputs", WHOLE_INPUTS, session.get_inputs())
+        _check_names(path, "outputs", WHOLE_OUTPUTS, session.get_outputs())
     if stage in LIFT_STAGES:
         inputs = FORMER_INPUTS.get(found["contract"], LIFT_INPUTS)
         outputs = LIFT_OUTPUTS[:-1] if found["contract"] in FORMER_INPUTS else LIFT_OUTPUTS

@@ -54,8 +54,6 @@ PLAIN_SHARE: float = contract("ground")["plain_share"]
 """A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
 SAMPLES: int = contract("ground")["samples"]
 """Pixels along the longer side that are looked at for that, at least."""
-CONTINUED: float = contract("ground")["continued"]
-"""How sure a place is in which ground is taken to go on; right on so many of the left-out whole photos."""
 PLAIN: float = _CONTRACT["plain"]
 """Standard deviation of display values up to which what is behind the object is one colour: a cut-out, not a place."""
 

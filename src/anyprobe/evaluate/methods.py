@@ -16,7 +16,7 @@ from anyprobe.dataset.mask_errors import narrow, pierce, widen
 from anyprobe.dataset.pair import Pair, shot_of
 from anyprobe.estimate.material_hint import use_material
 from anyprobe.estimate.normals_hint import SHORTEST
-from anyprobe.estimate.runtime import EXPECTED, LIFT_STAGES, NORMALS_SIZE, Models, Outputs
+from anyprobe.estimate.runtime import EXPECTED, NORMALS_SIZE, Models, Outputs
 from anyprobe.estimate.surroundings import use_surroundings, visible_surroundings
 from anyprobe.files.radiance import read_radiance
 from anyprobe.light.environment import MAP_HEIGHT
@@ -72,7 +72,7 @@ def model_methods(models: Models, name: str, hints: bool = False) -> dict[str, M
         )
 
     methods: dict[str, Method] = {name: method}
-    if models.stages == LIFT_STAGES:
+    if models.lifts:
         methods[f"{name}, emitters {EXPECTED}"] = partial(method, models=models.with_emitters(EXPECTED))
     rows = GIVEN_HINTS if hints else {}
     return methods | {f"{name}, {what} given": partial(method, hints=hints) for what, hints in rows.items()}

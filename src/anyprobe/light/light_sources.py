@@ -101,6 +101,8 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
         disc, ring = cosine >= widest, (cosine < widest) & (cosine > rim)
         dull = ring & ~bright  # not what another source sends
         ring = dull if dull.any() else ring
+        if not ring.any():  # of a map of a few rows
+            continue
         around = np.average(rest[ring], axis=0, weights=angles[ring])
         taken = np.maximum(rest[disc] - around, 0.0)
         irradiance = ((cosine * angles)[disc] @ taken).astype(np.float32)
@@ -114,6 +116,8 @@ def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.nda
     """Radius, irradiance [3] and share of what lies around a direction; None where that is no source."""
     degrees = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     ring = (degrees > _RADII_DEG[-1]) & (degrees < RING_DEG)
+    if not ring.any():  # of a map of a few rows
+        return None
     around = np.average(colors[ring], axis=0, weights=angles[ring])
     beyond = np.maximum(colors - around, 0.0) * angles[:, None]
     within = np.array([luminance(beyond[degrees <= r].sum(axis=0)) for r in _RADII_DEG])

@@ -22,6 +22,14 @@ def wrap(x: torch.Tensor, columns: int) -> torch.Tensor:
     return torch.cat([x[..., -columns:], x, x[..., :columns]], dim=3)
 
 
+def fade_seam(x: torch.Tensor, columns: int) -> torch.Tensor:
+    """Undo wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
+    left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
+    first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
+    fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
+    return torch.cat([first + fade * (right - first), middle, last + fade.flip(0) * (left - last)], dim=3)
+
+
 class Wrap(nn.Module):
     """`wrap` as a layer.
 

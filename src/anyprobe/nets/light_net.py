@@ -16,7 +16,7 @@ from torch.nn import functional as F
 from anyprobe.core.latlong import pixel_directions
 from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.blocks import UpBlock, conv, wrap
+from anyprobe.nets.blocks import UpBlock, conv, fade_seam, wrap
 from anyprobe.nets.emitter_head import EmitterHead
 from anyprobe.nets.lifting import (
     CameraRays,
@@ -27,20 +27,11 @@ from anyprobe.nets.lifting import (
     mirror_direction,
     pyramid,
 )
-from anyprobe.nets.source_head import LIKELY, SourceHead, SourceMap, likelihood
 
-HEIGHT = 32
+SPHERE_ROWS = 32
 """Rows that it works at; the map has twice as many."""
 _MARGIN = 8
 """Columns repeated beyond the seam, on both sides."""
-
-
-def _close(x: torch.Tensor, columns: int) -> torch.Tensor:
-    """Undo blocks.wrap; what was computed twice, once on each side, is faded into one so that no seam shows."""
-    left, core, right = x.split([columns, x.shape[3] - 2 * columns, columns], dim=3)
-    first, middle, last = core.split([columns, core.shape[3] - 2 * columns, columns], dim=3)
-    fade = 0.5 - (torch.arange(columns, dtype=x.dtype, device=x.device) + 0.5) / (2 * columns)  # 0.5 to 0
-    return torch.cat([first + fade * (right - first), middle, last + fade.flip(0) * (left - last)], dim=3)
 
 
 class SphereNet(nn.Module):
@@ -56,10 +47,10 @@ class SphereNet(nn.Module):
         self, fine: int, lifted: int, code: int, outputs: int, widths: tuple[int, ...] = (24, 48, 96, 128)
     ) -> None:
         super().__init__()
-        directions = torch.from_numpy(pixel_directions(HEIGHT)).permute(2, 0, 1)[None]
+        directions = torch.from_numpy(pixel_directions(SPHERE_ROWS)).permute(2, 0, 1)[None]
         self.register_buffer("directions", wrap(directions, _MARGIN), persistent=False)
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        deepest = HEIGHT >> len(pairs)
+        deepest = SPHERE_ROWS >> len(pairs)
         self.start = nn.Sequential(nn.Linear(code, 48 * deepest * 2 * deepest), nn.LeakyReLU(0.1))
         self.deepest = deepest
         self.first = nn.Sequential(conv(4 * fine + lifted + 3 + 4, widths[0]), conv(widths[0], widths[0]))
@@ -84,7 +75,7 @@ class SphereNet(nn.Module):
         x = levels.pop()
         for up in self.up:
             x = up(x, levels.pop())
-        return _close(F.pixel_shuffle(self.head(x), 2), 2 * _MARGIN)
+        return fade_seam(F.pixel_shuffle(self.head(x), 2), 2 * _MARGIN)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -104,24 +95,15 @@ class ObjectFeatures:
 
 class ObjectNet(nn.Module):
     """photo [N, 4, 128, 128] (display RGB times mask, mask), slope [N, 2, 64, 64] of CameraRays, unit normals
-    [N, 3, 64, 64] and where they are given [N, 1, 64, 64] rather than estimated; surroundings [N, 4, H, 2H],
-    material [N, 8] and context [N, K] (see LightNet) -> ObjectFeatures.
+    [N, 3, 64, 64] and where they are given [N, 1, 64, 64] rather than estimated; surroundings [N, 4, H, 2H] and
+    material [N, 8] (see LightNet) -> ObjectFeatures.
 
     Two pixels in each direction are folded into channels at once, so that nothing is computed at full size.
     """
 
-    def __init__(
-        self,
-        widths: tuple[int, ...] = (16, 32, 64, 128, 192),
-        features: int = 8,
-        code: int = 192,
-        context: int | None = None,
-    ) -> None:
+    def __init__(self, widths: tuple[int, ...] = (16, 32, 64, 128, 192), features: int = 8, code: int = 192) -> None:
         super().__init__()
         self.num_features = features
-        if context is not None:
-            self.context = nn.Linear(context, code, bias=False)
-            nn.init.zeros_(self.context.weight)  # untrained, a context changes nothing
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
         self.first = nn.Sequential(conv(16 + 2 + 4, widths[0]), conv(widths[0], widths[0]))
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
@@ -144,15 +126,12 @@ class ObjectNet(nn.Module):
         given: torch.Tensor,
         surroundings: torch.Tensor,
         material: torch.Tensor,
-        context: torch.Tensor | None = None,
     ) -> ObjectFeatures:
         levels = [self.first(torch.cat([F.pixel_unshuffle(photo, 2), slope, normals, given], dim=1))]
         for down in self.down:
             levels.append(down(levels[-1]))
         x = levels.pop() + (self.surroundings(surroundings) + self.material(material))[:, :, None, None]
         code = self.code(x)
-        if context is not None:
-            code = code + self.context(context)
         for up in self.up:
             x = up(x, levels.pop())
         residual, weight, features = self.head(x).split([12, 1, self.num_features], dim=1)
@@ -185,8 +164,6 @@ class LightPrediction:
     emitter_logit [N, 1, 64, 128]: ln of power per steradian up to a constant.
     confidence_logit [N, 1, 64, 128]: of being close to the true map.
     posterior [N, 7]: of POSTERIOR, what the photo leaves open.
-    Of a network that is given a context: places [N, S, 3] and profiles [N, S, R] of light sources
-        (nets.source_head) and their powers [N, S, R] in luminance; ln_soft [N, 3, 64, 128]: the map without them.
     """
 
     features: ObjectFeatures
@@ -199,10 +176,6 @@ class LightPrediction:
     emitter_logit: torch.Tensor
     confidence_logit: torch.Tensor
     posterior: torch.Tensor
-    ln_soft: torch.Tensor | None = None
-    places: torch.Tensor | None = None
-    profiles: torch.Tensor | None = None
-    powers: torch.Tensor | None = None
 
 
 POSTERIOR = ("metal_logit", "ln_red", "ln_green", "ln_blue", "ln_scale", "ln_level", "ln_color")
@@ -217,21 +190,16 @@ class LightNet(nn.Module):
     Optional inputs: given normals [N, 3, 64, 64], camera frame, zero where not given; surroundings
     [N, 4, 64, 128], display values times coverage, and coverage, of what is seen of the environment map; the object's
     material [N, 8] of given_material.material_input, zero where not given.
-    context: numbers of the code of ContextNet [N, context] that it is given too, zero where a photo has no context;
-        with one it describes light sources (nets.source_head), and `ln_radiance` has these drawn. None: neither.
     """
 
-    def __init__(self, features: int = 8, code: int = 192, context: int | None = None) -> None:
+    def __init__(self, features: int = 8, code: int = 192) -> None:
         super().__init__()
-        self.num_context = context
         self.camera_rays = CameraRays()
         self.normals = NormalsNet()
-        self.object = ObjectNet(features=features, code=code, context=context)
+        self.object = ObjectNet(features=features, code=code)
         self.sphere = SphereNet(COLORS + 1, COLORS + features + 1, code + 1, outputs=5)
         self.emitters = EmitterHead(code + 1)
         self.posterior = nn.Sequential(nn.Linear(code + 1, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTERIOR)))
-        if context is not None:
-            self.sources, self.source_map = SourceHead(code + 1 + context), SourceMap()
 
     def forward(
         self,
@@ -240,32 +208,23 @@ class LightNet(nn.Module):
         given_normals: torch.Tensor | None = None,
         surroundings: torch.Tensor | None = None,
         material: torch.Tensor | None = None,
-        context: torch.Tensor | None = None,
     ) -> LightPrediction:
         if material is None:
             material = photo.new_zeros(len(photo), MATERIAL_INPUTS)
         if surroundings is None:
             surroundings = photo.new_zeros(len(photo), 4, MAP_HEIGHT, 2 * MAP_HEIGHT)
-        if context is None and self.num_context is not None:
-            context = photo.new_zeros(len(photo), self.num_context)
         slope, wo = self.camera_rays(tan_half)
         normals, given = given_or_estimated(given_normals, self.normals(photo, slope, wo))
-        features = self.object(photo, slope, normals, given, surroundings, material, context)
+        features = self.object(photo, slope, normals, given, surroundings, material)
         code = torch.cat([features.code, features.root_alpha], dim=1)
         out = self.sphere(self._lifted(photo, features, normals, wo), code, surroundings).float()
         ln_shown, ln_power, logit = out[:, :3] * 2 + MEAN_LN, self.emitters(code), out[:, 4:] * 4
-        shown = torch.exp(ln_shown.clamp(max=0.0))
-        described = {}
-        if context is not None:
-            whole = torch.cat([code, context], dim=1)
-            logit = logit + self.ln_context(whole, context)
-            described = self._sources(whole, shown, ln_power, logit)
-        fixed = logit.detach()
+        shown, fixed = torch.exp(ln_shown.clamp(max=0.0)), logit.detach()
         return LightPrediction(
             features=features,
             normals=normals,
             wo=wo,
-            **(described or {"ln_radiance": torch.log(shown + self.emitters.mode(ln_power, fixed))}),
+            ln_radiance=torch.log(shown + self.emitters.mode(ln_power, fixed)),
             ln_expected=torch.log(shown + self.emitters.expected(ln_power, fixed)),
             ln_shown=ln_shown,
             ln_power=ln_power,
@@ -273,27 +232,6 @@ class LightNet(nn.Module):
             confidence_logit=out[:, 3:4],
             posterior=self.posterior(code).float(),
         )
-
-    def ln_context(self, code: torch.Tensor, context: torch.Tensor) -> torch.Tensor:
-        """What the context [N, K] adds to the logit of where light comes from, [N, 1, 64, 128]; code: of object and
-        context."""
-        present = (context.abs().sum(dim=1, keepdim=True) > 0).float()
-        ln = self.sources.ln_density(code, present, self.source_map.directions)
-        return ln.unflatten(1, (MAP_HEIGHT, 2 * MAP_HEIGHT))[:, None]
-
-    def _sources(
-        self, code: torch.Tensor, shown: torch.Tensor, ln_power: torch.Tensor, logit: torch.Tensor
-    ) -> dict[str, torch.Tensor]:
-        places, profiles = self.sources.places(self.emitters, logit.detach()), self.sources.profiles(code)
-        spread = self.emitters.density(LIKELY * torch.log(likelihood(logit.detach())))
-        soft, drawn, powers = self.source_map(shown, self.emitters.above(ln_power), spread, places, profiles)
-        return {
-            "ln_soft": torch.log(soft),
-            "ln_radiance": torch.log(drawn),
-            "places": places,
-            "profiles": profiles,
-            "powers": powers,
-        }
 
     def _lifted(
         self, photo: torch.Tensor, features: ObjectFeatures, normals: torch.Tensor, wo: torch.Tensor

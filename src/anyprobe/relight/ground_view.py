@@ -7,13 +7,13 @@ camera's height over the ground, which a photo does not determine and nothing he
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anyprobe.core.frames import orthonormal_basis
 from anyprobe.errors import InputError
-from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, estimate_ground
+from anyprobe.estimate.ground import GIVEN, LEAST_SLOPE_DEG, Ground, estimate_ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 
@@ -113,12 +113,13 @@ class View:
         )
 
 
-def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
+def view_of(photo: Photo, pitch_deg: float | None = None, found: Ground | None = None) -> tuple[View, float]:
     """The photo's camera over its ground, and the pitch taken.
 
     Args:
-        pitch_deg: how far the camera looks down; None: the photo's own. Unless either is given it is what
-            estimate_ground finds, or just enough to see the ground at the base LEAST_SLOPE_DEG below the horizon.
+        pitch_deg: how far the camera looks down; None: the photo's own.
+        found: the ground that was estimated with the light; None: estimate_ground's guess. Unless the pitch is given,
+            the camera sees the ground at the base at least LEAST_SLOPE_DEG below the horizon.
     Raises:
         InputError: the base would lie at or above the horizon.
     """
@@ -126,6 +127,8 @@ def view_of(photo: Photo, pitch_deg: float | None = None) -> tuple[View, float]:
     long_fov_deg = UNKNOWN_LENS_DEG if photo.fov_source == "default" else photo.long_fov_deg
     focal = max(width, height) / 2 / np.tan(np.radians(long_fov_deg) / 2)
     ground = estimate_ground(photo, pitch_deg=pitch_deg)
+    if found is not None and ground.source != GIVEN:
+        ground = replace(ground, pitch_deg=found.pitch_deg, source=found.source)
     base = ground.contact[1]
     below_axis = np.degrees(np.arctan2(base - height / 2, focal))
     pitch_deg = ground.pitch_deg

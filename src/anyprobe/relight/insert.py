@@ -12,6 +12,7 @@ from PIL import Image
 
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InputError, MissingExtra
+from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.normals_hint import Part
 from anyprobe.estimate.photo import Photo
 from anyprobe.masks.resize import resize
@@ -196,13 +197,14 @@ class Arrangement:
 
     size: its height over the real object's. at: x, y of its foot in the photo [px], None for
     beside the real object. turn_deg: about its vertical axis. pitch_deg: how far the camera looks
-    down, None for level or as far as the object's base asks.
+    down, None for the ground's. ground: of the photo's estimate (Light.ground); None: guessed.
     """
 
     size: float = 0.5
     at: tuple[float, float] | None = None
     turn_deg: float = 0.0
     pitch_deg: float | None = None
+    ground: Ground | None = None
 
 
 class Stage:
@@ -217,7 +219,7 @@ class Stage:
             raise InputError(f"at: expected a pixel of {width} x {height}, got {at[0]:g},{at[1]:g}; choose another")
         self.photo = photo
         self.view: View
-        self.view, pitch_deg = view_of(photo, arrangement.pitch_deg)
+        self.view, pitch_deg = view_of(photo, arrangement.pitch_deg, arrangement.ground)
         if not np.isfinite(arrangement.turn_deg):
             raise InputError(f"turn_deg: expected degrees, got {arrangement.turn_deg}")
         self.placement: Placement = place_beside(

@@ -39,9 +39,13 @@ def register(mi) -> None:
             super().__init__(props)
             self.albedo = props["albedo"]  # a colour, or a texture
             self.textured = isinstance(self.albedo, mi.Texture)
-            self.f0 = mi.ScalarColor3f(props["f0"])
-            self.alpha = props["alpha"]
-            self.cosine_share = 0.5 if self.textured or max(self.albedo) > 0 else 0.0
+            self.f0 = mi.Color3f(props["f0"])
+            self.alpha = mi.Float(props["alpha"])
+            self.cosine_share = mi.Float(0.5 if self.textured or max(self.albedo) > 0 else 0.0)
+            if not self.textured:
+                self.albedo = mi.Color3f(self.albedo)
+                dr.make_opaque(self.albedo)
+            dr.make_opaque(self.f0, self.alpha, self.cosine_share)  # else each material compiles a kernel of its own
             kind = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components = [kind]
             self.m_flags = kind
@@ -74,9 +78,9 @@ def register(mi) -> None:
             normals = self._normals()
             g1_wi, g1_wo = normals.smith_g1(si.wi, h), normals.smith_g1(wo, h)
             g = dr.rcp(dr.rcp(g1_wi) + dr.rcp(g1_wo) - 1)
-            fresnel = self.f0 + (1 - mi.Color3f(self.f0)) * (1 - wi_dot_h) ** 5
+            fresnel = self.f0 + (1 - self.f0) * (1 - wi_dot_h) ** 5
             coat = fresnel * normals.eval(h) * g / (4 * n_dot_wi)
-            albedo = self.albedo.eval(si, active) if self.textured else mi.Color3f(self.albedo)
+            albedo = self.albedo.eval(si, active) if self.textured else self.albedo
             base = (1 - fresnel) * albedo * dr.inv_pi * n_dot_wo
             pdf = self.cosine_share * mi.warp.square_to_cosine_hemisphere_pdf(wo)
             pdf += (1 - self.cosine_share) * normals.pdf(si.wi, h) / (4 * wi_dot_h)
@@ -204,8 +208,13 @@ def _rays(camera: Camera, jitter: np.ndarray) -> np.ndarray:
 
 
 def _mi_rays(mi, origin: np.ndarray, direction: np.ndarray):
+    import drjit as dr
+
     origin = np.broadcast_to(origin, direction.shape)
-    return mi.RayDifferential3f(mi.Point3f(*origin.T.copy()), mi.Vector3f(*direction.T.copy()))
+    one = dr.opaque(mi.Float, 1.0)  # products are aligned as Dr.Jit likes it, which every kernel depends on
+    origins, directions = (one * kind(*x.T.copy()) for kind, x in ((mi.Point3f, origin), (mi.Vector3f, direction)))
+    dr.eval(origins, directions)
+    return mi.RayDifferential3f(origins, directions)
 
 
 def _bsdf(material: Material) -> dict:

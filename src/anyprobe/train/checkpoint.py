@@ -172,7 +172,7 @@ def _no_checkpoint(path: Path, found: str) -> ModelError:
     return ModelError(f"{path}: expected a run's checkpoint, got {found}; train again, or put a copy back")
 
 
-ADDED = ("light.object.material.", "light.posterior.", "light.object.context.", "light.sources.", "context.")
+ADDED = ("light.object.material.", "light.posterior.")
 """Parts that weights of older releases lack; they begin untrained."""
 SMALL = 1024
 """Tensors of fewer numbers stay float32: statistics and biases, which weigh nothing."""
@@ -180,8 +180,6 @@ SMALL = 1024
 
 def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None:
     """Keep a checkpoint's weights, of this name in it, at path, large tensors as float16.
-
-    Where the weights that the run began from lie in the same folder, only those that are no longer the same are kept.
 
     Raises:
         InputError: path is the checkpoint.
@@ -193,21 +191,8 @@ def save_init_weights(checkpoint: Path, path: Path, holds: str = "nets") -> None
         name: value.half() if value.is_floating_point() and value.numel() >= SMALL else value
         for name, value in stored[holds].items()
     }
-    base = _beginning(stored, path)
-    if base is not None:
-        old, _ = read_init_weights(base)
-        same = {name for name, value in stored[holds].items() if name in old and torch.equal(value, old[name])}
-        beyond = {name: value for name, value in halved.items() if name not in same}
-        halved = {"nets": beyond, "base": base.name, "base_id": init_weights_id(base)} if same else halved
     with atomic_path(path) as temporary:
         torch.save(halved, temporary)
-
-
-def _beginning(stored: Mapping[str, Any], path: Path) -> Path | None:
-    """The weights that a checkpoint's run began from, if they lie in path's folder."""
-    start = stored.get("origin", {}).get("start")
-    others = [one for one in sorted(path.parent.glob("*.pt")) if one != path] if start else []
-    return next((one for one in others if init_weights_id(one) == start), None)
 
 
 def keep_apart(checkpoint: Path, path: Path) -> None:
@@ -239,15 +224,9 @@ def init_weights_id(path: Path) -> str:
 
 
 def read_init_weights(path: Path) -> tuple[dict[str, torch.Tensor], int | None]:
-    """The weights that a file keeps, as float32, with those that it leaves to the file beside it from which they began,
-    and how many pairs they have seen, if it says so."""
+    """The weights that a file keeps, as float32, and how many pairs they have seen, if it says so."""
     try:
         kept = torch.load(path, map_location="cpu", weights_only=True)
-        if isinstance(kept, dict) and "base" in kept:
-            base = path.with_name(kept["base"])
-            if init_weights_id(base) != kept["base_id"]:
-                raise ModelError(f"{base.name} is not what it goes with")
-            kept["nets"] = read_init_weights(base)[0] | kept["nets"]
         weights, pairs = (kept["nets"], kept.get("pairs")) if kept.get("nets") else (kept, None)
         return {name: value.float() if value.is_floating_point() else value for name, value in weights.items()}, pairs
     except Exception as error:  # torch raises many kinds for a damaged file

@@ -31,10 +31,8 @@ class RunConfig:
     """The training of one model on pairs made as it goes.
 
     name: of the run's folder.
-    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the environment map, "normals",
-        the part of it that estimates normals, "whole", the one that is given the whole photo, or "heads", what that has
-        beyond "lift". truth_share, gradual and hdr_share concern the first, lift all others but "normals".
-    period: of "heads": of so many batches the features are made once and seen again and again.
+    model: "paper", the chain of three networks, "lift", the one that lifts pixels to the environment map, or "normals",
+        the part of it that estimates normals. truth_share, gradual and hdr_share concern the first, lift the second.
     truth_share: share of a batch in which the illumination net sees the true irradiance,
         the rest sees the irradiance net's.
     gradual: whether the LDR targets sharpen as in Eq. 6.
@@ -53,7 +51,6 @@ class RunConfig:
     truth_share: float = 0.25
     hdr_share: float = 0.5
     gradual: bool = True
-    period: int = 0
     lift: LiftConfig = field(default_factory=LiftConfig)
     pairs: PairConfig = field(default_factory=PairConfig)
     surfaces: SurfaceConfig = field(default_factory=SurfaceConfig)
@@ -105,40 +102,6 @@ def lift() -> RunConfig:
     )
 
 
-def whole() -> RunConfig:
-    """The model that is given the whole photo: what the object stands on, its shadow, what is behind it."""
-    one = lift()
-    return replace(
-        one,
-        name="whole",
-        model="whole",
-        steps=20_000,
-        learning_rate=3e-4,
-        lift=replace(one.lift, profile=0.15, pitch=0.05, roll=0.03, stands=0.03),
-        pairs=replace(one.pairs, seed=141, ground=0.6, surroundings=0.8, merged_surroundings=0.1, reuse=36),
-        surfaces=replace(
-            one.surfaces, procedural=80, figures=150, parts=70, tilt_deg=6.0, bend=0.3, points=2048, seed=23
-        ),
-        light=replace(one.light, procedural=120, variants=100, seed=41),
-    )
-
-
-def heads() -> RunConfig:
-    """What `whole` has beyond `lift`, learned alone before it."""
-    one = whole()
-    return replace(
-        one,
-        name="heads",
-        model="heads",
-        steps=14_000,
-        period=1_600,
-        learning_rate=2e-3,
-        warmup=50,
-        cooldown=0.6,
-        pairs=replace(one.pairs, merged_surroundings=0.0),
-    )
-
-
 def normals() -> RunConfig:
     """The normals of `lift`, learned alone before it."""
     return RunConfig(
@@ -154,7 +117,7 @@ def normals() -> RunConfig:
     )
 
 
-RUNS = {run.__name__: run for run in (paper, lift, whole, heads, normals)}
+RUNS = {run.__name__: run for run in (paper, lift, normals)}
 """What `anyprobe train` can train."""
 
 
@@ -165,7 +128,6 @@ def smoke(config: RunConfig, steps: int = 20) -> RunConfig:
         name=f"{config.name}-dry",
         steps=steps,
         warmup=2,
-        period=min(config.period, 2),
         pairs=replace(config.pairs, batch=4, group=2, pool=2),
         surfaces=replace(
             config.surfaces,

@@ -22,7 +22,7 @@ from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore, load_asset_store, own_map
 from anyprobe.dataset.lighting import Illuminator, draw_variant
 from anyprobe.dataset.pair import LN_RANGE
-from anyprobe.dataset.pairs import CONTEXT_SIZE, Batch, PairConfig, PairSource
+from anyprobe.dataset.pairs import Batch, PairConfig, PairSource
 from anyprobe.dataset.process_pools import one_thread
 from anyprobe.dataset.render_job import SETTINGS, num_shards, read_plan
 from anyprobe.dataset.samples import NORMALS, StoreRenderer, decode_normals, decode_part
@@ -159,14 +159,6 @@ def open_batches(
     return (batch.to(device) for batch in made)
 
 
-def pairs_by_number(
-    config: RunConfig, store: AssetStore, cache: Path, device: str, compiled: bool
-) -> Callable[[int], Batch]:
-    """The batch of a step, of a source that is opened when it is first asked for."""
-    source = lru_cache(maxsize=1)(lambda: _pairs(config, store, cache, device, compiled))
-    return lambda step: source().batch(step)
-
-
 KEPT_LIGHTS = 4096
 """Turned maps that are kept: pairs of one map and view share theirs."""
 
@@ -226,9 +218,6 @@ class ShardSource:
             "surroundings": torch.zeros(size, 4, MAP_HEIGHT, 2 * MAP_HEIGHT),
             "material": torch.zeros(size, MATERIAL_INPUTS),
             "given_material": torch.zeros(size, MATERIAL_INPUTS),
-            "context": torch.zeros(size, 5, CONTEXT_SIZE, CONTEXT_SIZE),
-            "up": torch.zeros(size, 3),
-            "stands": torch.zeros(size),
         }
         return Batch(**arrays, **nothing).to(self.device)
 

@@ -20,7 +20,7 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.files.radiance import write_exr
 from anyprobe.given_material import MATERIAL_INPUTS
 from anyprobe.light.environment import MAP_HEIGHT
-from anyprobe.nets.light_net import LightNet, LightPrediction
+from anyprobe.nets.light_net import LightNet
 from anyprobe.train.checkpoint import read_checkpoint
 from anyprobe.train.loop import load_nets, pairs_seen
 
@@ -53,6 +53,8 @@ AS_LEARNED = Sureness()
 FLOATS = "float32"
 INT8 = "int8 convolutions"
 """What a graph's metadata says that it computes in."""
+LARGE = 8192
+"""Layers of so many weights and more keep them as int8, a scale for each output channel, where that is asked."""
 TOLERANCE = 0.02
 """Largest difference of display values or ln radiance that half-float storage may make."""
 
@@ -62,12 +64,14 @@ class Graph:
     """One graph: its network, and the shapes of its inputs and names of its outputs in order.
 
     median: compare by the median difference, where a last bit may move a pixel to its neighbour.
+    small: linear layers keep their weights as int8.
     """
 
     net: nn.Module
     inputs: dict[str, tuple[int, ...]]
     outputs: tuple[str, ...] = ("output",)
     median: bool = False
+    small: bool = False
 
 
 class LightGraph(nn.Module):
@@ -89,10 +93,7 @@ class LightGraph(nn.Module):
         surroundings: torch.Tensor,
         material: torch.Tensor,
     ) -> tuple[torch.Tensor, ...]:
-        return self.outputs(self.net(photo, tan_half, given_normals, surroundings, material))
-
-    def outputs(self, guess: LightPrediction) -> tuple[torch.Tensor, ...]:
-        """In the graph's order."""
+        guess = self.net(photo, tan_half, given_normals, surroundings, material)
         slope, offset = self.sureness.logit
         of_reflectance, of_level, of_color = self.sureness.errors
         confidence = torch.sigmoid(slope * guess.confidence_logit + offset)
@@ -110,7 +111,7 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
     inputs = {"irradiance": _PHOTO, "illumination": _PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
-    return {stage: Graph(net=nets[stage], inputs={"input": shape}) for stage, shape in inputs.items()}
+    return {stage: Graph(net=nets[stage], inputs={"input": shape}, small=True) for stage, shape in inputs.items()}
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
@@ -174,6 +175,8 @@ def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) 
         )
         model = onnx.load(str(temporary))
         store_half(model)
+        if graph.small:
+            store_int8(model, kinds=(2,))
         onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
@@ -202,6 +205,12 @@ def store_half(model) -> None:
     import onnx
     from onnx import numpy_helper
 
+    for node in [one for one in model.graph.node if one.op_type == "Constant"]:  # the tracer writes each use anew
+        tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
+        if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
+            tensor.name = node.output[0]
+            model.graph.initializer.append(tensor)
+            model.graph.node.remove(node)
     casts: list[Any] = []
     kept: dict[Any, str] = {}
     renamed: dict[str, str] = {}
@@ -221,3 +230,25 @@ def store_half(model) -> None:
         node.input[:] = [renamed.get(name, name) for name in node.input]
     for node in reversed(casts):
         model.graph.node.insert(0, node)
+
+
+def store_int8(model, kinds: tuple[int, ...] = (2, 4)) -> None:
+    """Keep the weights of large layers, which store_half has halved, as int8 behind a DequantizeLinear; the runtime
+    widens them once, when it opens. kinds: 2 for linear layers, 4 for convolutions."""
+    import onnx
+    from onnx import numpy_helper
+
+    for node in [one for one in model.graph.node if one.op_type == "Cast"]:
+        tensor = next((one for one in model.graph.initializer if one.name == node.input[0]), None)
+        if tensor is None or len(tensor.dims) not in kinds or np.prod(tensor.dims) < LARGE:
+            continue
+        name, values = node.output[0], numpy_helper.to_array(tensor).astype(np.float32)
+        scale = np.maximum(np.abs(values).reshape(len(values), -1).max(axis=1), 1e-8) / 127
+        steps = np.round(values / scale.reshape(-1, *[1] * (values.ndim - 1))).astype(np.int8)
+        model.graph.initializer.remove(tensor)
+        parts = {"int8": steps, "scale": scale, "zero": np.zeros(len(values), np.int8)}
+        model.graph.initializer.extend(numpy_helper.from_array(part, f"{name}_{kind}") for kind, part in parts.items())
+        widened = onnx.helper.make_node("DequantizeLinear", [f"{name}_{kind}" for kind in parts], [name], axis=0)
+        place = list(model.graph.node).index(node)
+        model.graph.node.remove(node)
+        model.graph.node.insert(place, widened)

@@ -100,10 +100,6 @@ class LiftConfig:
     level: float = 0.1
     color: float = 0.03
     material: float = 0.05
-    profile: float = 0.0
-    pitch: float = 0.0
-    roll: float = 0.0
-    stands: float = 0.0
 
 
 def display(ln_radiance: torch.Tensor) -> torch.Tensor:

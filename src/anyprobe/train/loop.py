@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import reduce
@@ -25,10 +24,9 @@ from anyprobe.files.atomic import atomic_path
 from anyprobe.train.chain import Chain
 from anyprobe.train.checkpoint import agreed, load_init_weights, load_weights, read_checkpoint, resumed
 from anyprobe.train.config import RunConfig
-from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches, pairs_by_number
+from anyprobe.train.dataloader import ShardSource, load_assets, name_assets, open_batches
 from anyprobe.train.lift import Lift, Normals
 from anyprobe.train.logger import Learner, RunLogger, run_folder
-from anyprobe.train.whole import Features, Heads, Whole
 
 CHECKPOINT_SECONDS = 120.0
 
@@ -39,16 +37,10 @@ def learning_rate(config: Any, step: int) -> float:
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
-LEARNERS: dict[str, type[Chain | Lift | Normals | Heads]] = {
-    "paper": Chain,
-    "lift": Lift,
-    "normals": Normals,
-    "heads": Heads,
-    "whole": Whole,
-}
+LEARNERS: dict[str, type[Chain | Lift | Normals]] = {"paper": Chain, "lift": Lift, "normals": Normals}
 
 
-def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals | Heads:
+def make_learner(config: RunConfig, device: str) -> Chain | Lift | Normals:
     """What trains: networks, and their losses by name."""
     kind = LEARNERS[config.model]
     if issubclass(kind, (Chain, Normals)):
@@ -156,24 +148,16 @@ def train(
     if first >= last:
         return path
     steps = range(first * processes.size + processes.rank, last * processes.size + processes.rank, processes.size)
-    make: Callable[[int], Batch] | None = None
-    batches: Iterable[Batch | Features] = ()
+    batches: Iterable[Batch]
     if pairs is not None:
         if isinstance(pairs, ShardSource):
             origin = agreed(path, origin, {"assets": pairs.identity})
-        make, batches = pairs.batch, map(pairs.batch, steps)
+        batches = map(pairs.batch, steps)
     else:
         store = load_assets(config.light, data)
         origin = agreed(path, origin, {"assets": name_assets(store)})
-        if config.model == "heads":
-            make = pairs_by_number(config, store, runs / "cache", device, compiled)
-        else:
-            batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
+        batches = open_batches(config, store, data, runs / "cache", device, compiled, steps, workers)
         del store  # hundreds of maps, of which the batches keep what they need
-    if isinstance(learner, Heads) and make is not None:
-        if workers or processes.size > 1:
-            raise InputError("heads: expected one process without --workers, whose pairs are kept; leave them out")
-        batches = learner.kept(make, runs / "cache" / f"features-{_key(config, origin)}", config.period, steps)
     logger = RunLogger(folder, config.name, learner, first, last, config.steps)
     saved, each = time.monotonic(), config.pairs.batch * processes.size
     with logger if processes.is_first else nullcontext():
@@ -200,13 +184,6 @@ def train(
                 saved = time.monotonic()
     processes.leave()
     return path
-
-
-def _key(config: RunConfig, origin: Mapping[str, Any]) -> str:
-    """Of what features of pairs depend on: the pairs, and the weights that a run begins from."""
-    parts = [dataclasses.asdict(part) for part in (config.pairs, config.surfaces, config.light)]
-    said = json.dumps([*parts, config.seed, origin.get("start"), origin.get("assets")], sort_keys=True)
-    return hashlib.sha256(said.encode()).hexdigest()[:16]
 
 
 BACKENDS = {"cpu": "gloo", "cuda": "nccl"}

@@ -16,6 +16,7 @@ from anyprobe.detail.library import Library
 from anyprobe.detail.match import exposed_match, hold_match
 from anyprobe.errors import AnyprobeError, InputError
 from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.ground import Ground
 from anyprobe.estimate.panorama import cut_out, lay_over, seen_from, window
 from anyprobe.estimate.photo import Photo
 from anyprobe.estimate.result import FRAME, SCALE, Light
@@ -132,7 +133,7 @@ class ClipRun:
             if frame.index < done.next_index:
                 if frame.index == done.stage_index and self.virtual is not None:
                     self.follower.last = done.stage_last
-                    self._stage = _set_up(self.follower.photo(frame), self.virtual)
+                    self._stage = _set_up(self.follower.photo(frame), self.virtual, done.ground)
                 continue
             if frame.index == done.next_index and done.next_index:
                 self.follower.last, self._shown, self._preview = done.last, None, None
@@ -197,7 +198,8 @@ class ClipRun:
         if self.virtual is not None:
             done.gain = 1.0 if self.material is not None else least_scale(self._photo, steady)
         if self.virtual is not None and self._stage is None:
-            self._stage = _set_up(self._photo, self.virtual)
+            done.ground = light.info.get("ground")
+            self._stage = _set_up(self._photo, self.virtual, done.ground)
             done.stage_index, done.stage_last = frame.index, before
             material = self._stage.material(self.virtual.material, steady * np.float32(done.gain))
             done.material = {key: np.asarray(value).tolist() for key, value in asdict(material).items()}
@@ -297,6 +299,6 @@ class ClipRun:
         return [self._piece(number, kind) for number in range(self.progress.pieces)]
 
 
-def _set_up(photo: Photo, virtual: VirtualObject) -> Stage:
-    """The place of the virtual object, from the first frame with a mask, for all."""
-    return Stage(photo, virtual.mesh, virtual.arrangement)
+def _set_up(photo: Photo, virtual: VirtualObject, ground: dict | None) -> Stage:
+    """The place of the virtual object, from the first frame with a mask and the ground of its light, for all."""
+    return Stage(photo, virtual.mesh, replace(virtual.arrangement, ground=Ground.of(ground)))

@@ -40,7 +40,7 @@ class Progress:
     light: the filter's state, and time_s of the light it last saw.
     last: of the follower. pieces: of light.mp4, and of relit.mp4, that are written.
     stage_index: the frame that the virtual object was placed in. stage_last: last as it was before that frame, by which
-    its mask is found again. material: the object's, as plain numbers.
+    its mask is found again. ground: of that frame's light, Ground.info. material: the object's, as plain numbers.
     gain: of the light that the relit clip shows, see relight.appearance.least_scale.
     panorama: [64, 128, 4 or 5] of the surroundings that frames have shown so far, in the world: linear radiance times
     cover, and cover; from an .exr or .hdr also how much of the cover is measured above white.
@@ -56,6 +56,7 @@ class Progress:
     pieces: int = 0
     stage_index: int | None = None
     stage_last: list[float] | None = None
+    ground: dict | None = None
     material: dict | None = None
     gain: float = 1.0
     panorama: np.ndarray | None = None

@@ -50,8 +50,8 @@ export class PhotoStage {
   }
 
   /** @param {number | null} lensDeg field of view of the longer side, null where it is unknown */
-  place(width, height, lensDeg, mask, box) {
-    this.stage.setPhoto(width, height, lensDeg, mask, box);
+  place(width, height, lensDeg, mask, box, ground = null) {
+    this.stage.setPhoto(width, height, lensDeg, mask, box, ground);
     element("pitch").value = this.stage.pitchDeg;
   }
 

@@ -23,7 +23,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { pixelDirection } from "../../src/photo/crop.js";
-import { contactOf, likelyPitchDeg } from "../../src/photo/ground.js";
+import { contactOf, likelyPitchDeg, seenPitchDeg } from "../../src/photo/ground.js";
 import { DrawnAside } from "./drawnAside.js";
 import { ContactShadow, EnvironmentTexture, MaskOccluder, groundShadowOpacity, installCameraCurve } from "../../src/three/index.js";
 import { SHARP_FACE_SIZES } from "../../src/light/prefilter.js";
@@ -113,8 +113,9 @@ export class Stage {
    * @param {number | null} lensDeg field of view of the longer side; null where it is unknown
    * @param {Float32Array} mask of the real object, width * height, or of a smaller picture's shape
    * @param {number[]} box of the real object, x0, y0, x1, y1 in pixels
+   * @param {{pitchDeg: number} | null} [ground] that came with the light; null: guessed
    */
-  setPhoto(width, height, lensDeg, mask, box) {
+  setPhoto(width, height, lensDeg, mask, box, ground = null) {
     const longFovDeg = lensDeg ?? UNKNOWN_LENS_DEG;
     const isSame = [width, height, ...box].join() === [this.width, this.height, ...(this.box ?? [])].join();
     Object.assign(this, { width, height, longFovDeg, box, contact: contactOf(mask, width, box) });
@@ -126,7 +127,8 @@ export class Stage {
     this.camera.updateProjectionMatrix();
     if (isSame && this.isTouched) return this.setPitch(this.pitchDeg); // what was moved stays where it is
     this.isTouched = false;
-    this.setPitch(likelyPitchDeg(this.contact[1], height, this.#focalPx()));
+    const focal = this.#focalPx();
+    this.setPitch(ground ? seenPitchDeg(ground.pitchDeg, this.contact[1], height, focal) : likelyPitchDeg(this.contact[1], height, focal));
   }
 
   /** The real object hides what lies behind it: shadows on the ground, and the virtual object there. */

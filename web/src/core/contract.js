@@ -81,7 +81,10 @@ export const CONTRACT = {
     "map_height": 64,
     "crop": 128,
     "normals": 64,
-    "crop_margin": 1.1
+    "crop_margin": 1.1,
+    "context": 96,
+    "context_scale": 3,
+    "context_fine": 4
   },
   "lens": {
     "default_long_fov_deg": 65,
@@ -90,15 +93,11 @@ export const CONTRACT = {
   },
   "ground": {
     "usual_pitch_deg": 22,
+    "usual_error_deg": 13,
+    "given_error_deg": 1,
     "least_slope_deg": 12,
     "least_contact": 0.03,
     "contact_band": 0.04,
-    "near": 4,
-    "least_pixels": 12,
-    "begins_deg": 2,
-    "full_deg": 20,
-    "weight": 0.85,
-    "continued": 0.75,
     "plain_step": 0.012,
     "plain_share": 0.9,
     "samples": 128
@@ -124,6 +123,24 @@ export const CONTRACT = {
       "ln_expected",
       "posterior"
     ],
+    "whole": {
+      "inputs": [
+        "context",
+        "tan_half",
+        "alone_expected",
+        "alone_radiance",
+        "alone_confidence",
+        "posterior",
+        "surroundings",
+        "up"
+      ],
+      "outputs": [
+        "ln_radiance",
+        "ln_expected",
+        "confidence",
+        "posture"
+      ]
+    },
     "chain": [
       "irradiance",
       "illumination",

@@ -27,6 +27,16 @@ export function multiply(a, b) {
   return product;
 }
 
+/** A vector turned by a rotation. */
+export function turned(a, [x, y, z]) {
+  return [0, 3, 6].map((row) => a[row] * x + a[row + 1] * y + a[row + 2] * z);
+}
+
+/** The same by the inverse rotation. */
+export function turnedBack(a, [x, y, z]) {
+  return [0, 1, 2].map((column) => a[column] * x + a[column + 3] * y + a[column + 6] * z);
+}
+
 /** The shortest rotation that carries -Z to a unit direction (Rodrigues' formula). */
 export function turnTowards(direction) {
   const [x, y, z] = normalize(direction);

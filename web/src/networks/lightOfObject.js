@@ -4,8 +4,9 @@ import { CONTRACT } from "../core/contract.js";
 import { luminance } from "../core/color.js";
 import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
-import { CROP_SIZE } from "../photo/crop.js";
-import { groundBelow } from "../photo/ground.js";
+import { turnedBack } from "../core/frames.js";
+import { CROP_SIZE, contextOf } from "../photo/crop.js";
+import { groundOf, upOf } from "../photo/ground.js";
 import { coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
 
 /**
@@ -16,8 +17,8 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
 
 /**
  * @typedef {object} LightOptions
- * @property {"auto" | "photo" | "none" | boolean} [surroundings] whether the picture's background becomes part of the map,
- *   and below the horizon the ground's colour: "auto", both unless the object is cut out; "photo" or true, the background
+ * @property {"auto" | "photo" | "none" | boolean} [surroundings] whether what the picture shows around the object is used:
+ *   "auto", unless the object is cut out; "photo" or true, always
  * @property {number} [pitchDeg] how far the camera looks down, where it is known
  * @property {"mode" | "expected"} [emitters] light sources at their most likely positions, or their mean radiance
  * @property {Float32Array} [material] of photo/material.js, where it is known
@@ -35,16 +36,17 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
   const isAuto = surroundings === "auto" && !isCutOut(picture, crop.mask);
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
-  const below = seen && isAuto ? groundBelow(seen, picture, longFovDeg, crop, pitchDeg) : null;
+  const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
+  const up = isShown && pitchDeg !== undefined ? turnedBack(crop.cameraFromCrop, upOf(pitchDeg)) : null;
   if (given.material && !models.takesMaterial) {
     throw new Error("material: expected a network that takes it, got one that does not; use the weights of this version");
   }
-  const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen });
+  const prediction = await models.light(crop.image, crop.tanHalf, { ...given, emitters, surroundings: seen, context, up });
+  const ground = isShown ? groundOf(picture, longFovDeg, crop, pitchDeg, prediction.posture) : null;
   const wellExposed = wellExposedFraction(crop.image);
   const worth = Math.min(1, wellExposed / ENOUGH);
   if (prediction.confidence && worth < 1) prediction.confidence = prediction.confidence.map((value) => worth * value);
-  let stages = seen ? useSurroundings(prediction, seen) : prediction;
-  if (below) stages = useSurroundings(stages, below, false, CONTRACT.ground.continued);
+  const stages = seen ? useSurroundings(prediction, seen) : prediction;
   const confidence = cameraConfidence(stages, crop.cameraFromCrop, wellExposed);
   return {
     stages,
@@ -54,10 +56,10 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     wellExposedFraction: wellExposed,
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
+    ground: ground && { pitchDeg: ground.pitchDeg, pitchErrorDeg: ground.pitchErrorDeg, source: ground.source },
     emitters: models.lifts ? emitters : "mode",
     hints: {
       surroundings: seen ? coverageOf(seen) : 0,
-      ground: below ? coverageOf(below) : 0,
       normals: Boolean(given.normals),
       material: Boolean(given.material),
     },

@@ -8,7 +8,7 @@
 import { CONTRACT } from "../core/contract.js";
 import { AnyProbeError } from "../errors.js";
 import { download } from "../files/download.js";
-import { CROP_SIZE, NORMALS_SIZE } from "../photo/crop.js";
+import { CONTEXT_SIZE, CROP_SIZE, NORMALS_SIZE } from "../photo/crop.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { response } from "../core/response.js";
 import { LN_MAX, reconstruct } from "../light/reconstruct.js";
@@ -22,6 +22,8 @@ const PROVIDERS = { wasm: "wasm", webgpu: { name: "webgpu", preferredLayout: "NC
 
 const MASKS = ["mask", "u2netp"];
 const LIFT = ["light"];
+/** Beside it, where there is one: completes its answer by what the picture shows around the object. */
+const WHOLE = "whole";
 const CHAIN = CONTRACT.graph.chain;
 const PHOTO_SHAPE = [1, 4, CROP_SIZE, CROP_SIZE];
 const NORMALS_SHAPE = [1, 3, NORMALS_SIZE, NORMALS_SIZE];
@@ -65,7 +67,8 @@ export class Models {
         logSeverityLevel: 3, // errors: it warns that shapes are computed on the processor, as they should be
       });
     const sessions = {};
-    for (const stage of weights.light ? LIFT : CHAIN) {
+    const stages = weights.light ? [...LIFT, ...(weights[WHOLE] ? [WHOLE] : [])] : CHAIN;
+    for (const stage of stages) {
       if (!weights[stage]) throw new AnyProbeError("invalid-option", `weights.${stage}: expected its address, got none`);
       sessions[stage] = await openStage(stage);
     }
@@ -93,6 +96,8 @@ export class Models {
    *   mean radiance (soft)
    * @param {Float32Array | null} [options.normals] [3, 64, 64] given ones in the crop's frame, unit, zero where unknown
    * @param {Float32Array | null} [options.material] [8] of materialInput
+   * @param {Float32Array | null} [options.context] [5, 96, 96] of contextOf
+   * @param {number[] | null} [options.up] [3] away from the ground in the crop's frame, where it is known
    * @returns {Promise<{radiance: Float32Array, confidence: Float32Array | null, irradiance: Float32Array,
    *   ldr: Float32Array, lnRadiance: Float32Array}>} row by row, channel last: maps [64, 128, 3] in the crop's frame,
    *   irradiance [128, 128, 3] in [0, 1], confidence [64, 128] in [0, 1], null from the paper's chain
@@ -106,27 +111,51 @@ export class Models {
     return "light" in this.sessions;
   }
 
+  /** Whether it completes its answer by what the picture shows around the object. */
+  get completes() {
+    return WHOLE in this.sessions;
+  }
+
   /** Whether it can be given the object's material. */
   get takesMaterial() {
     return this.lifts && this.sessions.light.inputNames.includes("material");
   }
 
-  async #lift(image, tanHalf, { withStages = true, surroundings = null, emitters = "mode", normals = null, material = null }) {
-    const outputs = await this.#runByName("light", {
+  async #lift(image, tanHalf, options) {
+    const { withStages = true, surroundings = null, emitters = "mode", normals = null, material = null } = options;
+    let outputs = await this.#runByName("light", {
       photo: [image, PHOTO_SHAPE],
       tan_half: [Float32Array.of(tanHalf), [1, 1]],
       given_normals: [normals ?? NO_NORMALS, NORMALS_SHAPE],
       surroundings: [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
       ...(this.takesMaterial ? { material: [material ?? NO_MATERIAL, [1, NO_MATERIAL.length]] } : {}),
     });
+    const said = outputs.posterior ? readPosterior(outputs.posterior) : {};
+    if (options.context && this.completes) outputs = await this.#complete(outputs, tanHalf, options);
     const lnRadiance = channelLast(emitters === "expected" ? outputs.ln_radiance_expected : outputs.ln_radiance);
     const radiance = new Float32Array(lnRadiance.length);
     for (let i = 0; i < radiance.length; i++) radiance[i] = Math.exp(Math.min(lnRadiance[i], LN_MAX));
-    const { confidence } = outputs;
-    const said = outputs.posterior ? readPosterior(outputs.posterior) : {};
-    if (!withStages) return { radiance, confidence, ...said };
+    const { confidence, posture = null } = outputs;
+    if (!withStages) return { radiance, confidence, posture, ...said };
     const irradiance = clipped(channelLast(outputs.irradiance));
-    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance, ...said };
+    return { radiance, confidence, irradiance, ldr: radiance.map((x) => response(x)), lnRadiance, posture, ...said };
+  }
+
+  /** The first graph's answer with what lies around the object. */
+  async #complete(alone, tanHalf, { surroundings, context, up }) {
+    const [ln, one] = [[1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT], [1, 1, MAP_HEIGHT, 2 * MAP_HEIGHT]];
+    const [radiance, expected, confidence, posture] = await this.#run(
+      WHOLE,
+      [context, [1, 5, CONTEXT_SIZE, CONTEXT_SIZE]],
+      [Float32Array.of(tanHalf), [1, 1]],
+      [alone.ln_radiance_expected, ln],
+      [alone.ln_radiance, ln],
+      [alone.confidence, one],
+      [alone.posterior, [1, alone.posterior.length]],
+      [surroundings ?? NO_SURROUNDINGS, MAP_SHAPE],
+      [Float32Array.from(up ?? [0, 0, 0]), [1, 3]],
+    );
+    return { ...alone, ln_radiance: radiance, ln_radiance_expected: expected, confidence, posture };
   }
 
   async #chain(image) {

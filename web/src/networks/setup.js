@@ -52,7 +52,7 @@ function starterOf(worker) {
 }
 
 function weightsOf(weights) {
-  const expected = "{ light, mask } with the address of each graph (weights/light.onnx and weights/mask.onnx of this package), and u2netp";
+  const expected = "{ light, whole, mask } with the address of each graph (weights/light.onnx and so on of this package), and u2netp";
   if (weights === null || typeof weights !== "object" || Object.keys(weights).length === 0) throw wrong("weights", expected, weights);
   const entries = Object.entries(weights).filter(([, graph]) => graph !== undefined);
   return Object.fromEntries(entries.map(([name, graph]) => [name, graphOf(name, graph)]));

@@ -16,6 +16,10 @@ const SHORTEST_NORMAL = CONTRACT.graph.shortest_normal;
 /** Field of view [degrees] of the longer side where nothing else is known: a phone's main camera. */
 export const DEFAULT_LONG_FOV_DEG = CONTRACT.lens.default_long_fov_deg;
 
+/** Side of the picture of what lies around the object. */
+export const CONTEXT_SIZE = CONTRACT.sizes.context;
+const { context_scale: CONTEXT_SCALE, context_fine: CONTEXT_FINE } = CONTRACT.sizes;
+
 const MARGIN = CONTRACT.sizes.crop_margin;
 
 /**
@@ -80,6 +84,47 @@ export function cropObject({ width, height, rgba }, mask, longFovDeg = DEFAULT_L
   // away from the picture's centre a pixel takes in less: by cos^2 along the radius, by cos across it
   const tanHalf = (sidePx / 2 / focalPx(width, height, longFovDeg)) * Math.hypot(...ray) ** -1.5;
   return { image, cameraFromCrop: turnTowards(ray), sidePx, centerPx, tanHalf, mask, box };
+}
+
+/**
+ * The picture CONTEXT_SCALE times as wide as the crop: display RGB, the object's mask, and where the picture is.
+ *
+ * @param {import("./picture.js").Picture} picture
+ * @param {Float32Array} mask
+ * @param {ReturnType<typeof cropObject>} crop
+ * @returns {Float32Array} [5, 96, 96] in [0, 1], all zero outside the picture
+ */
+export function contextOf({ width, height, rgba }, mask, { centerPx, sidePx }) {
+  const wide = CONTEXT_SCALE * sidePx;
+  const step = Math.max(1, Math.floor(wide / CONTEXT_SIZE / CONTEXT_FINE)); // of large pictures not every pixel is looked at
+  const [high, side] = [Math.ceil(height / step), wide / step];
+  const columns = resampling(centerPx[0] / step - side / 2, side, Math.ceil(width / step), CONTEXT_SIZE);
+  const rows = resampling(centerPx[1] / step - side / 2, side, high, CONTEXT_SIZE);
+  const plane = CONTEXT_SIZE * CONTEXT_SIZE;
+  const context = new Float32Array(5 * plane);
+  const narrow = new Float32Array((rows.last - rows.first) * 5 * CONTEXT_SIZE);
+  for (let y = rows.first, to = 0; y < rows.last; y++) {
+    for (let sample = 0; sample < CONTEXT_SIZE; sample++, to += 5) {
+      let pixel = step * (y * width + columns.from[sample]);
+      for (let i = columns.start[sample]; i < columns.start[sample + 1]; i++, pixel += step) {
+        const weight = columns.weights[i];
+        for (let channel = 0; channel < 3; channel++) narrow[to + channel] += (weight * rgba[4 * pixel + channel]) / 255;
+        narrow[to + 3] += weight * mask[pixel];
+        narrow[to + 4] += weight;
+      }
+    }
+  }
+  for (let sample = 0; sample < CONTEXT_SIZE; sample++) {
+    let from = (rows.from[sample] - rows.first) * 5 * CONTEXT_SIZE;
+    for (let i = rows.start[sample]; i < rows.start[sample + 1]; i++) {
+      const weight = rows.weights[i];
+      for (let column = 0; column < CONTEXT_SIZE; column++, from += 5) {
+        const to = sample * CONTEXT_SIZE + column;
+        for (let channel = 0; channel < 5; channel++) context[channel * plane + to] += weight * narrow[from + channel];
+      }
+    }
+  }
+  return context.map((value) => Math.min(Math.max(value, 0), 1));
 }
 
 /**

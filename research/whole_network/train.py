@@ -1,0 +1,199 @@
+"""WholeNet's training: its own small loop over pairs that are kept, one checkpoint that resumes exactly."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import torch
+
+from anyprobe.core.color import REC709
+from anyprobe.core.response import MEAN_CURVE
+from anyprobe.errors import InputError
+from anyprobe.files.atomic import atomic_path
+from anyprobe.nets.blocks import autocast
+from anyprobe.nets.whole_net import WholeNet
+from anyprobe.train.checkpoint import load_init_weights, load_weights, read_checkpoint, resumed
+from anyprobe.train.logger import RunLogger, run_folder
+from anyprobe.train.loop import CHECKPOINT_SECONDS, learning_rate
+from research.whole_network.losses import WEIGHTS, WholeLoss
+from research.whole_network.source_profiles import source_profiles
+
+LEVEL, TINT = 0.25, 0.12
+"""Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WholeRunConfig:
+    """name: of the run's folder; the learning rate rises over warmup steps and falls over the last cooldown share.
+
+    averaged: decay of the running mean of the weights, which is what is exported. given_up: share of the pairs that
+    are told which way is up. pairs: how many of the kept ones are learned from, 0 for all.
+    """
+
+    name: str = "whole"
+    steps: int = 8_000
+    batch: int = 32
+    learning_rate: float = 1.5e-3
+    weight_decay: float = 1e-3
+    warmup: int = 100
+    cooldown: float = 0.6
+    averaged: float = 0.999
+    given_up: float = 0.2
+    seed: int = 7
+    pairs: int = 0
+
+
+class Pairs:
+    """Kept pairs of research.whole_network.pairs in memory, 240 KB each."""
+
+    def __init__(self, folder: Path, most: int = 0) -> None:
+        """Read a folder's files in the order of their names; InputError where there are none."""
+        files = sorted(folder.glob("*.npz"))
+        if not files:
+            raise InputError(
+                f"{folder}: expected pairs, found none; make them with python -m research.whole_network pairs"
+            )
+        self._parts, count = [], 0
+        for path in files:
+            with np.load(path, allow_pickle=False) as stored:
+                part = {name: stored[name] for name in stored.files}
+            part["profiles"] = _profiles(part["truth"])
+            self._parts.append(part)
+            count += len(part["up"])
+            if 0 < most <= count:
+                break
+        self._starts = np.cumsum([0, *(len(part["up"]) for part in self._parts)])
+
+    def __len__(self) -> int:
+        return int(self._starts[-1])
+
+    def batch(self, rng: np.random.Generator, count: int, given_up: float) -> dict[str, torch.Tensor]:
+        """A random batch of the arrays of pairs.Known, as the network takes them."""
+        rows = rng.integers(len(self), size=count)
+        parts = np.searchsorted(self._starts, rows, side="right") - 1
+
+        def of(name: str) -> torch.Tensor:
+            picked = [self._parts[p][name][row - self._starts[p]] for p, row in zip(parts, rows, strict=True)]
+            return torch.from_numpy(np.stack(picked)).float()
+
+        context = (of("context") / 255).permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last)
+        up = of("up")
+        ln_gain = torch.from_numpy(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, TINT, (count, 3))).float()
+        around, gain = of("surroundings") / 255, ln_gain[:, :, None, None]
+        lift = of("lift")
+        return {
+            "context": _brighter(context, gain),
+            "tan_half": of("tan_half")[:, None],
+            "lift": torch.cat([lift[:, :3] + gain, lift[:, 3:6] + gain, lift[:, 6:]], dim=1),
+            "said": of("posterior"),
+            "surroundings": _brighter(around, gain),
+            "truth": of("truth") + gain,
+            "profiles": of("profiles"),
+            "up": up,
+            "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
+        }
+
+
+def _brighter(picture: torch.Tensor, ln_gain: torch.Tensor) -> torch.Tensor:
+    """Display values [N, 3 and more, H, W] of ln_gain [N, 3, 1, 1] more light; of premultiplied ones about."""
+    n, sigma = MEAN_CURVE.exponent, MEAN_CURVE.sigma
+    ratio = (picture[:, :3] / (1 + sigma)).clip(max=0.999)
+    ln = torch.log(ratio * sigma / (1 - ratio) + 1e-9) / n
+    shown = (1 + sigma) * torch.sigmoid(n * (ln + ln_gain) - float(np.log(sigma)))
+    return torch.cat([shown.clip(max=1.0), picture[:, 3:]], dim=1)
+
+
+def _profiles(truth: np.ndarray, at_once: int = 32) -> np.ndarray:
+    """source_profiles of ln maps [N, 3, H, 2H]."""
+    luminance, found = torch.tensor(REC709), []
+    for start in range(0, len(truth), at_once):
+        radiance = torch.exp(torch.from_numpy(truth[start : start + at_once]).float())
+        found.append(source_profiles(torch.einsum("c,nchw->nhw", luminance, radiance))[1].numpy())
+    return np.concatenate(found)
+
+
+def predict(net: WholeNet, batch: dict[str, torch.Tensor]):
+    """The network's answer to a batch."""
+    names = ("context", "tan_half", "lift", "said", "surroundings", "given_up")
+    with autocast("cpu"):
+        return net(*(batch[name] for name in names))
+
+
+def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path | None = None) -> Path:
+    """Train to config.steps, going on from the checkpoint of runs/<config.name> when there is one; its path.
+
+    Args, errors: as of train.loop.train; pairs: folder of research.whole_network.pairs.
+    """
+    torch.manual_seed(config.seed)
+    path = runs / config.name / "checkpoint.pt"
+    net = WholeNet().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
+    mean, first = deepcopy(net), 0
+    stored, origin = resumed(path, config, {}, start, holds="net")
+    if stored is not None:
+        load_weights(mean, stored["net"], path)
+        load_weights(net, stored["moving"], path)
+        optimizer.load_state_dict(stored["optimizer"])
+        first = stored["step"]
+    elif start is not None:
+        load_init_weights(net, start)
+        mean.load_state_dict(net.state_dict())
+    folder = run_folder(runs, config.name)
+    if first >= config.steps:
+        return path
+    data, losses = Pairs(pairs, config.pairs), WholeLoss()
+    logger = RunLogger(folder, config.name, _columns(net), first, config.steps, config.steps)
+    saved = time.monotonic()
+    with logger:
+        for step in range(first, config.steps):
+            rate = learning_rate(config, step)
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+            batch = data.batch(np.random.default_rng((config.seed, step)), config.batch, config.given_up)
+            net.train()
+            terms = losses(predict(net, batch), batch)
+            loss = sum(WEIGHTS[name] * value for name, value in terms.items())
+            optimizer.zero_grad(set_to_none=True)
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+            optimizer.step()
+            follow(mean, net, min(config.averaged, (step + 1) / (step + 20)))
+            logger.note(step + 1, (step + 1) * config.batch, config.batch, {**terms, "loss": loss}, rate)
+            if time.monotonic() - saved > CHECKPOINT_SECONDS or step + 1 == config.steps:
+                words = {"step": step + 1, "config": json.dumps(dataclasses.asdict(config)), "origin": origin}
+                weights = {"net": mean.state_dict(), "moving": net.state_dict(), "optimizer": optimizer.state_dict()}
+                with atomic_path(path) as temporary:
+                    torch.save({**weights, **words}, temporary)
+                saved = time.monotonic()
+    return path
+
+
+def _columns(net: WholeNet) -> SimpleNamespace:
+    return SimpleNamespace(columns=(*WEIGHTS, "loss"), nets=net)
+
+
+@torch.no_grad()
+def follow(mean: torch.nn.Module, net: torch.nn.Module, decay: float) -> None:
+    """Move the running mean of the weights, and of the statistics, towards those of now."""
+    for kept, new in zip(mean.state_dict().values(), net.state_dict().values(), strict=True):
+        if kept.is_floating_point():
+            kept.lerp_(new, 1.0 - decay)
+        else:
+            kept.copy_(new)
+
+
+def load_whole_net(checkpoint: Path) -> tuple[WholeNet, dict]:
+    """The trained network of a checkpoint (the mean of its weights), ready to run, and its stored step, configuration
+    and origin; ModelError if there is none, or of another release."""
+    stored = read_checkpoint(checkpoint, holds="net")
+    net = WholeNet()
+    load_weights(net, stored["net"], checkpoint)
+    about = {"step": stored["step"], "origin": stored.get("origin", {}), **json.loads(stored["config"])}
+    return net.eval().requires_grad_(False), about

@@ -1,0 +1,173 @@
+"""The network for whole photos: pairs of what is known and what is true, a run that goes on exactly, and its graph."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="needs the train extra")
+pytest.importorskip("onnx", reason="needs the train extra")
+pytest.importorskip("tensorboard", reason="needs the train extra")
+
+from support.scenes import sphere_photo  # noqa: E402
+
+from anyprobe.core.latlong import pixel_directions  # noqa: E402
+from anyprobe.errors import InputError  # noqa: E402
+from anyprobe.estimate.estimator import Estimator  # noqa: E402
+from anyprobe.estimate.runtime import weights_folder  # noqa: E402
+from research.whole_network import train as training  # noqa: E402
+from research.whole_network.export import TOLERANCE, export_whole  # noqa: E402
+from research.whole_network.pairs import Known, known_of  # noqa: E402
+from research.whole_network.train import Pairs, WholeRunConfig, train_whole  # noqa: E402
+from research.world.whole_photos import WholePhoto, recipes_of  # noqa: E402
+
+CONFIG = WholeRunConfig(name="tiny", steps=3, batch=2, warmup=1)
+
+
+@pytest.fixture(scope="module")
+def photo() -> WholePhoto:
+    """A sphere left of the middle, before a gradient, lit from the right and above; the camera looks down and leans."""
+    rgba = np.roll(sphere_photo(), -14, axis=1)
+    height, width = rgba.shape[:2]
+    behind = np.linspace(40, 200, width, dtype=np.float32)[None, :, None] * np.ones((height, 1, 3), np.float32)
+    mask = rgba[..., 3] > 127
+    picture = np.where(mask[..., None], rgba[..., :3], behind).astype(np.uint8)
+    towards = pixel_directions(64) @ np.array([0.8, 0.5, -0.33])
+    truth = np.repeat(np.exp(1.5 * towards)[..., None], 3, axis=2).astype(np.float32)
+    return WholePhoto(
+        recipe=recipes_of("test")[0],
+        picture=picture,
+        mask=mask,
+        truth=truth,
+        long_fov_deg=50.0,
+        fov_known=True,
+        pitch_deg=20.0,
+        roll_deg=5.0,
+        contact=(width / 2, height * 0.8),
+        cut_out="",
+        map_name="map",
+        shape_name="sphere",
+    )
+
+
+@pytest.fixture(scope="module")
+def known(photo) -> dict[str, Known]:
+    """By how it is taken: as it is, in a mirror, cut out."""
+    estimator, ways = Estimator(threads=1), {"plain": (False, False), "mirrored": (True, False), "cut": (False, True)}
+    return {name: known_of(photo, estimator, np.random.default_rng(1), *way) for name, way in ways.items()}
+
+
+def test_known_has_the_shapes_that_it_says(known):
+    one = known["plain"]
+    shapes = {part.name: getattr(one, part.name).shape for part in fields(Known)}
+    assert shapes == {
+        "context": (96, 96, 5),
+        "tan_half": (),
+        "lift": (7, 64, 128),
+        "posterior": (7,),
+        "surroundings": (4, 64, 128),
+        "truth": (3, 64, 128),
+        "up": (3,),
+    }
+    assert np.linalg.norm(one.up) == pytest.approx(1.0, abs=1e-5)
+    assert one.surroundings.max() > 0
+    assert one.context[48, 48, 3] > 200
+    assert np.isfinite(one.truth.astype(np.float32)).all()
+
+
+def test_a_mirrored_photo_has_the_mirrored_truth(known):
+    plain, mirrored = known["plain"], known["mirrored"]
+    np.testing.assert_allclose(mirrored.truth, plain.truth[:, :, ::-1], atol=0.01)
+    np.testing.assert_allclose(mirrored.up, plain.up * [-1, 1, 1], atol=1e-5)
+    np.testing.assert_allclose(mirrored.context.astype(float), plain.context[:, ::-1], atol=2)
+    assert np.abs(plain.truth - plain.truth[:, :, ::-1]).max() > 1
+    assert abs(plain.up[0]) > 0.02
+
+
+def test_of_a_cut_out_the_object_alone_is_known(known):
+    assert known["cut"].surroundings.max() == 0
+    assert known["cut"].context.max() == 0
+    np.testing.assert_array_equal(known["cut"].truth, known["plain"].truth)
+
+
+@pytest.fixture(scope="module")
+def folder(known, tmp_path_factory):
+    """Two files of pairs."""
+    path = tmp_path_factory.mktemp("pairs")
+    for number, names in enumerate((("plain", "mirrored"), ("cut",))):
+        rows = [known[name] for name in names]
+        stacked = {one.name: np.stack([getattr(row, one.name) for row in rows]) for one in fields(Known)}
+        np.savez(path / f"{number:06d}.npz", **stacked)
+    return path
+
+
+def trained(folder, runs, config=CONFIG):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # TensorBoard warns about itself
+        return train_whole(config, pairs=folder, runs=runs)
+
+
+@pytest.fixture(scope="module")
+def checkpoint(folder, tmp_path_factory):
+    return trained(folder, tmp_path_factory.mktemp("runs"))
+
+
+def test_batches_are_of_all_files(folder, tmp_path):
+    pairs = Pairs(folder)
+    assert len(pairs) == 3
+    batch = pairs.batch(np.random.default_rng(0), 30, given_up=0.5)
+    cut = batch["context"].flatten(1).amax(dim=1) == 0
+    assert 0 < cut.sum() < 30
+    given = batch["given_up"].abs().sum(dim=1) > 0
+    assert 0 < given.sum() < 30
+    torch.testing.assert_close(batch["given_up"][given], batch["up"][given])
+    with pytest.raises(InputError, match="research.whole_network pairs"):
+        Pairs(tmp_path)
+
+
+def test_a_killed_run_goes_on_exactly(folder, checkpoint, tmp_path, monkeypatch):
+    asked, predict = [], training.predict
+
+    def killed(*given):
+        asked.append(given)
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return predict(*given)
+
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", -1.0)
+    monkeypatch.setattr(training, "predict", killed)
+    with pytest.raises(KeyboardInterrupt):
+        trained(folder, tmp_path)
+    part = tmp_path / CONFIG.name / "checkpoint.pt"
+    assert torch.load(part, weights_only=True)["step"] == 2
+    resumed = torch.load(trained(folder, tmp_path), weights_only=True)
+    straight = torch.load(checkpoint, weights_only=True)
+    assert len(asked) == 4
+    assert straight["step"] == resumed["step"] == 3
+    for kept in ("net", "moving"):
+        for name, value in straight[kept].items():
+            assert torch.equal(value, resumed[kept][name]), name
+    with pytest.raises(InputError, match="seed"):
+        trained(folder, tmp_path, replace(CONFIG, seed=8))
+
+
+def test_the_graph_completes_the_first_one_and_says_how_the_camera_looks_down(checkpoint, photo, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch's exporter warns about itself
+        assert export_whole(checkpoint, tmp_path) <= TOLERANCE
+    shutil.copy(weights_folder("lift") / "light.onnx", tmp_path)
+    given = {"mask": np.where(photo.mask, 255, 0).astype(np.uint8), "fov_deg": photo.long_fov_deg}
+    whole = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given)
+    alone = Estimator(threads=1)(photo.picture, **given)
+    assert alone.info["ground"]["source"] == "guessed"
+    assert whole.info["ground"]["source"] == "estimated"
+    assert whole.info["ground"]["pitch_deg"] != alone.info["ground"]["pitch_deg"]
+    assert np.isfinite(whole.radiance).all()
+    assert np.abs(np.log(whole.radiance + 1e-3) - np.log(alone.radiance + 1e-3)).max() > 0.01
+    told = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given, pitch_deg=30.0)
+    assert told.info["ground"]["source"] == "given"
+    assert told.info["ground"]["pitch_deg"] == 30.0
