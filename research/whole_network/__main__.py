@@ -28,10 +28,11 @@ def pairs(
     data: Annotated[Path, typer.Option(help="Folder with hdri and meshes.")],
     kept: Annotated[Path, typer.Option(help="Folder of the renders, see research.world.whole.")],
     out: Pairs = RUNS / "whole-pairs",
-    scenes: Annotated[int, typer.Option(min=1, help="So many of the part train.")] = 4096,
+    scenes: Annotated[int, typer.Option(min=1, help="So many.")] = 4096,
+    part: Annotated[str, typer.Option(help="Of research.world.whole: train, or lamps.")] = "train",
 ) -> None:
     """Make the pairs that are missing of path-traced scenes; those of scenes that are not rendered are rendered."""
-    for path in make_pairs(data, kept, out, scenes):
+    for path in make_pairs(data, kept, out, scenes, part):
         typer.echo(path)
 
 

@@ -81,15 +81,15 @@ def known_of(photo: WholePhoto, estimator: Estimator, rng: np.random.Generator, 
     )
 
 
-def make_pairs(data: Path, kept: Path, out: Path, scenes: int) -> Iterator[Path]:
-    """Files of AT_ONCE scenes each in out, made where they are missing; kept: of research.world.whole."""
-    store, estimator = store_of(data, "train"), Estimator(threads=1)
+def make_pairs(data: Path, kept: Path, out: Path, scenes: int, part: str = "train") -> Iterator[Path]:
+    """Files of AT_ONCE scenes each in out, made where they are missing; kept: of research.world.whole; part: train or lamps."""
+    store, estimator = store_of(data, part), Estimator(threads=1)
     for first in range(0, scenes, AT_ONCE):
-        path, last = out / f"{first:06d}.npz", min(first + AT_ONCE, scenes)
+        path, last = out / f"{part}-{first:06d}.npz", min(first + AT_ONCE, scenes)
         if path.is_file():
             continue
         rows = []
-        for recipe, scene, render in renders(store, "train", kept, last, first):
+        for recipe, scene, render in renders(store, part, kept, last, first):
             for shot in range(SHOTS):
                 photo = photograph(recipe, scene, render, store, shot)
                 rng = np.random.default_rng((int(recipe.key, 16), shot))

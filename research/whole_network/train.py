@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import torch
+from torch.nn import functional as F
 
 from anyprobe.core.color import REC709
 from anyprobe.core.response import MEAN_CURVE
@@ -27,6 +28,9 @@ from research.whole_network.source_profiles import source_profiles
 
 LEVEL, TINT = 0.25, 0.12
 """Standard deviations of ln of the light that a pair has more of, all of it and each channel, each time it is seen."""
+
+NOISE = 0.03
+"""Largest standard deviation of display values, and a third of that of ln radiance, that pairs are seen with."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -88,17 +92,35 @@ class Pairs:
         ln_gain = torch.from_numpy(rng.normal(0.0, LEVEL, (count, 1)) + rng.normal(0.0, TINT, (count, 3))).float()
         around, gain = of("surroundings") / 255, ln_gain[:, :, None, None]
         lift = of("lift")
+        noise = torch.from_numpy(rng.uniform(0.0, NOISE, (count, 1, 1, 1))).float()
+        generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+
+        def noisy(values: torch.Tensor, share: float, where: torch.Tensor | float = 1.0) -> torch.Tensor:
+            return values + share * noise * where * _grain(values, generator)
+
+        def seen(picture: torch.Tensor) -> torch.Tensor:  # of the last channel's cover
+            bright = _brighter(picture, gain)
+            colors = noisy(bright[:, :3], 1.0, bright[:, -1:])
+            return torch.cat([colors, bright[:, 3:]], dim=1).clip(0.0, 1.0)
+
         return {
-            "context": _brighter(context, gain),
+            "context": seen(context).contiguous(memory_format=torch.channels_last),
             "tan_half": of("tan_half")[:, None],
-            "lift": torch.cat([lift[:, :3] + gain, lift[:, 3:6] + gain, lift[:, 6:]], dim=1),
+            "lift": torch.cat([noisy(lift[:, :6] + gain.repeat(1, 2, 1, 1), 3.0), lift[:, 6:]], dim=1),
             "said": of("posterior"),
-            "surroundings": _brighter(around, gain),
+            "surroundings": seen(around),
             "truth": of("truth") + gain,
             "profiles": of("profiles"),
             "up": up,
             "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
         }
+
+
+def _grain(like: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+    """Noise of pixels and of spots of four, of the same shape."""
+    spots = torch.randn((*like.shape[:2], *(side // 4 for side in like.shape[2:])), generator=generator)
+    wide = F.interpolate(spots, size=like.shape[2:], mode="bilinear")
+    return 0.7 * (torch.randn(like.shape, generator=generator) + wide)
 
 
 def _brighter(picture: torch.Tensor, ln_gain: torch.Tensor) -> torch.Tensor:

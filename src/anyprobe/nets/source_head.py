@@ -34,6 +34,8 @@ COMPONENTS = 4
 """Of the mixture on the sphere that the context adds to where light may come from."""
 EDGE_DEG = 3.0
 """Width of the soft edge of a disc that is drawn, all of it inside."""
+LEAST_SR = 1e-5
+"""Of a ring's size, so that none divides by zero."""
 SHARPEST = 10.0
 """Factor of a component's concentration, so that a trained one can be sharp."""
 LEAST_DENSITY = 1e-3
@@ -132,7 +134,7 @@ class SourceMap(nn.Module):
         total = bright.sum(dim=1) + above @ self.luminance
         there = torch.cumsum(torch.einsum("nsrp,np->nsr", rings, bright), dim=2)
         beyond = (profiles * total[:, None, None] - there).clamp(min=0.0)
-        size = rings @ self.solid_angles  # [N, S, R], sr
+        size = (rings @ self.solid_angles).clamp(min=LEAST_SR)  # [N, S, R]
         power = torch.cat([beyond[..., :1], (beyond[..., 1:] - beyond[..., :-1]).clamp(min=0.0)], dim=2)
         density = power / size
         falling: list[torch.Tensor] = []
@@ -157,7 +159,7 @@ class SourceMap(nn.Module):
         power = self.powers(profiles, rings, shown.flatten(2), above)
         bright = (above @ self.luminance).clamp(min=1e-9)
         color = above / bright[:, None]  # [N, 3], of luminance 1
-        density = power / (rings @ self.solid_angles)
+        density = power / (rings @ self.solid_angles).clamp(min=LEAST_SR)
         drawn = torch.einsum("nsr,nsrp->np", density, rings).unflatten(1, shown.shape[2:])[:, None]
         rest = (bright - power.sum(dim=(1, 2))).clamp(min=0.0)
         soft = shown + (color * rest[:, None])[:, :, None, None] * spread

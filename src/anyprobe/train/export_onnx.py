@@ -205,12 +205,14 @@ def store_half(model) -> None:
     import onnx
     from onnx import numpy_helper
 
+    exact: set[str] = set()
     for node in [one for one in model.graph.node if one.op_type == "Constant"]:  # the tracer writes each use anew
         tensor = next((a.t for a in node.attribute if a.HasField("t")), None)
         if tensor is not None and numpy_helper.to_array(tensor).size >= 1024:
             tensor.name = node.output[0]
             model.graph.initializer.append(tensor)
             model.graph.node.remove(node)
+            exact.add(tensor.name)  # directions and the like, whose angles half floats would blur
     casts: list[Any] = []
     kept: dict[Any, str] = {}
     renamed: dict[str, str] = {}
@@ -219,8 +221,10 @@ def store_half(model) -> None:
         if values.dtype != np.float32 or values.size < 1024:
             continue
         name = tensor.name
-        model.graph.initializer.remove(tensor)
         first = kept.setdefault((values.shape, values.tobytes()), name)
+        if first == name and name in exact:
+            continue
+        model.graph.initializer.remove(tensor)
         if first != name:
             renamed[name] = first
             continue
