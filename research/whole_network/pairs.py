@@ -82,7 +82,7 @@ def known_of(photo: WholePhoto, estimator: Estimator, rng: np.random.Generator, 
 
 
 def make_pairs(data: Path, kept: Path, out: Path, scenes: int, part: str = "train") -> Iterator[Path]:
-    """Files in out of AT_ONCE scenes each of a part (train or lamps), where they are missing; kept: of research.world."""
+    """Files in out of AT_ONCE scenes each, made where they are missing; kept: of research.world; part: train, lamps."""
     store, estimator = store_of(data, part), Estimator(threads=1)
     for first in range(0, scenes, AT_ONCE):
         path, last = out / f"{part}-{first:06d}.npz", min(first + AT_ONCE, scenes)
