@@ -19,7 +19,8 @@ def on_a_table() -> tuple[np.ndarray, np.ndarray]:
     """A photo [240, 360, 3] of a camera that looks PITCH_DEG down on a green table, a little brighter to the right; and
     its mask."""
     y, x = np.mgrid[0:240, 0:360]
-    photo = (GREEN * (0.8 + 0.4 * x / 360)[..., None]).astype(np.uint8)
+    planks = 1.0 - 0.15 * (x // 24 % 2)
+    photo = (GREEN * ((0.8 + 0.4 * x / 360) * planks)[..., None]).astype(np.uint8)
     mask = np.where((x - 180) ** 2 + (y - 130) ** 2 < 40**2, 255, 0).astype(np.uint8)
     photo[mask > 0] = [200, 60, 60]
     return photo, mask
@@ -59,13 +60,18 @@ def test_of_a_large_photo_the_context_is_that_of_a_small_one():
     assert (high[-10:, :, 4] > 0.99).all()
 
 
-@pytest.mark.parametrize("background", ["transparent", "white", "flaws"])
+@pytest.mark.parametrize("background", ["transparent", "white", "flaws", "backdrop"])
 def test_cut_outs_are_estimated_as_they_were(background):
     photo, mask = room_photo(smooth_map())
     rng = np.random.default_rng(1)
     photo[mask == 0] = 250
     if background == "flaws":  # as of JPEG around the object
         photo[40:52] = np.clip(photo[40:52] + rng.integers(-60, 6, (12, *photo.shape[1:])), 0, 255)
+    if background == "backdrop":  # paper that is lit from above
+        rows = np.linspace(90, 160, len(photo))[:, None, None]
+        photo[mask == 0] = np.broadcast_to(rows, photo.shape)[mask == 0] + rng.integers(
+            -1, 2, (int((mask == 0).sum()), 3)
+        )
     if background == "transparent":
         photo[mask == 0] = rng.integers(0, 255, (int((mask == 0).sum()), 3))
         photo, mask = np.dstack([photo, mask]), None

@@ -201,6 +201,21 @@ test("the camera's curve and its inverse", { skip }, () => {
   assertClose(steps.map(inverseResponse), floats("curve_inverse"), 1e-6, "inverse");
 });
 
+test("a backdrop's smooth shading is no place, planks are one", { skip }, () => {
+  const { crop, picture } = found;
+  const shaded = (planks) => {
+    const rgba = new Uint8ClampedArray(picture.rgba.length).fill(255);
+    for (let pixel = 0; pixel < rgba.length / 4; pixel++) {
+      const [x, y] = [pixel % picture.width, Math.floor(pixel / picture.width)];
+      const value = 90 + (70 * y) / picture.height - (planks && Math.floor(x / 24) % 2 ? 20 : 0);
+      rgba.fill(value, 4 * pixel, 4 * pixel + 3);
+    }
+    return { ...picture, rgba };
+  };
+  assert.ok(isCutOut(shaded(false), crop.mask));
+  assert.ok(!isCutOut(shaded(true), crop.mask));
+});
+
 test("one colour behind the object is no place", { skip }, () => {
   const { crop, picture } = found;
   const plain = { ...picture, rgba: new Uint8ClampedArray(picture.rgba.length).fill(200) };

@@ -50,6 +50,8 @@ PANORAMA_ROWS = 512
 LINEAR = 5
 """Channels of surroundings that hold values above white."""
 PLAIN_STEP: float = contract("ground")["plain_step"]
+BACKDROP_DAMPING = 1e-6
+"""Added to the normal equations of a backdrop's shading, so that few pixels have one too."""
 PLAIN_SHARE: float = contract("ground")["plain_share"]
 """A background of which so much is no farther from its median colour than this is one colour with flaws: a cut-out."""
 SAMPLES: int = contract("ground")["samples"]
@@ -195,7 +197,8 @@ def visible_surroundings(
 def is_cut_out(
     rgb: Float[np.ndarray, "H W 3"], mask: Float[np.ndarray, "H W"], alpha: Float[np.ndarray, "H W"] | None = None
 ) -> bool:
-    """Whether a photo shows nothing beside its object: it is transparent there, or of one colour but for flaws."""
+    """Whether a photo shows no place beside its object: it is transparent there, or but for flaws of one colour or of a
+    backdrop's smooth shading, a quadratic of the place in the photo."""
     step = max(1, max(mask.shape) // SAMPLES)
     beside = mask[::step, ::step] < 0.5
     if not beside.any():
@@ -203,8 +206,20 @@ def is_cut_out(
     if alpha is not None and (alpha[::step, ::step][beside] < 0.5).mean() >= 0.5:
         return True
     display = rgb[::step, ::step][beside]
-    off = np.abs(display - np.median(display, axis=0)).max(axis=-1)
-    return bool((off <= PLAIN_STEP).mean() >= PLAIN_SHARE)
+    return any(
+        (np.abs(display - fit).max(axis=-1) <= PLAIN_STEP).mean() >= PLAIN_SHARE
+        for fit in (np.median(display, axis=0), _backdrop(display, beside))
+    )
+
+
+def _backdrop(display: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """The quadratic of place nearest to display values [N, 3] of the pixels beside [H, W]."""
+    row, column = (
+        2.0 * index / max(side - 1, 1) - 1.0 for index, side in zip(np.nonzero(beside), beside.shape, strict=True)
+    )
+    terms = np.stack([np.ones_like(row), column, row, column * column, column * row, row * row], axis=-1)
+    normal = terms.T @ terms + BACKDROP_DAMPING * np.eye(terms.shape[1])
+    return terms @ np.linalg.solve(normal, terms.T @ display.astype(np.float64))
 
 
 def use_surroundings(outputs: Outputs, surroundings: np.ndarray, *, tint: bool = True, sure: float = SEEN) -> Outputs:

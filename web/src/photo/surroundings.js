@@ -33,6 +33,9 @@ const TINT_FLOOR = CONTRACT.surroundings.tint_floor;
 /** Confidence of a place that is seen. */
 const SEEN = CONTRACT.surroundings.seen;
 
+/** Added to the normal equations of a backdrop's shading, so that few pixels have one too. */
+const BACKDROP_DAMPING = 1e-6;
+
 /** Shallowest -z of a direction that still meets the picture's plane. */
 const AHEAD = 0.05;
 
@@ -78,7 +81,8 @@ export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, ta
 }
 
 /**
- * Whether a picture shows nothing beside its object: it is transparent there, or of one colour but for flaws.
+ * Whether a picture shows no place beside its object: it is transparent there, or but for flaws of one colour or of a
+ * backdrop's smooth shading, a quadratic of the place in the picture.
  *
  * @param {import("./picture.js").Picture} picture
  * @param {Float32Array} mask
@@ -86,23 +90,54 @@ export function seeSurroundings(picture, longFovDeg, { cameraFromCrop, image, ta
 export function isCutOut({ width, height, rgba }, mask) {
   const step = Math.max(1, Math.floor(Math.max(width, height) / CONTRACT.ground.samples));
   const beside = [[], [], []];
+  const terms = [];
+  const [rows, columns] = [Math.ceil(height / step), Math.ceil(width / step)];
   let transparent = 0;
   for (let y = 0; y < height; y += step) {
     for (let x = 0; x < width; x += step) {
       const pixel = y * width + x;
       if (mask[pixel] >= 0.5) continue;
       if (rgba[4 * pixel + 3] < 128) transparent++;
+      const [u, v] = [(2 * (x / step)) / Math.max(columns - 1, 1) - 1, (2 * (y / step)) / Math.max(rows - 1, 1) - 1];
+      terms.push([1, u, v, u * u, u * v, v * v]);
       for (let channel = 0; channel < 3; channel++) beside[channel].push(rgba[4 * pixel + channel] / 255);
     }
   }
   const count = beside[0].length;
   if (transparent >= 0.5 * count) return true;
   const middle = beside.map(median);
-  let plain = 0;
-  for (let i = 0; i < count; i++) {
-    if (beside.every((values, channel) => Math.abs(values[i] - middle[channel]) <= CONTRACT.ground.plain_step)) plain++;
+  const shading = backdropOf(terms, beside);
+  const isPlain = (fit) => {
+    let plain = 0;
+    for (let i = 0; i < count; i++) {
+      if (beside.every((values, channel) => Math.abs(values[i] - fit(i, channel)) <= CONTRACT.ground.plain_step)) plain++;
+    }
+    return plain >= CONTRACT.ground.plain_share * count;
+  };
+  if (isPlain((_, channel) => middle[channel])) return true;
+  return isPlain((i, channel) => terms[i].reduce((sum, term, k) => sum + term * shading[channel][k], 0));
+}
+
+/** Coefficients, per channel, of the terms [N][6] that are nearest to the values [3][N]: by elimination. */
+function backdropOf(terms, values) {
+  const size = 6;
+  const rows = Array.from({ length: size }, (_, k) => {
+    const row = new Float64Array(size + 3);
+    for (let i = 0; i < terms.length; i++) {
+      for (let l = 0; l < size; l++) row[l] += terms[i][k] * terms[i][l];
+      for (let channel = 0; channel < 3; channel++) row[size + channel] += terms[i][k] * values[channel][i];
+    }
+    row[k] += BACKDROP_DAMPING;
+    return row;
+  });
+  for (let k = 0; k < size; k++) {
+    for (let l = 0; l < size; l++) {
+      if (l === k) continue;
+      const share = rows[l][k] / rows[k][k]; // positive definite: no pivot is zero
+      for (let at = k; at < size + 3; at++) rows[l][at] -= share * rows[k][at];
+    }
   }
-  return plain >= CONTRACT.ground.plain_share * count;
+  return [0, 1, 2].map((channel) => rows.map((row, k) => row[size + channel] / row[k]));
 }
 
 /**
