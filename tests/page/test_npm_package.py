@@ -152,7 +152,7 @@ def test_package_holds_what_its_readme_says_and_no_more(plain_site):
         "types",
         "weights",
     }
-    assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 12 * 2**20
+    assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 16 * 2**20
 
 
 def test_plain_page_with_an_import_map_draws_the_example(plain_site, estimator):
