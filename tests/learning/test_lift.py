@@ -58,8 +58,8 @@ def test_lifting_keeps_every_weight(rng):
     values, weight = torch.rand(2, 3, 16, 16), torch.rand(2, 1, 16, 16)
     pixel = torch.randint(0, 32 * 64, (2, 256))
     sums = lift_to_map(values, weight, pixel, 32)
-    torch.testing.assertfade_seam(sums[:, -1].sum((1, 2)), weight.sum((1, 2, 3)))
-    torch.testing.assertfade_seam(sums[:, :3].sum((2, 3)), (values * weight).sum((2, 3)))
+    torch.testing.assert_close(sums[:, -1].sum((1, 2)), weight.sum((1, 2, 3)))
+    torch.testing.assert_close(sums[:, :3].sum((2, 3)), (values * weight).sum((2, 3)))
 
 
 def test_coarse_scales_fill_what_fine_ones_miss():
@@ -68,13 +68,13 @@ def test_coarse_scales_fill_what_fine_ones_miss():
     sums[0, :, 10, 20] = torch.tensor([600.0, 1000.0])
     for depth, means in enumerate(pyramid(sums, 4)):
         there = means[0, :, 10 >> depth, 20 >> depth]
-        torch.testing.assertfade_seam(there, torch.tensor([0.6, 1.0]), atol=1e-3, rtol=0)
+        torch.testing.assert_close(there, torch.tensor([0.6, 1.0]), atol=1e-3, rtol=0)
         assert (means != 0).sum() == 2
 
 
 def test_display_is_the_mean_camera_until_white():
     radiance = torch.linspace(0.001, 1.0, 50)
-    torch.testing.assertfade_seam(display(radiance.log()), response(radiance), atol=1e-5, rtol=0)
+    torch.testing.assert_close(display(radiance.log()), response(radiance), atol=1e-5, rtol=0)
     assert display(torch.tensor(3.0)) > 1
 
 
@@ -120,8 +120,8 @@ def test_known_normals_take_the_place_of_estimated_ones():
     with torch.no_grad():
         alone, none, given = (net(photo, angle), net(photo, angle, torch.zeros_like(known)), net(photo, angle, known))
     assert torch.equal(alone.ln_radiance, none.ln_radiance)
-    torch.testing.assertfade_seam(given.normals[..., :32], known[..., :32] / 0.8)
-    torch.testing.assertfade_seam(given.normals.norm(dim=1), torch.ones(1, 64, 64))
+    torch.testing.assert_close(given.normals[..., :32], known[..., :32] / 0.8)
+    torch.testing.assert_close(given.normals.norm(dim=1), torch.ones(1, 64, 64))
     assert (given.normals[..., 32:] != known[..., 32:]).any()
     assert (given.ln_shown - alone.ln_shown).abs().mean() > 1e-4
 
@@ -205,7 +205,7 @@ def test_nothing_outside_the_mask_is_lifted():
 def test_no_seam_shows_where_two_sides_disagree():
     """Each side's own account, a ramp over all its columns, is faded into the other's."""
     circle = torch.rand(1, 1, 4, 64)
-    torch.testing.assertfade_seam(fade_seam(wrap(circle, 8), 8), circle)
+    torch.testing.assert_close(fade_seam(wrap(circle, 8), 8), circle)
     ramp = torch.linspace(0, 1, 80).expand(1, 1, 4, 80)  # the seam's two sides differ by 0.8
     closed = fade_seam(ramp, 8)
     steps = (torch.roll(closed, -1, dims=3) - closed).abs()
@@ -227,7 +227,7 @@ def test_emitters_send_the_power_they_are_given(place):
     for logit in (peak, lobe((1, 1, -1), 5.0), lobe((0, 0, 1), 40.0), torch.zeros(1, 1, 64, 128)):
         radiance = getattr(EmitterHead(4), place)(torch.log(power + POWER_FLOOR), logit)
         angles = torch.from_numpy(pixel_solid_angles(64)).float()
-        torch.testing.assertfade_seam((radiance * angles).sum((2, 3)), power, rtol=1e-4, atol=0)
+        torch.testing.assert_close((radiance * angles).sum((2, 3)), power, rtol=1e-4, atol=0)
 
 
 def test_less_than_no_power_is_no_emitter():
@@ -254,7 +254,7 @@ def test_emitters_turn_with_the_map(place):
     there = place(ln_power, logit)
     for columns in (8, 56, 64, 72):
         turned = place(ln_power, logit.roll(columns, dims=3))
-        torch.testing.assertfade_seam(turned, there.roll(columns, dims=3), rtol=5e-3, atol=1e-5)
+        torch.testing.assert_close(turned, there.roll(columns, dims=3), rtol=5e-3, atol=1e-5)
 
 
 def test_of_two_likely_places_the_one_with_neighbours_is_drawn():
