@@ -100,7 +100,8 @@ class Pairs:
 
         def seen(picture: torch.Tensor) -> torch.Tensor:  # of the last channel's cover
             bright = _brighter(picture, gain)
-            colors = noisy(bright[:, :3], 1.0, bright[:, -1:])
+            cover = bright[:, -1:]
+            colors = noisy(bright[:, :3], 1.0, cover) * (cover > 0)
             return torch.cat([colors, bright[:, 3:]], dim=1).clip(0.0, 1.0)
 
         return {
@@ -180,6 +181,7 @@ def train_whole(config: WholeRunConfig, *, pairs: Path, runs: Path, start: Path 
                 group["lr"] = rate
             batch = data.batch(np.random.default_rng((config.seed, step)), config.batch, config.given_up)
             net.train()
+            torch.manual_seed(step + config.seed)  # what is dropped is the step's own
             terms = losses(predict(net, batch), batch)
             loss = sum(WEIGHTS[name] * value for name, value in terms.items())
             optimizer.zero_grad(set_to_none=True)

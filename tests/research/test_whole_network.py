@@ -30,10 +30,11 @@ CONFIG = WholeRunConfig(name="tiny", steps=3, batch=2, warmup=1)
 
 @pytest.fixture(scope="module")
 def photo() -> WholePhoto:
-    """A sphere left of the middle, before a gradient, lit from the right and above; the camera looks down and leans."""
+    """A sphere left of the middle, before planks in a gradient, lit from the right and above; the camera looks down and leans."""
     rgba = np.roll(sphere_photo(), -14, axis=1)
     height, width = rgba.shape[:2]
     behind = np.linspace(40, 200, width, dtype=np.float32)[None, :, None] * np.ones((height, 1, 3), np.float32)
+    behind[:, np.arange(width) // 8 % 2 == 1] -= 30
     mask = rgba[..., 3] > 127
     picture = np.where(mask[..., None], rgba[..., :3], behind).astype(np.uint8)
     towards = pixel_directions(64) @ np.array([0.8, 0.5, -0.33])
@@ -159,10 +160,13 @@ def test_the_graph_completes_the_first_one_and_says_how_the_camera_looks_down(ch
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # torch's exporter warns about itself
         assert export_whole(checkpoint, tmp_path) <= TOLERANCE
-    shutil.copy(weights_folder("lift") / "light.onnx", tmp_path)
+    only = tmp_path / "alone"
+    only.mkdir()
+    for folder in (tmp_path, only):
+        shutil.copy(weights_folder("lift") / "light.onnx", folder)
     given = {"mask": np.where(photo.mask, 255, 0).astype(np.uint8), "fov_deg": photo.long_fov_deg}
     whole = Estimator(model=str(tmp_path), threads=1)(photo.picture, **given)
-    alone = Estimator(threads=1)(photo.picture, **given)
+    alone = Estimator(model=str(only), threads=1)(photo.picture, **given)
     assert alone.info["ground"]["source"] == "guessed"
     assert whole.info["ground"]["source"] == "estimated"
     assert whole.info["ground"]["pitch_deg"] != alone.info["ground"]["pitch_deg"]
