@@ -30,7 +30,7 @@ CONFIG = WholeRunConfig(name="tiny", steps=3, batch=2, warmup=1)
 
 @pytest.fixture(scope="module")
 def photo() -> WholePhoto:
-    """A sphere left of the middle, before planks in a gradient, lit from the right and above; the camera looks down and leans."""
+    """A sphere left of the middle, before planks, lit from the right and above; the camera looks down and leans."""
     rgba = np.roll(sphere_photo(), -14, axis=1)
     height, width = rgba.shape[:2]
     behind = np.linspace(40, 200, width, dtype=np.float32)[None, :, None] * np.ones((height, 1, 3), np.float32)
