@@ -223,7 +223,7 @@ def test_odd_kinds_of_photos_are_converted(work, command, photo_rgba, mask_path)
     Image.fromarray(np.asarray(grey).astype(np.uint16) * 257).save(odd / "sixteen.png")
     palette.save(odd / "animated.gif", save_all=True, append_images=[Image.new("RGB", rgb.size, "lime")] * 2)
     rgb.save(odd / "plain.png")
-    outcome = command("estimate", "odd", "-o", "out", "--mask", mask_path, "--surroundings", "none")
+    outcome = command("estimate", "odd", "-o", "out", "--mask", mask_path)
     assert outcome.status == 0, outcome.err
     maps = {path.stem: read_radiance(path) for path in (work / "out").glob("*.exr")}
     assert len(maps) == 8
