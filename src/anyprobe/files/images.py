@@ -47,6 +47,7 @@ from anyprobe.files.paths import open_regular
 from anyprobe.files.radiance import decode_hdr
 from anyprobe.files.raw import HEAD_BYTES, develop, is_raw
 from anyprobe.files.rgbe import HDR_MAGIC
+from anyprobe.files.stored_pixels import TURNS, StoredPixels, stored_by_exif, stored_by_exr
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -65,6 +66,7 @@ class Pixels:
         warnings: one line each, for the user.
         radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
             light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
+        stored: how the file's pixels lie, where they are turned or made square to be shown, else None.
     """
 
     rgb: np.ndarray
@@ -74,6 +76,7 @@ class Pixels:
     warnings: tuple[str, ...] = ()
     exposure: float | None = None
     radiance: np.ndarray | None = None
+    stored: StoredPixels | None = None
 
 
 def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = False) -> Pixels:
@@ -114,16 +117,6 @@ STRIP_ROWS = 64
 
 GAIN_MAP_MARKS = (b"hdrgm", b"ts:21496")
 """What a JPEG with a gain map has in its first segments, and how much of a file is looked through for the map."""
-TURNS = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
-"""What brings a picture upright, by EXIF's orientation."""
 TAKEN_FOR_LINEAR = (
     "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed sRGB's"
 )
@@ -169,7 +162,9 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
         head += stream.read(HEAD_BYTES)
     stream.seek(0)
     if head.startswith(EXR_MAGIC):
-        return _from_linear(read_exr(stream.read(num_bytes), name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+        data = stream.read(num_bytes)
+        pixels = _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+        return replace(pixels, stored=stored_by_exr(data, pixels.rgb.shape[1::-1]))
     if head.startswith(HDR_MAGIC):
         try:
             return _from_linear(decode_hdr(stream.read(num_bytes), name, MAX_PIXELS), name)
@@ -213,7 +208,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
                 deep = heif_sixteen_bits(stream)
         image.load()
         long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
-        orientation = _orientation(image)
+        orientation, stored = _orientation(image), image.size
         if deep is not None:
             deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
@@ -242,7 +237,14 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     notes = tuple(f"{name}: {note}" for note in (*notes, *done.warnings))
     if animated:
         notes += (f"{name}: expected one picture, got several frames or pages; the first is used",)
-    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure, radiance=radiance)
+    return replace(
+        pixels,
+        long_fov_deg=long_fov_deg,
+        warnings=notes,
+        exposure=exposure,
+        radiance=radiance,
+        stored=stored_by_exif(orientation, stored, pixels.rgb.shape[1::-1]),
+    )
 
 
 def _again(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
