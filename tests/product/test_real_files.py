@@ -16,12 +16,15 @@ import pytest
 from PIL import Image
 from support.picture_files import (
     REC2020_FROM_REC709,
+    apple_heic,
+    apple_jpeg,
     dng,
     eight,
     float_tiff,
     gamma_curve,
     hlg,
     icc,
+    maker_note,
     png,
     pq,
     scene,
@@ -35,6 +38,7 @@ import anyprobe
 from anyprobe.core.response import inverse_response, response
 from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.files.apple_gain import apple_headroom
 from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
 from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.exr import read_exr
@@ -196,7 +200,7 @@ def isos(picture: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize("written", [apples, isos])
-def test_a_gain_map_that_is_not_read_is_passed_over_in_silence(written):
+def test_a_gain_map_that_is_not_read_is_said_where_it_is_missed(written):
     assert "gain map is not read" in read_image(written(WHITE)).warnings[0]
     assert read_image(written(WHITE // 2)).warnings == ()
 
@@ -307,6 +311,34 @@ def test_a_gain_map_gives_the_light_above_white(iso, turned):
     np.testing.assert_allclose(corner, (linear + 1 / 64) * 2**stops - 1 / 64, rtol=0.03)
     np.testing.assert_allclose(found.radiance[-10:], linear, rtol=0.03)
     np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
+
+
+@pytest.mark.parametrize("kind", ["HEIC", "JPEG", "JPEG, said by XMP"])
+def test_apple_s_gain_map_gives_the_light_above_white(kind):
+    """By its note 0.8 and 0.005: 1.7 stops."""
+    base, gain, exif = np.full((64, 96, 3), 0.9), np.zeros((64, 96)), maker_note(0.8, 0.005)
+    gain[:32, :48], gain[32:, :48] = 1.0, 0.5
+    if kind == "HEIC":
+        pytest.importorskip("pillow_heif")
+        data = apple_heic(base, gain, exif)
+    else:
+        data = apple_jpeg(base, gain, exif) if kind == "JPEG" else apple_jpeg(base, gain, headroom=2**1.7)
+    found = read_image(data)
+    assert (found.warnings, found.alpha) == ((), None)
+    linear, half = ((0.9 + 0.055) / 1.055) ** 2.4, ((0.5 + 0.099) / 1.099) ** (1 / 0.45)
+    np.testing.assert_allclose(found.radiance[:28, :44], linear * 2**1.7, rtol=0.02)
+    np.testing.assert_allclose(found.radiance[36:, :44], linear * (1 + (2**1.7 - 1) * half), rtol=0.02)
+    np.testing.assert_allclose(found.radiance[:, 52:], linear, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("headroom", "gain", "stops"), [(0.5, 0.0, 1.8), (0.5, 1.0, 1.5), (1.0, 0.01, 2.3), (1.0, 1.0, 2.0), (1.0, 9.0, 0)]
+)
+def test_the_headroom_of_apple_s_cameras(headroom, gain, stops):
+    image = Image.new("RGB", (8, 8))
+    image.getexif().load(maker_note(headroom, gain))
+    assert apple_headroom(image) == pytest.approx(2**stops, rel=1e-4)
+    assert apple_headroom(Image.new("RGB", (8, 8))) is None
 
 
 def test_a_gain_map_of_three_channels_in_lists():

@@ -32,7 +32,7 @@ from anyprobe.files.deep_pixels import (
 )
 from anyprobe.files.embedded_color import DisplayPixels, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.gain_map import MOST_BYTES, UNREAD, GainMap, find_gain_map, misses_gain_map
+from anyprobe.files.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.files.headers import (
     MAX_PIXELS,
     UnknownPicture,
@@ -115,8 +115,6 @@ USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 STRIP_ROWS = 64
 """Rows of a large picture that are converted at a time."""
 
-GAIN_MAP_MARKS = (b"hdrgm", b"ts:21496")
-"""What a JPEG with a gain map has in its first segments, and how much of a file is looked through for the map."""
 TAKEN_FOR_LINEAR = (
     "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed sRGB's"
 )
@@ -216,7 +214,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         else:
             picture, alpha = _opaque(_upright(image))
         done = DisplayPixels(values=_values(picture)) if as_data else shown(picture, encoding, profile)
-        gain_map = None if as_data or done.radiance is not None else _gain_map(image, stream)
+        gain_map = None if as_data or done.radiance is not None else gain_map_of(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
@@ -275,15 +273,6 @@ def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
     if isinstance(picture, np.ndarray):
         return picture
     return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
-
-
-def _gain_map(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
-    """Of a JPEG that names one in its first segments."""
-    if stream is None or image.format not in ("JPEG", "MPO"):
-        return None
-    stream.seek(0)
-    head = stream.read(HEAD_BYTES)
-    return find_gain_map(head + stream.read(MOST_BYTES)) if any(mark in head for mark in GAIN_MAP_MARKS) else None
 
 
 def _orientation(image: Image.Image) -> int:
