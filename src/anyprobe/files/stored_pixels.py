@@ -12,8 +12,6 @@ from PIL import Image
 
 from anyprobe.files.exr import parse_header
 
-Point = tuple[float, float]
-
 TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
     3: Image.Transpose.ROTATE_180,
@@ -52,7 +50,7 @@ class StoredPixels:
     mirrored_x: bool = False
     mirrored_y: bool = False
 
-    def point(self, x: float, y: float) -> Point:
+    def point(self, x: float, y: float) -> tuple[float, float]:
         """Where x, y of the stored pixels is in those shown."""
         u, v = x / self.size[0], y / self.size[1]
         if self.transposed:

@@ -98,7 +98,8 @@ def _as_stored(prompts: Prompts, stored: StoredPixels) -> Prompts:
 def _stored_line(pixels: Pixels, prompts: Prompts) -> str:
     height, width = pixels.rgb.shape[:2]
     stored = "" if pixels.stored is None else " x ".join(map(str, pixels.stored.size))
-    better = [("click", point) for point in prompts.on] + [("exclude", point) for point in prompts.off]
+    better: list[tuple[str, tuple[float, ...]]] = [("click", point) for point in prompts.on]
+    better += [("exclude", point) for point in prompts.off]
     better += [] if prompts.box is None else [("box", prompts.box)]
     shown = " ".join(f"{name}={','.join(f'{number:g}' for number in one)}" for name, one in better)
     return (
