@@ -680,19 +680,17 @@ def light_of():
     return estimate
 
 
-@pytest.mark.parametrize(
-    ("name", "within_deg"), [("hlg.mp4", 1.5), ("cover_udta_first.mp4", 1), ("resize_mid.h264", 1), ("anam.mp4", 1.5)]
-)
-def test_one_scene_in_other_clips_has_one_light(name, within_deg, light_of):
-    """The wide pixels of one hold half as much."""
+@pytest.mark.parametrize("name", ["hlg.mp4", "cover_udta_first.mp4", "resize_mid.h264", "anam.mp4"])
+def test_one_scene_in_other_clips_has_one_light(name, light_of):
+    """The wide pixels of one hold half as much; so do the last frames of another, which changes size."""
     pytest.importorskip("av")
     from anyprobe.video.clip import open_clip, read_frames
 
     frames = list(read_frames(open_clip(CASES / name), []))
     assert len(frames) == (10 if name == "resize_mid.h264" else 6)
     wanted = light_of(case("plain.png").rgb).dominant_light()
-    for frame in (frames[0], frames[-1]):
+    for frame, within_deg in ((frames[0], 1), (frames[-1], 2.5 if name == "resize_mid.h264" else 1)):
         assert np.abs(frame.rgb / 255 - case("plain.png").rgb).mean() < 0.006  # edges differ, by the codec
         found = light_of(frame.rgb, frame.radiance).dominant_light()
         assert np.degrees(np.arccos(min(1.0, float(found.direction @ wanted.direction)))) < within_deg
-        assert found.irradiance.mean() == pytest.approx(wanted.irradiance.mean(), rel=0.04)
+        assert found.irradiance.mean() == pytest.approx(wanted.irradiance.mean(), rel=0.025)
