@@ -83,7 +83,7 @@ export const CONTRACT = {
     "normals": 64,
     "crop_margin": 1.1,
     "context": 96,
-    "context_scale": 3,
+    "context_scale": 2,
     "context_fine": 4
   },
   "lens": {
