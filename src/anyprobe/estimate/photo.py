@@ -279,9 +279,8 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
 
 def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarray:
     """Crop.context around a window."""
-    step = max(
-        1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE)
-    )  # of large photos not every pixel is looked at
+    # of large photos not every pixel is looked at
+    step = max(1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE))
     rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
     middle, side = (center[0] / step, center[1] / step), CONTEXT_SCALE * side / step
     seen = _window(rgb, np.ones_like(mask), middle, side, CONTEXT_SIZE)
