@@ -7,16 +7,14 @@ curve ("Applying Apple HDR effect to your photos", developer.apple.com).
 from __future__ import annotations
 
 import re
-import struct
 
 import numpy as np
-from PIL import ExifTags, Image
+from PIL import Image
 
-_NOTE = b"Apple iOS\0"
-_FIRST_ENTRY = 16
+from anyprobe.files.apple_note import apple_numbers
+
 _HEADROOM, _GAIN = 33, 48
-_SIGNED_RATIONAL = 10
-MOST_ENTRIES, MOST_STOPS = 500, 8.0
+MOST_STOPS = 8.0
 _SAID = re.compile(rb"HDRGainMapHeadroom(?:=\"|>)\s*([0-9]+(?:\.[0-9]*)?)")
 
 
@@ -28,15 +26,11 @@ def apple_headroom(image: Image.Image, said: bytes = b"") -> float | None:
     by_name = _SAID.search(said)
     if by_name is not None:
         return float(np.clip(float(by_name[1]), 1.0, 2.0**MOST_STOPS))
-    try:
-        note = image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.MakerNote, b"")
-        numbers = _numbers(bytes(note))
-    except Exception:  # its parser raises whatever the bad bytes lead it to
-        return None
+    numbers = apple_numbers(image)
     if not {_HEADROOM, _GAIN} <= numbers.keys():
         return None
-    gain = numbers[_GAIN]
-    if numbers[_HEADROOM] < 1.0:
+    (gain, *_), (headroom, *_) = numbers[_GAIN], numbers[_HEADROOM]
+    if headroom < 1.0:
         stops = 1.8 - 20.0 * gain if gain <= 0.01 else 1.601 - 0.101 * gain
     else:
         stops = 3.0 - 70.0 * gain if gain <= 0.01 else 2.303 - 0.303 * gain
@@ -46,18 +40,3 @@ def apple_headroom(image: Image.Image, said: bytes = b"") -> float | None:
 def rec709_to_linear(values: np.ndarray) -> np.ndarray:
     """The inverse of ITU-R BT.709's curve of values in [0, 1]."""
     return np.where(values < 0.081, values / 4.5, ((values + 0.099) / 1.099) ** (1 / 0.45))
-
-
-def _numbers(note: bytes) -> dict[int, float]:
-    """Signed rationals of a maker's note, by tag."""
-    if not note.startswith(_NOTE):
-        return {}
-    order = "<" if note[12:14] == b"II" else ">"
-    (count,) = struct.unpack_from(f"{order}H", note, _FIRST_ENTRY - 2)
-    found = {}
-    for k in range(min(count, MOST_ENTRIES)):
-        tag, kind, length, at = struct.unpack_from(f"{order}HHII", note, _FIRST_ENTRY + 12 * k)
-        if kind == _SIGNED_RATIONAL and length == 1:
-            above, below = struct.unpack_from(f"{order}ii", note, at)
-            found[tag] = above / below if below else 0.0
-    return found

@@ -20,6 +20,7 @@ from PIL import ExifTags, Image, ImageFile, ImageOps
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidEnvironment, InvalidPhoto
+from anyprobe.files.apple_note import apple_posture_deg
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.color_encoding import is_linear
 from anyprobe.files.deep_pixels import (
@@ -62,6 +63,7 @@ class Pixels:
         alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
         long_fov_deg: field of view of the longer side from EXIF, or None.
         exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
+        posture_deg: how far the camera looks down, and its roll, where the camera noted them (iPhones), or None.
         name: what messages call the picture.
         warnings: one line each, for the user.
         radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
@@ -75,6 +77,7 @@ class Pixels:
     name: str
     warnings: tuple[str, ...] = ()
     exposure: float | None = None
+    posture_deg: tuple[float, float] | None = None
     radiance: np.ndarray | None = None
     stored: StoredPixels | None = None
 
@@ -205,7 +208,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             if encoding is not None and encoding.brighter and image.format == "HEIF":
                 deep = heif_sixteen_bits(stream)
         image.load()
-        long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
+        long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
         orientation, stored = _orientation(image), image.size
         if deep is not None:
             deep = turned_upright(deep, orientation)
@@ -240,6 +243,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         long_fov_deg=long_fov_deg,
         warnings=notes,
         exposure=exposure,
+        posture_deg=posture_deg,
         radiance=radiance,
         stored=stored_by_exif(orientation, stored, pixels.rgb.shape[1::-1]),
     )
