@@ -207,6 +207,56 @@ def ultra_hdr(base: np.ndarray, gain: np.ndarray, stops: float, *, iso: bool = F
     return with_segment(jpeg(base), *first) + with_segment(jpeg(gain), *second)
 
 
+def maker_note(headroom: float, gain: float) -> bytes:
+    """Of Apple's cameras, with what the brightness of a gain map is told by, in EXIF."""
+    first = 16 + 2 * 12 + 4
+    note = b"Apple iOS\0\0\1MM" + struct.pack(">H", 2)
+    note += struct.pack(">HHII", 33, 10, 1, first) + struct.pack(">HHII", 48, 10, 1, first + 8) + bytes(4)
+    note += struct.pack(">iiii", round(headroom * 1e6), 10**6, round(gain * 1e6), 10**6)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x927C] = note
+    return exif.tobytes()
+
+
+APPLES_MAP = "urn:com:apple:photo:2020:aux:hdrgainmap"
+
+
+def apple_heic(base: np.ndarray, gain: np.ndarray, exif: bytes) -> bytes:
+    """A HEIC of display values [H, W, 3] with Apple's gain map [H, W]: written as alpha, whose kind is changed then."""
+    import pillow_heif
+
+    stream, pixels = io.BytesIO(), eight(np.dstack([base, gain]))
+    picture = pillow_heif.from_bytes(mode="RGBA", size=pixels.shape[1::-1], data=pixels.tobytes())
+    picture.save(stream, quality=-1, chroma=444, exif=exif)
+    data = bytearray(stream.getvalue())
+    old, new = b"urn:mpeg:hevc:2015:auxid:1", APPLES_MAP.encode()
+    at, more = data.index(old), len(new) - len(old)
+    for kind in (b"meta", b"iprp", b"ipco", b"auxC"):  # the boxes around it
+        place = data.index(kind) - 4
+        data[place : place + 4] = struct.pack(">I", struct.unpack_from(">I", data, place)[0] + more)
+    place = data.index(b"iloc") + 8
+    assert (data[place - 4], bytes(data[place : place + 2])) == (0, b"\x44\x40")  # version 0, offsets of 4 bytes
+    for k in range(struct.unpack_from(">H", data, place + 2)[0]):
+        item = place + 4 + k * 18 + 4
+        data[item : item + 4] = struct.pack(">I", struct.unpack_from(">I", data, item)[0] + more)
+    data[at : at + len(old)] = new
+    return bytes(data)
+
+
+def apple_jpeg(base: np.ndarray, gain: np.ndarray, exif: bytes = b"", headroom: float | None = None) -> bytes:
+    """The same as JPEG, with the map as a second picture; headroom: said by the map's XMP."""
+    stream = io.BytesIO()
+    small = Image.fromarray(eight(gain))
+    Image.fromarray(eight(base)).save(
+        stream, "MPO", save_all=True, append_images=[small], quality=98, subsampling=0, exif=exif
+    )
+    data, name = stream.getvalue(), b"http://ns.adobe.com/xap/1.0/\0"
+    told = "" if headroom is None else f' HDRGainMap:HDRGainMapHeadroom="{headroom}"'
+    said = name + f'<x:xmpmeta HDRGainMap:HDRGainMapVersion="65536"{told}/>'.encode()
+    at = data.rindex(b"\xff\xd8\xff") + 2
+    return data[:at] + b"\xff\xe1" + struct.pack(">H", len(said) + 2) + said + data[at:]
+
+
 def float_tiff(pixels: np.ndarray, kind: str = "<f4", profile: bytes = b"") -> bytes:
     """One strip, without compression."""
     height, width, channels = pixels.shape

@@ -18,7 +18,7 @@ from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import at_rows, is_cut_out, read_panorama, turned, visible_surroundings
-from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.hints import (
     AUTO,
     NONE,
@@ -41,12 +41,12 @@ DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
+"""Side of the crop over the longer side of the object's bounding box."""
 CONTEXT_SIZE: int = contract("sizes")["context"]
 CONTEXT_SCALE: int = contract("sizes")["context_scale"]
 CONTEXT_FINE: int = contract("sizes")["context_fine"]
 """Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
 photo on one of its own from which on not all of them are looked at."""
-"""Side of the crop over the longer side of the object's bounding box."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -140,7 +140,7 @@ class Crop:
 
 @spread(Hints)
 def load_photo(
-    source: ImageSource,
+    source: ImageSource | Pixels,
     hints: Hints | None = None,
     *,
     name: str | None = None,
@@ -150,7 +150,7 @@ def load_photo(
     """Read a photo, find its object, and keep what else is given of it.
 
     Args:
-        source: path, bytes, Pillow image or array, see read_image.
+        source: path, bytes, Pillow image or array, see read_image; or what that gave.
         hints: what is given of the object, the camera and the light, see Hints; or by keyword.
         name: what messages call the photo; None: its file's name, or what it is.
         segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
@@ -158,7 +158,7 @@ def load_photo(
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
     hints = as_hints(hints, more)
-    pixels = read_image(source, name)
+    pixels = source if isinstance(source, Pixels) else read_image(source, name)
     asked = AUTO if hints.surroundings is None else hints.surroundings
     word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
     surroundings_map, panorama = (None, None) if word else read_panorama(asked)
