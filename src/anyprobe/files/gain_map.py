@@ -97,15 +97,15 @@ def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
         if found is None or numbers is None:
             return None
         with open_picture(io.BytesIO(found.alone)) as picture:
-            if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture, image):
+            if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture.size, image.size):
                 return None
             return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)
     except Exception:  # decoders raise whatever the bad bytes lead them to
         return None
 
 
-def _is_turned(gain: Image.Image, image: Image.Image) -> bool:
-    return abs(gain.size[0] / gain.size[1] / (image.size[0] / image.size[1]) - 1.0) > ANOTHER_SHAPE
+def _is_turned(gain: tuple[int, int], picture: tuple[int, int]) -> bool:
+    return abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) > ANOTHER_SHAPE
 
 
 def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
@@ -117,7 +117,7 @@ def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
 
     try:
         found = pillow_heif.open_heif(stream)[0].get_aux_image(numbers[0][0])
-        if found.size[0] * found.size[1] > MAX_MAP_PIXELS or _is_turned(found, image):
+        if found.size[0] * found.size[1] > MAX_MAP_PIXELS or _is_turned(found.size, image.size):
             return None
         return _apples(found.to_pillow(), headroom)
     except Exception:  # decoders raise whatever the bad bytes lead them to
