@@ -24,6 +24,7 @@ from support.picture_files import (
     gamma_curve,
     hlg,
     icc,
+    iso_heif,
     maker_note,
     png,
     pq,
@@ -329,6 +330,20 @@ def test_apple_s_gain_map_gives_the_light_above_white(kind):
     np.testing.assert_allclose(found.radiance[:28, :44], linear * 2**1.7, rtol=0.02)
     np.testing.assert_allclose(found.radiance[36:, :44], linear * (1 + (2**1.7 - 1) * half), rtol=0.02)
     np.testing.assert_allclose(found.radiance[:, 52:], linear, rtol=0.02)
+
+
+@pytest.mark.parametrize("kind", ["HEIC", "AVIF"])
+def test_a_gain_map_of_iso_beside_a_picture_gives_the_light_above_white(kind):
+    if kind == "HEIC":
+        pytest.importorskip("pillow_heif")
+    base, gain = np.full((64, 96, 3), 0.5), np.zeros((64, 96))
+    gain[:32, :48] = 1.0
+    found = read_image(iso_heif(kind, base, gain, 3.0))
+    assert found.warnings == ()
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(found.radiance[:28, :44], (linear + 1 / 64) * 8 - 1 / 64, rtol=0.03)
+    np.testing.assert_allclose(found.radiance[36:], linear, rtol=0.03)
+    np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
 
 
 @pytest.mark.parametrize(

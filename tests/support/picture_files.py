@@ -196,15 +196,75 @@ def ultra_hdr(base: np.ndarray, gain: np.ndarray, stops: float, *, iso: bool = F
     name, urn = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0"
     said = 'xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" hdrgm:Version="1.0"'
     if iso:
-        numbers = struct.pack(">IIII", 0, 1, round(stops * 1000), 1000)
-        numbers += struct.pack(">iIiIIIiIiI", 0, 1, round(stops * 1000), 1000, 1, 1, 1, 64, 1, 64)
-        first, second = (0xE2, urn + bytes(4)), (0xE2, urn + bytes(4) + b"\x40" + numbers)
+        first, second = (0xE2, urn + bytes(4)), (0xE2, urn + iso_numbers(stops))
     else:
         first = 0xE1, name + f"<x:xmpmeta><rdf:Description {said}/></x:xmpmeta>".encode()
         more = f'{said} hdrgm:GainMapMin="0" hdrgm:GainMapMax="{stops}" hdrgm:Gamma="1" hdrgm:OffsetSDR="0.015625"'
         more += f' hdrgm:OffsetHDR="0.015625" hdrgm:HDRCapacityMax="{stops}" hdrgm:BaseRenditionIsHDR="False"'
         second = 0xE1, name + f"<x:xmpmeta><rdf:Description {more}/></x:xmpmeta>".encode()
     return with_segment(jpeg(base), *first) + with_segment(jpeg(gain), *second)
+
+
+def iso_numbers(stops: float) -> bytes:
+    """Metadata of ISO 21496-1 of a gain map of 0 to so many stops."""
+    most = round(stops * 1000)
+    head = bytes(4) + b"\x40" + struct.pack(">IIII", 0, 1, most, 1000)
+    return head + struct.pack(">iIiIIIiIiI", 0, 1, most, 1000, 1, 1, 1, 64, 1, 64)
+
+
+def iso_heif(kind: str, base: np.ndarray, gain: np.ndarray, stops: float) -> bytes:
+    """A "HEIC" or "AVIF" of display values [H, W, 3] with a gain map [h, w] by ISO 21496-1.
+
+    Of two pictures, an AVIF's picture and its alpha, to which the item that makes one of both is added.
+    """
+    stream = io.BytesIO()
+    if kind == "HEIC":
+        import pillow_heif
+
+        whole = pillow_heif.HeifFile()
+        for values in (eight(base), eight(gain)):
+            whole.add_from_pillow(Image.fromarray(values))
+        whole.save(stream, quality=-1, chroma=444)
+    else:
+        both = Image.fromarray(eight(np.dstack([base, gain])))
+        both.save(stream, "AVIF", quality=100, subsampling="4:4:4")
+    data = bytearray(stream.getvalue().replace(b"auxl", b"none"))
+    data[data.index(b"infe", data.index(b"infe") + 4) + 7] |= 1  # the map is hidden
+    return _with_tone_map(data, b"\0" + iso_numbers(stops))
+
+
+def _with_tone_map(data: bytearray, said: bytes) -> bytes:
+    """A file of two items with a third, which makes one picture of them as its metadata says."""
+    number, at = 99, data.index(b"iloc") + 8
+    base = 4 if data[at + 1] >> 4 else 0  # bytes of an item's own offset, beside that of its piece
+    assert (data[at - 4], data[at]) == (0, 0x44)
+    (count,), width = struct.unpack_from(">H", data, at + 2), 14 + base
+    ends = {kind: data.index(kind) - 4 + _size(data, kind) for kind in (b"meta", b"iloc", b"iinf")}
+    infe = struct.pack(">I4sIHH4sx", 21, b"infe", 0x02000000, number, 0, b"tmap")
+    dimg = struct.pack(">I4sHHHH", 16, b"dimg", number, 2, 1, 2)
+    if b"iref" in data:
+        ends[b"iref"] = data.index(b"iref") - 4 + _size(data, b"iref")
+    else:
+        dimg = struct.pack(">I4sI", 12 + len(dimg), b"iref", 0) + dimg
+    more = width + len(infe) + len(dimg)
+    for k in range(count):
+        place = at + 4 + k * width + (4 if base else 6)
+        struct.pack_into(">I", data, place, struct.unpack_from(">I", data, place)[0] + more)
+    entry = struct.pack(">HH", number, 0) + bytes(base) + struct.pack(">HII", 1, len(data) + more + 8, len(said))
+    struct.pack_into(">H", data, at + 2, count + 1)
+    place = data.index(b"iinf") + 8
+    struct.pack_into(">H", data, place, struct.unpack_from(">H", data, place)[0] + 1)
+    for kind, by in {b"meta": more, b"iloc": width, b"iinf": len(infe), b"iref": len(dimg)}.items():
+        if kind in ends:
+            struct.pack_into(">I", data, data.index(kind) - 4, _size(data, kind) + by)
+    inserted = [(ends[b"iloc"], entry), (ends[b"iinf"], infe), (ends.get(b"iref", ends[b"meta"]), dimg)]
+    for where, what in sorted(inserted, reverse=True):
+        data[where:where] = what
+    return bytes(data) + struct.pack(">I4s", 8 + len(said), b"mdat") + said
+
+
+def _size(data: bytes | bytearray, kind: bytes) -> int:
+    return struct.unpack_from(">I", data, data.index(kind) - 4)[0]
 
 
 def maker_note(headroom: float, gain: float) -> bytes:

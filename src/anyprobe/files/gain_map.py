@@ -4,7 +4,8 @@ Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPE
 
     log2 (HDR + o_h) / (SDR + o_s) = min + (max - min) g^(1 / gamma)
 
-of linear light, with g in [0, 1] of the map's pixels. Apple's, there or beside the picture of a HEIC, see apple_gain.
+of linear light, with g in [0, 1] of the map's pixels; of a HEIC or AVIF as an item of its own. Apple's, there or beside
+the picture of a HEIC, see apple_gain.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from PIL.JpegImagePlugin import JpegImageFile
 
 from anyprobe.files.apple_gain import apple_headroom, rec709_to_linear
 from anyprobe.files.color_encoding import STRIP_PIXELS, srgb_to_linear
+from anyprobe.files.headers import open_picture
+from anyprobe.files.heif_boxes import find_tone_map
 from anyprobe.files.raw import HEAD_BYTES
 
 JPEG_START = b"\xff\xd8\xff"
@@ -71,15 +74,38 @@ class GainMap:
 
 def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
     """Of a JPEG or HEIC, whose open file is stream; None where it has none that is read."""
-    if stream is None or image.format not in ("JPEG", "MPO", "HEIF"):
+    if stream is None or image.format not in ("JPEG", "MPO", "HEIF", "AVIF"):
         return None
     stream.seek(0)
-    if image.format == "HEIF":
-        return _of_heif(image, stream)
+    if image.format in ("HEIF", "AVIF"):
+        return _of_tone_map(image, stream) or _of_heif(image, stream)
     head = stream.read(HEAD_BYTES)
     if any(mark in head for mark in MARKS):
         return find_gain_map(head + stream.read(MOST_BYTES))
     return _of_apple_jpeg(image, head + stream.read(MOST_BYTES)) if image.format == "MPO" else None
+
+
+def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
+    """Of an item of ISO 21496-1."""
+    data = stream.read(MOST_BYTES)
+    stream.seek(0)
+    if b"tmap" not in data[:BRAND_BYTES]:
+        return None
+    try:
+        found = find_tone_map(data)
+        numbers = None if found is None else _of_iso(found.said)
+        if found is None or numbers is None:
+            return None
+        with open_picture(io.BytesIO(found.alone)) as picture:
+            if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture.size, image.size):
+                return None
+            return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)
+    except Exception:  # decoders raise whatever the bad bytes lead them to
+        return None
+
+
+def _is_turned(gain: tuple[int, int], picture: tuple[int, int]) -> bool:
+    return abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) > ANOTHER_SHAPE
 
 
 def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
@@ -91,8 +117,7 @@ def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
 
     try:
         found = pillow_heif.open_heif(stream)[0].get_aux_image(numbers[0][0])
-        shape = found.size[0] / found.size[1] / (image.size[0] / image.size[1])
-        if found.size[0] * found.size[1] > MAX_MAP_PIXELS or abs(shape - 1.0) > ANOTHER_SHAPE:
+        if found.size[0] * found.size[1] > MAX_MAP_PIXELS or _is_turned(found.size, image.size):
             return None
         return _apples(found.to_pillow(), headroom)
     except Exception:  # decoders raise whatever the bad bytes lead them to
@@ -126,7 +151,7 @@ def find_gain_map(data: bytes) -> GainMap | None:
         for said in _segments(picture):
             try:
                 numbers = _of_iso(said[len(ISO) :]) if said.startswith(ISO) else _of_xmp(said)
-                found = None if numbers is None else _checked(picture, *numbers)
+                found = None if numbers is None else _checked(_decoded(picture), *numbers)
             except (struct.error, ValueError, ZeroDivisionError):
                 continue
             if found is not None:
@@ -142,8 +167,8 @@ _APPLE = re.compile(rb"hdrgainmap", re.IGNORECASE)
 
 
 def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.ndarray) -> bool:
-    """Whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that nothing here
-    reads: Apple's without its headroom, or that of a HEIC or AVIF by ISO 21496-1."""
+    """Whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that could not be
+    read: Apple's without its headroom, say."""
     if stream is None or image.format not in ("MPO", "HEIF", "AVIF"):
         return False
     if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH:
@@ -156,7 +181,7 @@ def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.nda
     return b"tmap" in stream.read(BRAND_BYTES)
 
 
-def _checked(picture: bytes, *numbers: np.ndarray) -> GainMap | None:
+def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
     """A map of numbers that can be meant; ValueError for others."""
     low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in numbers)
     usual = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
@@ -166,7 +191,7 @@ def _checked(picture: bytes, *numbers: np.ndarray) -> GainMap | None:
     def brighter(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
         return (base + base_offset) * np.exp2(low + (high - low) * gain ** (1.0 / gamma)) - offset
 
-    return GainMap(image=_decoded(picture), brighter=brighter)
+    return GainMap(image=image, brighter=brighter)
 
 
 def _decoded(picture: bytes) -> Image.Image:

@@ -95,6 +95,7 @@ export const CONTRACT = {
     "usual_pitch_deg": 22,
     "usual_error_deg": 13,
     "given_error_deg": 1,
+    "unsure_deg": 15,
     "least_slope_deg": 12,
     "least_contact": 0.03,
     "contact_band": 0.04,
