@@ -42,7 +42,7 @@ class WholeRunConfig:
     """
 
     name: str = "whole"
-    steps: int = 8_000
+    steps: int = 9_500
     batch: int = 32
     learning_rate: float = 1.5e-3
     weight_decay: float = 1e-3
