@@ -17,8 +17,8 @@ from anyprobe.masks.check import object_box
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-GIVEN, EXIF, ESTIMATED, GUESSED = "given", "exif", "estimated", "guessed"
-KNOWN = (GIVEN, EXIF)
+GIVEN, NOTED, ESTIMATED, GUESSED = "given", "exif", "estimated", "guessed"
+KNOWN = (GIVEN, NOTED)
 """Sources of a ground that the network is told."""
 _GROUND = contract("ground")
 USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]

@@ -13,7 +13,7 @@ from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import exposure_doubts
-from anyprobe.estimate.ground import EXIF, Ground, estimate_ground
+from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
@@ -202,7 +202,7 @@ def load_photo(
     ground = estimate_ground(photo)
     if hints.pitch_deg is None and pixels.posture_deg is not None:
         pitch_deg, roll_deg = pixels.posture_deg
-        ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=EXIF)
+        ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)
     return replace(photo, use_background=True, asked_background=is_asked, ground=ground)
 
 
