@@ -297,10 +297,10 @@ def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], s
     columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
     rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
     mask = mask[rows, columns]
-    planes = np.empty((4, *mask.shape), np.float32)
+    planes = np.empty((4, *mask.shape))  # in double, so that BLAS's threads do not show in single
     np.multiply(np.moveaxis(values[rows, columns], -1, 0), mask, out=planes[:3])
     planes[3] = mask
-    return np.ascontiguousarray(np.moveaxis(row_weights @ planes @ column_weights.T, 0, -1))
+    return np.ascontiguousarray(np.moveaxis(row_weights @ planes @ column_weights.T, 0, -1), np.float32)
 
 
 def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
@@ -326,4 +326,4 @@ def _resampling(start: float, side: float, size: int, length: int) -> tuple[slic
         weights = np.clip(np.minimum(low + step, pixel + 1) - np.maximum(low, pixel), 0.0, None) / step
     else:
         weights = np.clip(1.0 - np.abs(low + step / 2.0 - (pixel + 0.5)), 0.0, None)
-    return slice(first, last), weights.astype(np.float32)
+    return slice(first, last), weights

@@ -9,8 +9,8 @@ import onnxruntime
 
 from anyprobe.errors import ModelError
 
-MOST_THREADS = 8
-"""On more, an uneven share of a row is left to each, and the last bits of its exponentials differ."""
+MOST_THREADS = 2
+"""On more, sums of convolutions are split elsewhere, and their last bits differ; nor are the graphs any faster."""
 
 
 def open_graph(path: Path, threads: int | None = None) -> onnxruntime.InferenceSession:
