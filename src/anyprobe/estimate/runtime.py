@@ -265,11 +265,11 @@ class Models:
         if self.lifts:
             given = lift_inputs(image, tan_half, normals, surroundings, material)
             return self._lift(given, None if context is None else whole_inputs(context, up))
-        return self._chain(_batch(image))
+        return self._chain(_batch(image), np.array([[tan_half]], np.float32))
 
-    def _chain(self, photo: np.ndarray) -> Outputs:
-        (irradiance,) = self._run["irradiance"](photo)
-        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1))
+    def _chain(self, photo: np.ndarray, tan_half: np.ndarray) -> Outputs:
+        (irradiance,) = self._run["irradiance"](photo, tan_half)
+        (ldr,) = self._run["illumination"](np.concatenate([irradiance, photo[:, 3:]], axis=1), tan_half)
         (ln_radiance,) = self._run["hdr"](ldr)
         ldr, ln_radiance = _image(ldr), _image(ln_radiance)
         return Outputs(
