@@ -130,8 +130,10 @@ def irradiance() -> RunConfig:
         paper(),
         name="irradiance",
         model="irradiance",
-        steps=4_000,
-        cooldown=0.8,
+        steps=1_200,
+        learning_rate=4e-4,
+        warmup=50,
+        cooldown=0.9,
         pairs=replace(paper().pairs, seed=151),
     )
 
