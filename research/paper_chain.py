@@ -1,10 +1,10 @@
-"""What the paper's chain makes of photos, beside other models: is its LDR map more than a mean, is Eq. 7's HDR branch used.
+"""The paper's chain beside other models: is its LDR map more than a mean, is Eq. 7's HDR branch used.
 
     python -m research.paper_chain DATA                               # the frozen pairs
     python -m research.paper_chain DATA --part left-out --kept DIR    # to choose by
 
-Spread is the standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of pixels
-that Eq. 8 gives to the HDR branch. Standard errors by map and shape.
+Spread is the standard deviation over the pairs of a pixel of the LDR map, mean over pixels; above .8 is the share of
+pixels that Eq. 8 gives to the HDR branch. Standard errors by map and shape.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 import typer
 from rich.progress import track
 
+from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import load_maps, load_shapes
 from anyprobe.dataset.pair import Pair
@@ -85,7 +86,7 @@ def main(
             for values in ([row[figure] for row in rows] for figure in FIGURES)
         ]
         print(f"| {name} | " + " | ".join([*cells, f"{spread(maps[name]):.3f}", f"{above(maps[name]):.3f}"]) + " |")
-    true = [pair.ldr for pair in pairs]
+    true = [response(pair.radiance) for pair in pairs]
     print(f"| truth |{' |' * len(FIGURES)} {spread(true):.3f} | {above(true):.3f} |")
 
 
