@@ -32,7 +32,7 @@ def train(
         typer.Option(help="Initial weights, kept by anyprobe weights --keep; give the same ones to resume."),
     ] = None,
     teacher: Annotated[
-        Path | None, typer.Option(help="Weights of lift, kept likewise, that the run paper learns from too.")
+        Path | None, typer.Option(help="Weights of lift, kept likewise, whose maps the paper's chain learns from too.")
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
     shards: Annotated[
@@ -56,11 +56,11 @@ def train(
     if run not in NAMED:
         raise InputError(f"run {run!r}: expected one of {', '.join(NAMED)}")
     chosen = NAMED[run]()
-    if run != "paper" and teacher is not None:
-        raise InputError(f"--teacher {teacher}: expected the run paper, got {run}; leave it out")
-    if run == "paper" and init_weights is None and dry_run is None:
+    if chosen.model != "paper" and teacher is not None:
+        raise InputError(f"--teacher {teacher}: expected a run of the paper's chain, got {run}; leave it out")
+    if chosen.model == "paper" and init_weights is None and dry_run is None:
         raise InputError(
-            "run 'paper': expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
+            f"run {run!r}: expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
             "train irradiance and keep it with anyprobe weights FOLDER irradiance --keep irradiance.pt"
         )
     if steps is not None:

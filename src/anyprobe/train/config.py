@@ -138,7 +138,12 @@ def irradiance() -> RunConfig:
     )
 
 
-RUNS = {run.__name__: run for run in (irradiance, paper, lift, normals)}
+def paper_on() -> RunConfig:
+    """The paper's chain as it goes on from weights that have been through `paper`: targets are not blurred again."""
+    return replace(paper(), name="paper_on", gradual=False, cooldown=0.7, pairs=replace(paper().pairs, seed=161))
+
+
+RUNS = {run.__name__: run for run in (irradiance, paper, paper_on, lift, normals)}
 """What `anyprobe train` can train."""
 
 
