@@ -46,7 +46,7 @@ def pairs_of(part: str, data: Path, kept: Path | None) -> list[Pair]:
         return list(kept_pairs(read_recipes(FROZEN)[:PAIRS], store, kept))
     if part == "left-out":
         return list(left_out_pairs(data, kept))
-    raise InputError(f"--part {part}: expected frozen or left-out")
+    raise InputError(f"--part {part}: expected frozen or left-out, got another; name one")
 
 
 def spread(maps: list[np.ndarray]) -> float:
