@@ -80,7 +80,7 @@ def both_ways(batch: Batch) -> Batch:
 class Irradiance:
     """Loss of the irradiance net; float32 weights, the arithmetic of nets.blocks.autocast."""
 
-    columns = ("irradiance",)
+    columns: tuple[str, ...] = ("irradiance",)
 
     def __init__(self, config: RunConfig, device: str) -> None:
         self.device = device
@@ -194,7 +194,7 @@ class Chain(Irradiance):
         def column(values: list[float]) -> torch.Tensor:
             return ln.new_tensor(values).reshape(-1, 1, 1, 1)
 
-        exposed = ln + column(list(rng.uniform(*np.log(EXPOSURES), size=len(ln))))
+        exposed = ln + column(list(np.log(EXPOSURES[0]) + rng.random(len(ln)) * np.log(EXPOSURES[1] / EXPOSURES[0])))
         curves = [draw_curve(rng) for _ in ln]
         curve = CameraCurve(exponent=column([c.exponent for c in curves]), sigma=column([c.sigma for c in curves]))
         return cast(torch.Tensor, response(torch.exp(exposed), curve)), exposed

@@ -211,11 +211,12 @@ def load_init_weights(nets: nn.Module, path: Path) -> None:
     """
     fresh = nets.state_dict()
     kept = current_weight_names(read_init_weights(path)[0], fresh)
-    if "irradiance" in nets:
+    if hasattr(nets, "irradiance"):
         kept = of_lift(kept, fresh) or kept
     have = {name.split(".")[0] for name in kept}
     lacking = {name: x for name, x in fresh.items() if name.startswith(ADDED) or name.split(".")[0] not in have}
-    kept = (lacking if have & set(nets) else {}) | kept
+    if have & {name for name, _ in nets.named_children()}:
+        kept = lacking | kept
     try:
         nets.load_state_dict(kept)
     except Exception as error:  # other names, other shapes, no weights at all

@@ -111,7 +111,8 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
         net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
         return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True, small=(CONVOLUTIONS,))}
-    seen = {"input": _PHOTO, "tan_half": (1, 1)}
+    seen: dict[str, tuple[int, ...]] = {"input": _PHOTO, "tan_half": (1, 1)}
+    inputs: dict[str, dict[str, tuple[int, ...]]]
     inputs = {"irradiance": seen, "illumination": seen, "hdr": {"input": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}}
     return {
         stage: Graph(net=net, inputs=inputs[stage], small=(LINEAR,)) for stage, net in nets.items() if stage in inputs
