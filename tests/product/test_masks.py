@@ -247,7 +247,7 @@ def test_parts_are_those_that_touch(rng):
 
 
 def good_evidence(**worse) -> Evidence:
-    good = dict.fromkeys(("expected", "agreed", "whole", "single"), 0.97)
+    good = dict.fromkeys(("expected", "agreed", "whole", "single", "meant"), 0.97)
     return Evidence(**{**good, "border": 0.0, "small": 0.0, "large": 0.0, **worse})
 
 
