@@ -4,7 +4,7 @@
 
 docs/video.md says what the figures mean. --json prints one object a line, medians over the scenes last.
 --cache keeps the estimates, so that another filter is tried on the same ones in seconds. --web adds the npm package's
-filter, in Node.js, on the same estimates.
+filter, in Node.js, on the same estimates. --drawn 200 208 takes eight drawn scenes instead, and the camera turns alone.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sequences import FPS, Scene, Sequence, camera_pose, film, scenes, sequences
+from sequences import FPS, Scene, Sequence, camera_pose, drawn_scene, film, scenes, sequences
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.evaluate.metrics import color_angle_deg
@@ -200,13 +200,19 @@ def main() -> None:
     parser.add_argument("--only", metavar="SCENE", action="append", help="vase, pebble or block")
     parser.add_argument("--cache", type=Path, metavar="FOLDER", help="keep the estimates here")
     parser.add_argument("--web", action="store_true", help="the npm package's filter too (Node.js)")
+    parser.add_argument(
+        "--drawn", type=int, nargs=2, metavar=("FROM", "TO"), help="scenes by number, camera turns alone"
+    )
     options = parser.parse_args()
     estimator = Estimator()
     found = []
-    for scene in scenes():
+    chosen, shot = scenes(), sequences(max(options.seconds, 3.0))
+    if options.drawn:
+        chosen, shot = map(drawn_scene, range(*options.drawn)), [one for one in shot if one.name == "camera turns"]
+    for scene in chosen:
         if options.only and scene.name not in options.only:
             continue
-        for sequence in sequences(max(options.seconds, 3.0)):
+        for sequence in shot:
             for line in measure(scene, sequence, estimator, options.cache, options.web):
                 found.append(line)
                 tell(line, options.json)

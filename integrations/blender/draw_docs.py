@@ -113,9 +113,10 @@ def insert(folder: Path, archive: str, name: str, albedo: tuple[float, float, fl
     settings.image = bpy.data.images.load(str(folder / "photo.png"))
     settings.use_fov, settings.fov = True, math.radians(FOV_DEG)
     settings.use_pitch, settings.pitch = True, math.radians(PITCH_DEG)
-    settings.height = HEIGHT
     if albedo is not None:
         settings.use_albedo, settings.albedo = True, albedo
+    bpy.ops.light_from_photo.estimate()
+    settings.size *= HEIGHT / bpy.context.scene.camera.location.z
     bpy.ops.light_from_photo.estimate()
     bpy.ops.light_from_photo.standard()
     set_render()

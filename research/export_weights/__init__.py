@@ -1,1 +1,1 @@
-"""The shipped graph of `lift`: calibrated, its convolutions in 8 bits."""
+"""The shipped graph of `lift`: calibrated."""

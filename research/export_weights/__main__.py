@@ -13,7 +13,6 @@ from anyprobe.estimate.runtime import Models, weights_folder
 from anyprobe.train.export_onnx import Sureness, export_graphs
 from research.export_weights.calibrate import calibrate, calibrate_errors
 from research.export_weights.checkpoints import kept_checkpoint, mean_checkpoint
-from research.export_weights.quantize import lift_examples, quantize
 from research.left_out import left_out_pairs, left_out_world_pairs
 
 
@@ -27,7 +26,6 @@ def main(
     mean_with: Annotated[
         Path | None, typer.Option(help="Kept weights from which the run began, to take the mean with.")
     ] = None,
-    int8: Annotated[bool, typer.Option(help="Convolutions in 8-bit numbers.")] = True,
 ) -> None:
     """Export the run `lift`, calibrated on pairs of assets that no weights learn from."""
     checkpoint = runs / "lift" / "checkpoint.pt"
@@ -41,12 +39,8 @@ def main(
         sureness = calibrated(checkpoint, folder, data, pairs)
         typer.echo("confidence: logit times {:.3g}, plus {:.3g}".format(*sureness.logit))
         typer.echo("errors of reflectance, level, colour: times {:.3g}, {:.3g}, {:.3g}".format(*sureness.errors))
-        off = export_graphs(checkpoint, folder if int8 else to, sureness)["light"]
-        typer.echo(f"{to / 'light.onnx'}: in floats within {off:.2g} of torch")
-        if int8:
-            examples = lift_examples(left_out_pairs(data, pairs, conditions=1))
-            changed = quantize(folder / "light.onnx", to / "light.onnx", examples)
-            typer.echo(f"8 bits change maps by {changed:.2g} in display values, on the mean")
+        off = export_graphs(checkpoint, to, sureness)["light"]
+        typer.echo(f"{to / 'light.onnx'}: within {off:.2g} of torch")
 
 
 def calibrated(checkpoint: Path, folder: Path, data: Path, kept: Path) -> Sureness:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.runtime import DEFAULT_MODEL, Models, model_id
 from anyprobe.evaluate.methods import baselines, model_methods
 from research.real_photos.lamps import GROUP, lamp_angles, lamp_group, load_lamps
@@ -27,7 +28,8 @@ def real_photos(
         methods |= model_methods(Models(name), Path(name).name)
     rows = read_real(folder)
     groups = score_real(load_real(folder, rows), methods)
-    angles = lamp_angles(load_lamps(folder, rows), methods)
+    estimators = {Path(name).name: Estimator(name) for name in names}
+    angles = lamp_angles(load_lamps(folder, rows), methods, estimators)
     if angles:
         groups[GROUP] = lamp_group(angles)
     models = {Path(name).name: model_id(name) for name in names}

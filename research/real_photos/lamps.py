@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.photo import Photo, crop_object, load_photo
 from anyprobe.evaluate.methods import Method
 from anyprobe.evaluate.metrics import direction_error_deg
 from anyprobe.light.dominant_light import find_dominant_light
@@ -23,12 +24,15 @@ GROUP = "lamp"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LampPhoto:
-    """A photo's crop [128, 128, 4] and the unit direction [3] towards the lamp in the crop's frame."""
+    """A photo, its crop [128, 128, 4], and the unit direction [3] towards the lamp in the crop's frame, and in_camera:
+    in the camera's."""
 
     name: str
+    photo: Photo
     crop: np.ndarray
     tan_half: float
     lamp: np.ndarray
+    in_camera: np.ndarray
 
 
 def load_lamps(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[LampPhoto]:
@@ -37,17 +41,25 @@ def load_lamps(folder: Path, rows: Iterable[Mapping[str, str]]) -> Iterator[Lamp
         if not row.get("lamp"):
             continue
         fov_deg = float(row["fov_deg"]) if row.get("fov_deg") else None
-        crop = crop_object(load_photo(folder / row["photo"], fov_deg=fov_deg, mask=folder / row["mask"]))
+        photo = load_photo(folder / row["photo"], fov_deg=fov_deg, mask=folder / row["mask"])
+        crop, lamp = crop_object(photo), read_direction(row["lamp"])
         yield LampPhoto(
             name=row["photo"],
+            photo=photo,
             crop=crop.image,
             tan_half=crop.tan_half,
-            lamp=crop.camera_from_crop.T @ read_direction(row["lamp"]),
+            lamp=crop.camera_from_crop.T @ lamp,
+            in_camera=lamp,
         )
 
 
-def lamp_angles(photos: Iterable[LampPhoto], methods: Mapping[str, Method]) -> dict[str, dict[str, float]]:
-    """Photo -> method -> angle [degrees] between its dominant light and the lamp; LDR methods are left out."""
+def lamp_angles(
+    photos: Iterable[LampPhoto], methods: Mapping[str, Method], estimators: Mapping[str, Estimator] | None = None
+) -> dict[str, dict[str, float]]:
+    """Photo -> method -> angle [degrees] between its dominant light and the lamp; LDR methods are left out.
+
+    methods see the crop alone; estimators the whole photo, as of a call with the mask given.
+    """
     angles: dict[str, dict[str, float]] = {}
     for photo in photos:
         estimates = {name: method(photo) for name, method in methods.items()}
@@ -56,6 +68,9 @@ def lamp_angles(photos: Iterable[LampPhoto], methods: Mapping[str, Method]) -> d
             for name, one in estimates.items()
             if one.radiance is not None
         }
+        for name, estimator in (estimators or {}).items():
+            found = estimator.from_photo(photo.photo).dominant_light().direction
+            angles[photo.name][f"{name}, whole photo"] = round(direction_error_deg(found, photo.in_camera), 5)
     return angles
 
 

@@ -29,10 +29,11 @@ def pairs(
     kept: Annotated[Path, typer.Option(help="Folder of the renders, see research.world.whole.")],
     out: Pairs = RUNS / "whole-pairs",
     scenes: Annotated[int, typer.Option(min=1, help="So many.")] = 4096,
+    first: Annotated[int, typer.Option(min=0, help="From this one on.")] = 0,
     part: Annotated[str, typer.Option(help="Of research.world.whole: train, or lamps.")] = "train",
 ) -> None:
     """Make the pairs that are missing of path-traced scenes; those of scenes that are not rendered are rendered."""
-    for path in make_pairs(data, kept, out, scenes, part):
+    for path in make_pairs(data, kept, out, scenes, part, first):
         typer.echo(path)
 
 

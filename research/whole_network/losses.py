@@ -28,7 +28,7 @@ WEIGHTS = {
     "power": 0.1,
     "profile": 0.3,
     "level": 0.1,
-    "pitch": 0.05,
+    "pitch": 0.1,
     "roll": 0.03,
     "stands": 0.03,
 }

@@ -81,15 +81,16 @@ def known_of(photo: WholePhoto, estimator: Estimator, rng: np.random.Generator, 
     )
 
 
-def make_pairs(data: Path, kept: Path, out: Path, scenes: int, part: str = "train") -> Iterator[Path]:
-    """Files in out of AT_ONCE scenes each, made where they are missing; kept: of research.world; part: train, lamps."""
+def make_pairs(data: Path, kept: Path, out: Path, scenes: int, part: str = "train", first: int = 0) -> Iterator[Path]:
+    """Files in out of AT_ONCE scenes each, from number `first` on, made where they are missing; kept: of
+    research.world; part: train, lamps."""
     store, estimator = store_of(data, part), Estimator(threads=1)
-    for first in range(0, scenes, AT_ONCE):
-        path, last = out / f"{part}-{first:06d}.npz", min(first + AT_ONCE, scenes)
+    for start in range(first, scenes, AT_ONCE):
+        path, last = out / f"{part}-{start:06d}.npz", min(start + AT_ONCE, scenes)
         if path.is_file():
             continue
         rows = []
-        for recipe, scene, render in renders(store, part, kept, last, first):
+        for recipe, scene, render in renders(store, part, kept, last, start):
             for shot in range(SHOTS):
                 photo = photograph(recipe, scene, render, store, shot)
                 rng = np.random.default_rng((int(recipe.key, 16), shot))

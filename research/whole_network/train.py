@@ -42,7 +42,7 @@ class WholeRunConfig:
     """
 
     name: str = "whole"
-    steps: int = 8_000
+    steps: int = 9_500
     batch: int = 32
     learning_rate: float = 1.5e-3
     weight_decay: float = 1e-3
@@ -104,8 +104,8 @@ class Pairs:
             colors = noisy(bright[:, :3], 1.0, cover) * (cover > 0)
             return torch.cat([colors, bright[:, 3:]], dim=1).clip(0.0, 1.0)
 
-        return {
-            "context": seen(context).contiguous(memory_format=torch.channels_last),
+        batch = {
+            "context": seen(context),
             "tan_half": of("tan_half")[:, None],
             "lift": torch.cat([noisy(lift[:, :6] + gain.repeat(1, 2, 1, 1), 3.0), lift[:, 6:]], dim=1),
             "said": of("posterior"),
@@ -115,6 +115,16 @@ class Pairs:
             "up": up,
             "given_up": up * torch.from_numpy(rng.random((count, 1)) < given_up).float(),
         }
+        batch = _mirrored(batch, torch.from_numpy(rng.random(count) < 0.5))
+        return {**batch, "context": batch["context"].contiguous(memory_format=torch.channels_last)}
+
+
+def _mirrored(batch: dict[str, torch.Tensor], some: torch.Tensor) -> dict[str, torch.Tensor]:
+    """Left and right exchanged in some [N] of a batch's pairs."""
+    pictures, ways = ("context", "lift", "surroundings", "truth"), ("up", "given_up")
+    flipped = {name: torch.where(some[:, None, None, None], batch[name].flip(3), batch[name]) for name in pictures}
+    signs = torch.where(some[:, None], torch.tensor([-1.0, 1.0, 1.0]), torch.ones(3))
+    return {**batch, **flipped, **{name: batch[name] * signs for name in ways}}
 
 
 def _grain(like: torch.Tensor, generator: torch.Generator) -> torch.Tensor:

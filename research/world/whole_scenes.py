@@ -37,6 +37,8 @@ FLOORS, WALLS, SECONDS, CUT_OUTS = 0.5, 0.2, 0.25, 0.2
 BORDER = 0.02
 """Of the photo's sides, that the object keeps off its border."""
 TRIES = 200
+BLACK_CLOTH = 0.015
+"""Albedo of black velvet, as photographers hang it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -106,8 +108,8 @@ class Scene:
     cut_out: str
 
 
-def draw_scene(recipe: Recipe, store: AssetStore) -> Scene:
-    """The same for the same recipe and assets."""
+def draw_scene(recipe: Recipe, store: AssetStore, bare: bool = False) -> Scene:
+    """The same for the same recipe and assets. bare: without what is around the object, which takes the longest."""
     rng = recipe.rng()
     kind, brighter = recipe.material % 4, recipe.material // 4
     alpha = float(distributions.draw_alphas(rng, np.array([kind]))[0])
@@ -119,6 +121,8 @@ def draw_scene(recipe: Recipe, store: AssetStore) -> Scene:
     map_yaw = float(rng.uniform(0, 2 * np.pi))
     center = (thing.mesh.positions.min(axis=0) + thing.mesh.positions.max(axis=0)) / 2
     phone = _draw_phone(rng, thing.mesh)
+    if bare:
+        return Scene(thing=thing, others=(), panels=(), center=center, map_yaw=map_yaw, phone=phone, cut_out="")
     toward = phone.position * [1, 0, 1]
     toward = toward / np.linalg.norm(toward)
     panels = [_draw_table(rng)]
@@ -131,6 +135,15 @@ def draw_scene(recipe: Recipe, store: AssetStore) -> Scene:
     return Scene(
         thing=thing, others=others, panels=tuple(panels), center=center, map_yaw=map_yaw, phone=phone, cut_out=cut_out
     )
+
+
+def before_black_cloth(scene: Scene) -> Scene:
+    """The same on black cloth that hangs down behind the object, with nothing else around."""
+    cloth = Cover(kind="cloth", albedo=np.full((4, 4, 3), BLACK_CLOTH, np.float32), alpha=1.0, side=4.0)
+    toward = scene.phone.position * [1, 0, 1]
+    wall = _draw_wall(np.random.default_rng(int(1e6 * scene.map_yaw)), toward / np.linalg.norm(toward))
+    panels = scene.panels[0], wall
+    return replace(scene, others=(), panels=tuple(replace(panel, cover=cloth) for panel in panels))
 
 
 def _standing(mesh: Mesh, rng: np.random.Generator) -> Mesh:

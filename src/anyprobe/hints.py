@@ -145,7 +145,8 @@ class Hints:
         mask: picture of the photo's size, white on the object (path, bytes, Pillow image, array), or a function from
             the upright photo [H, W, 3] uint8 to its mask [H, W]. Without mask, click, box or depth to cut the photo's
             alpha channel is taken, else the mask network's proposal.
-        click, exclude: x, y in pixels of the upright photo on the object and beside it, one or several.
+        click, exclude: x, y in pixels of the photo as shown (upright, square pixels) on the object and beside it, one
+            or several.
         box: x0, y0, x1, y1 around the object, likewise.
         depth: depth image of the same view, along the camera's axis, which gives normals; near, far: where to cut it,
             in its unit, which gives the mask too.
@@ -167,7 +168,7 @@ class Hints:
     mask: MaskSource | None = _hint("place", "Mask image, white on the object.", suffixes=PICTURES, in_web="mask")
     click: Clicks | None = _hint(
         "place",
-        "A point on the object, in pixels of the upright photo; repeatable.",
+        "A point on the object, in pixels of the photo as shown (upright, square pixels); repeatable.",
         metavar="X,Y",
         numbers=(2,),
         repeated=True,
@@ -176,7 +177,7 @@ class Hints:
     )
     exclude: Clicks | None = _hint(
         "place",
-        "A point beside the object, in pixels of the upright photo; repeatable.",
+        "A point beside the object, likewise; repeatable.",
         metavar="X,Y",
         numbers=(2,),
         repeated=True,
@@ -185,7 +186,7 @@ class Hints:
     )
     box: Sequence[float] | None = _hint(
         "place",
-        "Box around the object, in pixels of the upright photo.",
+        "Box around the object, in pixels of the photo as shown (upright, square pixels).",
         metavar="X0,Y0,X1,Y1",
         numbers=(4,),
         example="40,30,220,260",

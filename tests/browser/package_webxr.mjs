@@ -10,7 +10,8 @@ export default async ({ page, context, url, arguments: given }) => {
   await page.evaluate(() => stage.renderer.xr.dispatchEvent({ type: "sessionstart" }));
   await page.waitForFunction(() => stage.light, null, { polling: 100 });
   const lit = await page.evaluate(() => stage.state());
-  await page.waitForFunction((before) => String(stage.light.lightProbe.sh.toArray()) !== String(before), lit.sh, { polling: 100 });
+  const hasChanged = (before) => stage.light.lightProbe.sh.toArray().some((value, i) => Math.abs(value - before[i]) > 1e-3);
+  await page.waitForFunction(hasChanged, lit.sh, { polling: 100 });
   return page.evaluate(async (lit) => {
     const { renderer, scene, events } = stage;
     const later = await stage.state();

@@ -112,6 +112,9 @@ def encoded() -> list[bytes]:
         saved(Image.fromarray(wide), "TIFF", icc_profile=picture_files.icc(curve)),
         picture_files.ultra_hdr(rgb, grey, 3.0, quality=60),
         picture_files.ultra_hdr(rgb, grey, 3.0, iso=True, quality=60),
+        picture_files.apple_jpeg(rgb, grey, picture_files.maker_note(0.8, 0.005)),
+        picture_files.apple_jpeg(rgb, grey, headroom=4.0),
+        picture_files.iso_heif("AVIF", rgb, grey, 3.0),
     ]
     for channels in (1, 3):
         found.append(picture_files.float_tiff(rgb[..., :channels]))
@@ -134,7 +137,10 @@ def with_readers() -> list[bytes]:
         import pillow_heif
 
         pillow_heif.register_heif_opener()
-        found += [saved(Image.fromarray(picture_files.eight(picture_files.scene(64, 64))), "HEIF")]
+        rgb = picture_files.scene(64, 64)
+        found += [saved(Image.fromarray(picture_files.eight(rgb)), "HEIF")]
+        found += [picture_files.apple_heic(rgb, rgb[..., 1], picture_files.maker_note(0.8, 0.005))]
+        found += [picture_files.iso_heif("HEIC", rgb, rgb[..., 1], 3.0)]
     return found or [b"II*\0\x08\0\0\0"]
 
 

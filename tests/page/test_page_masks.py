@@ -11,7 +11,6 @@ from support.page_masks import PageAnswer, can_run, page_masks
 
 from anyprobe.estimate.estimator import Estimator
 from anyprobe.estimate.photo import load_photo
-from anyprobe.estimate.runtime import weights_folder
 from anyprobe.files.images import read_image
 from research.masks.cases import iou, photo_cases
 
@@ -25,17 +24,6 @@ def vase() -> np.ndarray:
     return read_image(EXAMPLES / "vase.png").rgb
 
 
-@pytest.fixture(scope="module")
-def twin(tmp_path_factory) -> Path:
-    """The shipped graph in floats: in 8 bits, the last bit of a mask moves lights by degrees."""
-    pytest.importorskip("onnx", reason="needs the train extra")
-    from research.export_weights.float_twin import float_twin
-
-    path = tmp_path_factory.mktemp("twin") / "light.onnx"
-    float_twin(weights_folder("lift") / "light.onnx", path)
-    return path
-
-
 def assert_same(page: PageAnswer, estimator: Estimator, rgb: np.ndarray, **given) -> None:
     """Masks of IoU .99; the light within a degree and a hundredth."""
     photo = load_photo(read_image(rgb).rgb, **given)
@@ -45,21 +33,23 @@ def assert_same(page: PageAnswer, estimator: Estimator, rgb: np.ndarray, **given
     np.testing.assert_allclose(page.irradiance, own.irradiance, rtol=0.01)
 
 
-def test_page_and_package_find_the_same_vase_and_light(vase, twin, tmp_path):
+def test_page_and_package_find_the_same_vase_and_light(vase, tmp_path):
     """Without a prompt, by a click and by a box; with the weights that are there."""
     height, width = vase.shape[:2]
     click, box = (width / 2, height / 2), (width * 0.1, height * 0.05, width * 0.9, height * 0.97)
     clicks, boxes = [[], [click], []], [None, None, box]
-    estimator = Estimator(str(twin.parent))
-    for page, on, corners in zip(page_masks(tmp_path, [vase] * 3, clicks, boxes, twin), clicks, boxes, strict=True):
+    estimator = Estimator()
+    for page, on, corners in zip(
+        page_masks(tmp_path, [vase] * 3, clicks, boxes, light=True), clicks, boxes, strict=True
+    ):
         assert_same(page, estimator, vase, click=on or None, box=corners)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif("ANYPROBE_PHOTOS" not in os.environ, reason="ANYPROBE_PHOTOS names folders of photos and masks")
-def test_page_and_package_agree_on_photos_of_others(twin, tmp_path):
+def test_page_and_package_agree_on_photos_of_others(tmp_path):
     folders = map(Path, os.environ["ANYPROBE_PHOTOS"].split(os.pathsep))
     photos = [case.rgb for folder in folders for case in photo_cases(folder)]
-    estimator = Estimator(str(twin.parent))
-    for page, rgb in zip(page_masks(tmp_path, photos, [[]] * len(photos), light=twin), photos, strict=True):
+    estimator = Estimator()
+    for page, rgb in zip(page_masks(tmp_path, photos, [[]] * len(photos), light=True), photos, strict=True):
         assert_same(page, estimator, rgb)

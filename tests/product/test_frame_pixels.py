@@ -204,9 +204,14 @@ def test_a_mirrored_clip_is_not_as_players_show_it(degrees, mirror, tmp_path):
         mux(container, stream, [picture] * 3)
     shown = np.rot90(picture, degrees // 90)
     shown = {"hflip": shown[:, ::-1], "vflip": shown[::-1], None: shown}[mirror]
-    found = frames(tmp_path / "a.mp4")[0].rgb.astype(float)
+    frame = frames(tmp_path / "a.mp4")[0]
+    found = frame.rgb.astype(float)
     assert found.shape == shown.shape
     assert np.median(np.abs(found - shown)) < 12
+    assert (frame.stored is None) == (not degrees and not mirror)
+    for x, y in ((16, 12), (48, 12), (16, 36)):  # inside of the colours, as stored
+        column, row = (x, y) if frame.stored is None else frame.stored.point(x, y)
+        assert np.abs(found[int(row), int(column)] - picture[y, x]).max() < 30
 
 
 def moving(container, colour, size=(64, 48), count=3):

@@ -103,6 +103,18 @@ def test_the_gain_lights_the_object_as_brightly_as_the_estimate():
     np.testing.assert_allclose(gain, 0.3, rtol=0.03)
 
 
+def test_a_background_counts_half_for_how_bright_a_map_is():
+    """The photo's is as bright as the map, the estimate a ninth as bright."""
+    turn = world_from_camera(YAW, PITCH)
+    light, level = light_of(place(2))
+    seen = np.maximum(reduced(rotate(place(2), turn.T), 64), 0.0)
+    cover = (pixel_directions(64)[..., 2:] < -0.8).astype(np.float32)
+    for clipped, wanted in ((False, 1 / 3), (True, 1 / 9)):
+        behind = background_of(seen, np.full(seen.shape, clipped), cover, np.eye(3), MATCH_ROWS)
+        shown = replace(shown_under(place(2), turn), behind=behind)
+        np.testing.assert_allclose(gain_of(shown, seen / 9, light, turn) / level, wanted, rtol=0.03)
+
+
 def test_a_map_takes_on_half_of_the_colour_that_it_misses():
     turn = world_from_camera(YAW, PITCH)
     light, level = light_of(place(2))

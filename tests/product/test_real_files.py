@@ -16,12 +16,16 @@ import pytest
 from PIL import Image
 from support.picture_files import (
     REC2020_FROM_REC709,
+    apple_heic,
+    apple_jpeg,
     dng,
     eight,
     float_tiff,
     gamma_curve,
     hlg,
     icc,
+    iso_heif,
+    maker_note,
     png,
     pq,
     scene,
@@ -32,15 +36,18 @@ from support.picture_files import (
 )
 
 import anyprobe
-from anyprobe.core.response import response
-from anyprobe.errors import InvalidPhoto, MissingExtra
+from anyprobe.core.response import inverse_response, response
+from anyprobe.errors import InvalidMask, InvalidPhoto, MissingExtra
 from anyprobe.estimate.photo import crop_object, load_photo
+from anyprobe.files.apple_gain import apple_headroom
 from anyprobe.files.color_encoding import ADOBE_RGB, PRIMARIES, by_code_points, by_numbers
 from anyprobe.files.declared_size import declared_pixels
 from anyprobe.files.exr import read_exr
 from anyprobe.files.headers import jxl_size
 from anyprobe.files.images import read_image
 from anyprobe.files.radiance import read_linear, read_radiance, write_hdr_picture
+from anyprobe.files.stored_pixels import TURNS
+from anyprobe.masks.find import find_mask
 
 CASES = Path(__file__).parent / "cases"
 LINEAR = scene()
@@ -194,7 +201,7 @@ def isos(picture: np.ndarray) -> bytes:
 
 
 @pytest.mark.parametrize("written", [apples, isos])
-def test_a_gain_map_that_is_not_read_is_passed_over_in_silence(written):
+def test_a_gain_map_that_is_not_read_is_said_where_it_is_missed(written):
     assert "gain map is not read" in read_image(written(WHITE)).warnings[0]
     assert read_image(written(WHITE // 2)).warnings == ()
 
@@ -307,6 +314,48 @@ def test_a_gain_map_gives_the_light_above_white(iso, turned):
     np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
 
 
+@pytest.mark.parametrize("kind", ["HEIC", "JPEG", "JPEG, said by XMP"])
+def test_apple_s_gain_map_gives_the_light_above_white(kind):
+    """By its note 0.8 and 0.005: 1.7 stops."""
+    base, gain, exif = np.full((64, 96, 3), 0.9), np.zeros((64, 96)), maker_note(0.8, 0.005)
+    gain[:32, :48], gain[32:, :48] = 1.0, 0.5
+    if kind == "HEIC":
+        pytest.importorskip("pillow_heif")
+        data = apple_heic(base, gain, exif)
+    else:
+        data = apple_jpeg(base, gain, exif) if kind == "JPEG" else apple_jpeg(base, gain, headroom=2**1.7)
+    found = read_image(data)
+    assert (found.warnings, found.alpha) == ((), None)
+    linear, half = ((0.9 + 0.055) / 1.055) ** 2.4, ((0.5 + 0.099) / 1.099) ** (1 / 0.45)
+    np.testing.assert_allclose(found.radiance[:28, :44], linear * 2**1.7, rtol=0.02)
+    np.testing.assert_allclose(found.radiance[36:, :44], linear * (1 + (2**1.7 - 1) * half), rtol=0.02)
+    np.testing.assert_allclose(found.radiance[:, 52:], linear, rtol=0.02)
+
+
+@pytest.mark.parametrize("kind", ["HEIC", "AVIF"])
+def test_a_gain_map_of_iso_beside_a_picture_gives_the_light_above_white(kind):
+    if kind == "HEIC":
+        pytest.importorskip("pillow_heif")
+    base, gain = np.full((64, 96, 3), 0.5), np.zeros((64, 96))
+    gain[:32, :48] = 1.0
+    found = read_image(iso_heif(kind, base, gain, 3.0))
+    assert found.warnings == ()
+    linear = ((0.5 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(found.radiance[:28, :44], (linear + 1 / 64) * 8 - 1 / 64, rtol=0.03)
+    np.testing.assert_allclose(found.radiance[36:], linear, rtol=0.03)
+    np.testing.assert_allclose(found.rgb, 0.5, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("headroom", "gain", "stops"), [(0.5, 0.0, 1.8), (0.5, 1.0, 1.5), (1.0, 0.01, 2.3), (1.0, 1.0, 2.0), (1.0, 9.0, 0)]
+)
+def test_the_headroom_of_apple_s_cameras(headroom, gain, stops):
+    image = Image.new("RGB", (8, 8))
+    image.getexif().load(maker_note(headroom, gain))
+    assert apple_headroom(image) == pytest.approx(2**stops, rel=1e-4)
+    assert apple_headroom(Image.new("RGB", (8, 8))) is None
+
+
 def test_a_gain_map_of_three_channels_in_lists():
     data = ultra_hdr(np.full((64, 96, 3), 0.5), np.ones((16, 24)), 1.0)
     one = b'hdrgm:GainMapMax="1.0"'
@@ -404,6 +453,55 @@ def test_jpeg_xl_is_read_and_bounded_by_its_header(monkeypatch):
     assert jxl_size(huge) == (40_000, 40_000)
     with pytest.raises(InvalidPhoto, match="40000 x 40000"):
         read_image(huge)
+
+
+# Clicks and boxes: pixels as shown, else as stored
+
+
+def turned_jpeg(rgb: np.ndarray, orientation: int) -> bytes:
+    """A picture that EXIF's orientation brings upright."""
+    upright = Image.fromarray(eight(rgb))
+    undo = {6: 8, 8: 6}.get(orientation, orientation)
+    stored = upright if orientation == 1 else upright.transpose(TURNS[undo])
+    exif, stream = Image.Exif(), io.BytesIO()
+    exif[0x0112] = orientation
+    stored.save(stream, "JPEG", quality=98, exif=exif)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_where_stored_pixels_are_shown(orientation):
+    """One spot in a picture that is darker elsewhere."""
+    rgb = np.full((48, 64, 3), 0.2)
+    rgb[8:12, 20:26] = 0.9
+    data = turned_jpeg(rgb, orientation)
+    found = read_image(data)
+    np.testing.assert_allclose(found.rgb, rgb, atol=0.2)
+    spot = np.argwhere(np.asarray(Image.open(io.BytesIO(data)).convert("L")) > 128)  # row, column
+    box = (*spot.min(axis=0)[::-1], *(spot.max(axis=0)[::-1] + 1))
+    assert (found.stored is None) == (orientation == 1)
+    np.testing.assert_allclose(box if found.stored is None else found.stored.box(box), (20, 8, 26, 12))
+
+
+@pytest.mark.parametrize("kind", ["wide", "narrow", "turned"])
+def test_a_box_may_be_in_pixels_as_stored_where_nothing_is_there_as_shown(kind):
+    rgb = case("plain.png").rgb
+    if kind == "turned":
+        rgb = np.pad(rgb, ((0, 0), (0, 400), (0, 0)), mode="edge")
+        data, box = turned_jpeg(rgb, 6), (55, 320 + 400 - 230, 195, 320 + 400 - 90)
+    else:
+        times = 2 if kind == "wide" else 0.5
+        narrow = rgb[:, ::2] if kind == "wide" else rgb.repeat(2, axis=1)
+        data = exr(inverse_response(narrow).astype(np.float32), pixelAspectRatio=float(times))
+        box = (90 / times, 55, 230 / times, 195)
+    pixels = read_image(data)
+    wanted = find_mask(pixels, box=(90, 55, 230, 195))
+    assert wanted.warnings == ()
+    found = find_mask(pixels, box=box)
+    np.testing.assert_array_equal(found.mask, wanted.mask)
+    assert "box=90,55,230,195" in found.warnings[0]
+    with pytest.raises(InvalidMask, match=r"as shown|expected X0,Y0"):
+        find_mask(replace(pixels, stored=None), box=box)
 
 
 # OpenEXR, .hdr, TIFF of floats
@@ -597,19 +695,17 @@ def light_of():
     return estimate
 
 
-@pytest.mark.parametrize(
-    ("name", "within_deg"), [("hlg.mp4", 1.5), ("cover_udta_first.mp4", 1), ("resize_mid.h264", 1), ("anam.mp4", 1.5)]
-)
-def test_one_scene_in_other_clips_has_one_light(name, within_deg, light_of):
-    """The wide pixels of one hold half as much."""
+@pytest.mark.parametrize("name", ["hlg.mp4", "cover_udta_first.mp4", "resize_mid.h264", "anam.mp4"])
+def test_one_scene_in_other_clips_has_one_light(name, light_of):
+    """The wide pixels of one hold half as much; so do the last frames of another, which changes size."""
     pytest.importorskip("av")
     from anyprobe.video.clip import open_clip, read_frames
 
     frames = list(read_frames(open_clip(CASES / name), []))
     assert len(frames) == (10 if name == "resize_mid.h264" else 6)
     wanted = light_of(case("plain.png").rgb).dominant_light()
-    for frame in (frames[0], frames[-1]):
+    for frame, within_deg in ((frames[0], 1), (frames[-1], 2.5 if name == "resize_mid.h264" else 1)):
         assert np.abs(frame.rgb / 255 - case("plain.png").rgb).mean() < 0.006  # edges differ, by the codec
         found = light_of(frame.rgb, frame.radiance).dominant_light()
         assert np.degrees(np.arccos(min(1.0, float(found.direction @ wanted.direction)))) < within_deg
-        assert found.irradiance.mean() == pytest.approx(wanted.irradiance.mean(), rel=0.04)
+        assert found.irradiance.mean() == pytest.approx(wanted.irradiance.mean(), rel=0.025)

@@ -1,4 +1,4 @@
-"""The float twin of the shipped graph: no 8-bit operators, the same light."""
+"""The float twin of the shipped graph: weights in floats, the same light."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from support.scenes import sphere_photo  # noqa: E402
 from research.export_weights.float_twin import float_twin, weights_folder  # noqa: E402
 
 
-def test_the_twin_has_no_8_bit_operators_and_answers_alike(tmp_path):
+def test_the_twin_has_no_small_weights_and_answers_alike(tmp_path):
     float_twin(weights_folder("lift") / "light.onnx", tmp_path / "light.onnx")
     graph = onnx.load(str(tmp_path / "light.onnx")).graph
     assert not {node.op_type for node in graph.node} & {"QuantizeLinear", "DequantizeLinear", "ConvInteger"}
-    assert not {one.data_type for one in graph.initializer} & {onnx.TensorProto.INT8, onnx.TensorProto.UINT8}
+    assert not {one.data_type for one in graph.initializer} & {onnx.TensorProto.INT8, onnx.TensorProto.FLOAT16}
     crop = sphere_photo((64, 64))[:128, :128].astype(np.float32) / 255
     crop = np.pad(crop, ((0, 128 - crop.shape[0]), (0, 128 - crop.shape[1]), (0, 0)))
     crop[..., :3] *= crop[..., 3:]
     shipped, twin = (Models(name, threads=1)(crop, 0.2) for name in ("lift", str(tmp_path)))
-    apart = np.abs(response(shipped.radiance) - response(twin.radiance)).mean()
-    assert 0 < apart < 0.02
-    seen = np.linalg.norm(shipped.normals, axis=-1) > 0.5
-    assert (shipped.normals * twin.normals).sum(axis=-1)[seen].mean() > 0.99
+    assert np.abs(response(shipped.radiance) - response(twin.radiance)).max() < 1e-4
+    np.testing.assert_allclose(shipped.normals, twin.normals, atol=1e-4)

@@ -177,7 +177,7 @@ def test_a_mixed_folder_gives_both_groups(folder):
     assert content["groups"]["specular"]["pairs"] == content["groups"]["lamp"]["pairs"] == 1
     assert set(content["photos"]) == {"sphere.png"}
     angles = content["photos"]["sphere.png"]
-    assert list(angles) == [CONSTANT, "mean map", "chrome sphere", "paper"]
+    assert list(angles) == [CONSTANT, "mean map", "chrome sphere", "paper", "paper, whole photo"]
     for row in content["groups"]["lamp"]["rows"]:
         assert row["dominant_light_deg"] == row["dominant_light_median_deg"] == angles[row["method"]]
 

@@ -126,6 +126,22 @@ def test_batches_are_of_all_files(folder, tmp_path):
     given = batch["given_up"].abs().sum(dim=1) > 0
     assert 0 < given.sum() < 30
     torch.testing.assert_close(batch["given_up"][given], batch["up"][given])
+    told = pairs._parts[0]["up"][:, 0]
+    assert {round(float(x), 4) for x in batch["up"][:, 0]} >= {round(float(x), 4) for x in (*told, *-told)}  # mirrored
+
+
+def test_left_and_right_change_places_together():
+    batch = {name: torch.rand(2, 3, 4, 8) for name in ("context", "lift", "surroundings", "truth")}
+    batch |= {"up": torch.tensor([[0.1, 0.9, 0.2]] * 2), "given_up": torch.zeros(2, 3), "said": torch.rand(2, 7)}
+    found = training._mirrored(batch, torch.tensor([True, False]))
+    for name in ("context", "lift", "surroundings", "truth"):
+        torch.testing.assert_close(found[name][0], batch[name][0].flip(2))
+        torch.testing.assert_close(found[name][1], batch[name][1])
+    torch.testing.assert_close(found["up"], torch.tensor([[-0.1, 0.9, 0.2], [0.1, 0.9, 0.2]]))
+    assert found["said"] is batch["said"]
+
+
+def test_pairs_are_asked_for_where_there_are_none(tmp_path):
     with pytest.raises(InputError, match="research.whole_network pairs"):
         Pairs(tmp_path)
 

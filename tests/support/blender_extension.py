@@ -115,7 +115,7 @@ def shadow(scratch):
     scene.camera, scene.render.film_transparent = camera, True
     bpy.data.objects["Cube"].hide_render = True
     alone = picture(scratch / "alone.exr")[..., 3]
-    bpy.ops.mesh.primitive_cube_add(size=0.2, location=scene.cursor.location + Vector((0, 0, 0.1)))
+    bpy.ops.mesh.primitive_cube_add(size=0.6, location=scene.cursor.location + Vector((0, 0, 0.3)))
     bpy.context.object.visible_camera = False
     under = picture(scratch / "under.exr")[..., 3]
     bpy.data.objects.remove(bpy.context.object)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from anyprobe.core.color import to_bytes
+from anyprobe.estimate.runtime import WHOLE, weights_folder
 from anyprobe.masks.networks import default_graph
 from anyprobe.masks.weights import find_weights
 
@@ -38,8 +39,8 @@ def page_masks(
     photos: Sequence[np.ndarray],
     clicks: Sequence[Sequence[tuple[float, float]]],
     boxes: Sequence[Sequence[float] | None] | None = None,
-    light: Path | None = None,
     *,
+    light: bool = False,
     live: bool = False,
 ) -> list[PageAnswer]:
     """What the page finds in each photo [H, W, 3] in [0, 1] told its clicks x, y on the object or its box; by U2-Net-p
@@ -48,7 +49,7 @@ def page_masks(
     Args:
         folder: an empty one, for the photos and masks.
         boxes: x0, y0, x1, y1 around the object of each photo, or None.
-        light: graph that estimates the light with the mask; None: no light.
+        light: whether the light of the mask is estimated too, by the shipped graphs.
         live: as in a camera's frame, by one look of the small network.
     """
     cases = []
@@ -64,7 +65,7 @@ def page_masks(
         cases.append({"name": str(number), "width": width, "height": height, "hints": told})
     found = None if live else find_weights()
     weights = {"mask": str(default_graph())} if found is None else {"u2netp": str(found.path)}
-    weights |= {} if light is None else {"light": str(light)}
+    weights |= {name: str(weights_folder("lift") / f"{name}.onnx") for name in ("light", WHOLE) if light}
     (folder / "cases.json").write_text(json.dumps({"weights": weights, "isLive": live, "cases": cases}))
     run = subprocess.run(["node", "bench/masks.js", str(folder)], cwd=WEB, capture_output=True, text=True, check=False)
     if run.returncode != 0:

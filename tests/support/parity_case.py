@@ -11,8 +11,9 @@ import numpy as np
 
 from anyprobe.core.frames import world_from_camera
 from anyprobe.core.response import inverse_response, response
+from anyprobe.estimate.doubts import ground_doubts
 from anyprobe.estimate.estimator import Estimator
-from anyprobe.estimate.ground import estimate_ground
+from anyprobe.estimate.ground import ESTIMATED, GIVEN, GUESSED, Ground, estimate_ground
 from anyprobe.estimate.photo import crop_object, load_photo
 from anyprobe.estimate.runtime import EXPECTED, weights_folder
 from anyprobe.given_material import given_material, material_input
@@ -147,6 +148,35 @@ def _placements() -> list[dict]:
     return cases
 
 
+def _ground_doubts() -> list[dict]:
+    """What is said of pitches: given, estimated well and badly, guessed as usual and from the place alone."""
+    cases = []
+    for source, pitch_deg, error_deg, is_doubtful in (
+        (GIVEN, 41.0, 1.0, False),
+        (ESTIMATED, 12.4, 14.9, False),
+        (ESTIMATED, -3.7, 18.6, False),
+        (GUESSED, 22.0, 13.0, False),
+        (GUESSED, 31.6, 13.0, True),
+    ):
+        ground = Ground(
+            pitch_deg=pitch_deg,
+            pitch_error_deg=error_deg,
+            roll_deg=0.0,
+            contact=(0.0, 0.0),
+            source=source,
+            is_doubtful=is_doubtful,
+        )
+        cases.append(
+            {
+                "pitch_deg": pitch_deg,
+                "error_deg": error_deg,
+                "source": source,
+                "said": list(ground_doubts(ground, "photo")),
+            }
+        )
+    return cases
+
+
 def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, long_fov_deg: float) -> None:
     """Write photo.rgba, mask.f32, case.json and one <name>.f32 an answer.
 
@@ -228,6 +258,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
         "materials": GIVEN_MATERIALS,
         "frame_seconds": FRAME_SECONDS,
         "placements": _placements(),
+        "ground_doubts": _ground_doubts(),
         "found": found,
     }
     (folder / "case.json").write_text(json.dumps(case))

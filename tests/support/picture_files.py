@@ -196,15 +196,125 @@ def ultra_hdr(base: np.ndarray, gain: np.ndarray, stops: float, *, iso: bool = F
     name, urn = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0"
     said = 'xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" hdrgm:Version="1.0"'
     if iso:
-        numbers = struct.pack(">IIII", 0, 1, round(stops * 1000), 1000)
-        numbers += struct.pack(">iIiIIIiIiI", 0, 1, round(stops * 1000), 1000, 1, 1, 1, 64, 1, 64)
-        first, second = (0xE2, urn + bytes(4)), (0xE2, urn + bytes(4) + b"\x40" + numbers)
+        first, second = (0xE2, urn + bytes(4)), (0xE2, urn + iso_numbers(stops))
     else:
         first = 0xE1, name + f"<x:xmpmeta><rdf:Description {said}/></x:xmpmeta>".encode()
         more = f'{said} hdrgm:GainMapMin="0" hdrgm:GainMapMax="{stops}" hdrgm:Gamma="1" hdrgm:OffsetSDR="0.015625"'
         more += f' hdrgm:OffsetHDR="0.015625" hdrgm:HDRCapacityMax="{stops}" hdrgm:BaseRenditionIsHDR="False"'
         second = 0xE1, name + f"<x:xmpmeta><rdf:Description {more}/></x:xmpmeta>".encode()
     return with_segment(jpeg(base), *first) + with_segment(jpeg(gain), *second)
+
+
+def iso_numbers(stops: float) -> bytes:
+    """Metadata of ISO 21496-1 of a gain map of 0 to so many stops."""
+    most = round(stops * 1000)
+    head = bytes(4) + b"\x40" + struct.pack(">IIII", 0, 1, most, 1000)
+    return head + struct.pack(">iIiIIIiIiI", 0, 1, most, 1000, 1, 1, 1, 64, 1, 64)
+
+
+def iso_heif(kind: str, base: np.ndarray, gain: np.ndarray, stops: float) -> bytes:
+    """A "HEIC" or "AVIF" of display values [H, W, 3] with a gain map [h, w] by ISO 21496-1.
+
+    Of two pictures, an AVIF's picture and its alpha, to which the item that makes one of both is added.
+    """
+    stream = io.BytesIO()
+    if kind == "HEIC":
+        import pillow_heif
+
+        whole = pillow_heif.HeifFile()
+        for values in (eight(base), eight(gain)):
+            whole.add_from_pillow(Image.fromarray(values))
+        whole.save(stream, quality=-1, chroma=444)
+    else:
+        both = Image.fromarray(eight(np.dstack([base, gain])))
+        both.save(stream, "AVIF", quality=100, subsampling="4:4:4")
+    data = bytearray(stream.getvalue().replace(b"auxl", b"none"))
+    data[data.index(b"infe", data.index(b"infe") + 4) + 7] |= 1  # the map is hidden
+    return _with_tone_map(data, b"\0" + iso_numbers(stops))
+
+
+def _with_tone_map(data: bytearray, said: bytes) -> bytes:
+    """A file of two items with a third, which makes one picture of them as its metadata says."""
+    number, at = 99, data.index(b"iloc") + 8
+    base = 4 if data[at + 1] >> 4 else 0  # bytes of an item's own offset, beside that of its piece
+    assert (data[at - 4], data[at]) == (0, 0x44)
+    (count,), width = struct.unpack_from(">H", data, at + 2), 14 + base
+    ends = {kind: data.index(kind) - 4 + _size(data, kind) for kind in (b"meta", b"iloc", b"iinf")}
+    infe = struct.pack(">I4sIHH4sx", 21, b"infe", 0x02000000, number, 0, b"tmap")
+    dimg = struct.pack(">I4sHHHH", 16, b"dimg", number, 2, 1, 2)
+    if b"iref" in data:
+        ends[b"iref"] = data.index(b"iref") - 4 + _size(data, b"iref")
+    else:
+        dimg = struct.pack(">I4sI", 12 + len(dimg), b"iref", 0) + dimg
+    more = width + len(infe) + len(dimg)
+    for k in range(count):
+        place = at + 4 + k * width + (4 if base else 6)
+        struct.pack_into(">I", data, place, struct.unpack_from(">I", data, place)[0] + more)
+    entry = struct.pack(">HH", number, 0) + bytes(base) + struct.pack(">HII", 1, len(data) + more + 8, len(said))
+    struct.pack_into(">H", data, at + 2, count + 1)
+    place = data.index(b"iinf") + 8
+    struct.pack_into(">H", data, place, struct.unpack_from(">H", data, place)[0] + 1)
+    for kind, by in {b"meta": more, b"iloc": width, b"iinf": len(infe), b"iref": len(dimg)}.items():
+        if kind in ends:
+            struct.pack_into(">I", data, data.index(kind) - 4, _size(data, kind) + by)
+    inserted = [(ends[b"iloc"], entry), (ends[b"iinf"], infe), (ends.get(b"iref", ends[b"meta"]), dimg)]
+    for where, what in sorted(inserted, reverse=True):
+        data[where:where] = what
+    return bytes(data) + struct.pack(">I4s", 8 + len(said), b"mdat") + said
+
+
+def _size(data: bytes | bytearray, kind: bytes) -> int:
+    return struct.unpack_from(">I", data, data.index(kind) - 4)[0]
+
+
+def maker_note(headroom: float, gain: float) -> bytes:
+    """Of Apple's cameras, with what the brightness of a gain map is told by, in EXIF."""
+    first = 16 + 2 * 12 + 4
+    note = b"Apple iOS\0\0\1MM" + struct.pack(">H", 2)
+    note += struct.pack(">HHII", 33, 10, 1, first) + struct.pack(">HHII", 48, 10, 1, first + 8) + bytes(4)
+    note += struct.pack(">iiii", round(headroom * 1e6), 10**6, round(gain * 1e6), 10**6)
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0x927C] = note
+    return exif.tobytes()
+
+
+APPLES_MAP = "urn:com:apple:photo:2020:aux:hdrgainmap"
+
+
+def apple_heic(base: np.ndarray, gain: np.ndarray, exif: bytes) -> bytes:
+    """A HEIC of display values [H, W, 3] with Apple's gain map [H, W]: written as alpha, whose kind is changed then."""
+    import pillow_heif
+
+    stream, pixels = io.BytesIO(), eight(np.dstack([base, gain]))
+    picture = pillow_heif.from_bytes(mode="RGBA", size=pixels.shape[1::-1], data=pixels.tobytes())
+    picture.save(stream, quality=-1, chroma=444, exif=exif)
+    data = bytearray(stream.getvalue())
+    old, new = b"urn:mpeg:hevc:2015:auxid:1", APPLES_MAP.encode()
+    at, more = data.index(old), len(new) - len(old)
+    for kind in (b"meta", b"iprp", b"ipco", b"auxC"):  # the boxes around it
+        place = data.index(kind) - 4
+        data[place : place + 4] = struct.pack(">I", struct.unpack_from(">I", data, place)[0] + more)
+    place = data.index(b"iloc") + 8
+    assert (data[place - 4], bytes(data[place : place + 2])) == (0, b"\x44\x40")  # version 0, offsets of 4 bytes
+    for k in range(struct.unpack_from(">H", data, place + 2)[0]):
+        item = place + 4 + k * 18 + 4
+        data[item : item + 4] = struct.pack(">I", struct.unpack_from(">I", data, item)[0] + more)
+    data[at : at + len(old)] = new
+    return bytes(data)
+
+
+def apple_jpeg(base: np.ndarray, gain: np.ndarray, exif: bytes = b"", headroom: float | None = None) -> bytes:
+    """The same as JPEG, with the map as a second picture; headroom: said by the map's XMP."""
+    stream = io.BytesIO()
+    small = Image.fromarray(eight(gain))
+    Image.fromarray(eight(base)).save(
+        stream, "MPO", save_all=True, append_images=[small], quality=98, subsampling=0, exif=exif
+    )
+    data, name = stream.getvalue(), b"http://ns.adobe.com/xap/1.0/\0"
+    told = "" if headroom is None else f' HDRGainMap:HDRGainMapHeadroom="{headroom}"'
+    said = name + f'<x:xmpmeta HDRGainMap:HDRGainMapVersion="65536"{told}/>'.encode()
+    at = data.rindex(b"\xff\xd8\xff") + 2
+    return data[:at] + b"\xff\xe1" + struct.pack(">H", len(said) + 2) + said + data[at:]
 
 
 def float_tiff(pixels: np.ndarray, kind: str = "<f4", profile: bytes = b"") -> bytes:

@@ -23,9 +23,11 @@ from support.places import place
 
 import anyprobe
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.estimate.ground import contact_of
 from anyprobe.export.target_frames import BLENDER
 from anyprobe.export.targets import export
 from anyprobe.files.radiance import read_radiance, write_exr
+from anyprobe.masks.check import object_box
 from anyprobe.relight.ground_view import view_of
 
 pytestmark = pytest.mark.slow
@@ -112,6 +114,7 @@ def test_zip_lacks_what_blender_or_an_estimate_needs(archive, bpy_python):
         library = next(name for name in names if name.startswith("wheels/anyprobe-"))
         (archive.parent / "anyprobe.whl").write_bytes(file.read(library))
     assert {"__init__.py", "worker.py", "LICENSE"} <= names
+    assert any(name.startswith("wheels/rembg") for name in names)  # with the better mask network
     assert sorted(said["wheels"]) == sorted(f"./{name}" for name in names if name.startswith("wheels/"))
     assert said["license"] == ["SPDX:GPL-3.0-or-later"]
     assert set(said["permissions"]) == {"files"}
@@ -164,7 +167,10 @@ def test_camera_is_not_the_photos(found, light):
     assert found["background"] == "vase.png"
     forward = np.array(found["turn"]) @ [0, 0, -1]
     assert np.degrees(np.arcsin(-forward[2])) == pytest.approx(pitch_deg, abs=0.05)
-    assert found["place"][2] == pytest.approx(1.5, abs=1e-4)  # the default height above the ground
+    x, foot, size = *contact_of(photo.mask), 2.0  # the default size of the object
+    x0, y0, x1, y1 = object_box(photo.mask)
+    depth = size * view.focal / max(x1 - x0, y1 - y0)
+    assert found["place"][2] == pytest.approx(-depth / view.on_ground(x, foot)[2], rel=1e-3)
 
 
 def test_suns_stand_elsewhere_than_the_estimates_sources(found, light):

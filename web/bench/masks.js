@@ -1,9 +1,9 @@
 /**
  * Masks as the page finds them, and its lights: node bench/masks.js FOLDER
  *
- * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light, isLive, cases: [{name, width, height, hints}]}, and NAME.rgba;
- * every mask, of a live frame by one look of the small network, is written as NAME.f32. Prints {NAME: {ms, dominant}}: processor time of the mask, and the dominant light where
- * there is a light's graph.
+ * FOLDER holds cases.json, {weights: {u2netp} or {mask}, and light and whole, isLive, cases: [{name, width, height, hints}]}, and
+ * NAME.rgba; every mask, of a live frame by one look of the small network, is written as NAME.f32. Prints {NAME: {ms, dominant}}:
+ * processor time of the mask, and the dominant light where there is a light's graph.
  */
 
 import { readFileSync, writeFileSync } from "node:fs";

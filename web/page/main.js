@@ -158,6 +158,8 @@ async function estimate(found, isLate) {
   if (found.warnings.length) {
     return setStatus(`Estimated. ${found.warnings[0]} Click on the object below, or draw a box around it.`, "warning");
   }
+  const [doubt] = result.light.warnings;
+  if (doubt) return setStatus(`Estimated, but ${doubt} by “Camera pitch”.`, "warning");
   setStatus(`Estimated in ${result.seconds.toFixed(2)} s, in this browser. If the outline is wrong, click on the object below, or draw a box around it.`);
 }
 

@@ -58,6 +58,18 @@ test("the mask of a still picture is found twice, of a moving one every fourth f
   assert.deepEqual(moving.told, moving.found);
 });
 
+test("whether the object is cut out is seen anew with its mask", async () => {
+  const random = numbers(5);
+  const contexts = [];
+  const light = async (image, tanHalf, { context }) => {
+    contexts.push(context !== null);
+    return { radiance: new Float32Array(64 * 128 * 3).fill(0.5) };
+  };
+  const lights = new FrameLight({ light, completes: true }, async ({ rgba }) => foundIn(rgba), { on: [], off: [] }, 65);
+  for (let at = 0; at < 34; at++) await lights.next(frameOf(50, at === 0 ? 10 : 0, random), at / 15);
+  assert.deepEqual([contexts[0], contexts[31], contexts[32]], [true, true, false]);
+});
+
 test("a jump is seen at once, and a click", async () => {
   const jumped = await follow(20, (at) => (at < 10 ? 50 : 53));
   assert.deepEqual(jumped.found, [0, 10]);

@@ -17,6 +17,7 @@ import { splitSources } from "../src/light/sourceSplit.js";
 import { shown, shownSources, step } from "../src/light/temporal.js";
 import { contextOf, cropNormals, cropObject } from "../src/photo/crop.js";
 import { givenMaterial, materialInput } from "../src/photo/material.js";
+import { groundDoubts } from "../src/photo/ground.js";
 import { objectBox } from "../src/photo/picture.js";
 import { readMask } from "../src/photo/source.js";
 import { isCutOut, seeSurroundings } from "../src/photo/surroundings.js";
@@ -69,7 +70,7 @@ before(async () => {
   const given = JSON.parse(readFileSync(join(folder, "case.json")));
   const { width, height, long_fov_deg, weights } = given;
   const rgba = new Uint8ClampedArray(readFileSync(join(folder, "photo.rgba")));
-  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, found: given.found });
+  Object.assign(found, { picture: { width, height, rgba }, longFovDeg: long_fov_deg, hints: given.hints, materials: given.materials, frameSeconds: given.frame_seconds, placements: given.placements, groundDoubts: given.ground_doubts, found: given.found });
   found.crop = cropObject(found.picture, floats("mask"), long_fov_deg);
   ort.env.wasm.numThreads = 1;
   const bytes = Object.fromEntries(
@@ -158,6 +159,14 @@ test("what stands around the object, the camera's pitch, and the map with them",
     assertMostlyClose(radiance, floats(`radiance_${name}`), 5e-3, `radiance, ${name}`);
     assertMostlyClose(confidence, floats(`confidence_${name}`), 3e-3, `confidence, ${name}`);
   }
+});
+
+test("an unsure pitch is said in the same words", { skip }, () => {
+  for (const { pitch_deg: pitchDeg, error_deg: pitchErrorDeg, source, said } of found.groundDoubts) {
+    const lines = groundDoubts({ pitchDeg, pitchErrorDeg, source });
+    assert.deepEqual(lines.map((line) => `photo: ${line}`), said);
+  }
+  assert.deepEqual(groundDoubts(null), []);
 });
 
 test("the mean radiance of light sources", { skip }, async (t) => {
@@ -260,7 +269,8 @@ test("the filter of a video's lights", { skip }, () => {
   found.frameSeconds.forEach((dt, i) => {
     state = step(state, frames.subarray(i * size, (i + 1) * size), dt);
   });
-  assertClose(shown(state), floats("steadied"), 3e-4, "steadied");
+  // how much of a pixel a bright source's edge covers depends on the last bits of its place
+  assertClose(shown(state), floats("steadied"), 1e-3, "steadied");
 });
 
 const rowsOf = (sources) => sources.flatMap(({ direction, power, radius }) => [...direction, ...power, radius]);

@@ -188,6 +188,8 @@ export declare class Light {
   readonly hints: { surroundings: number; normals: boolean; material: boolean };
   /** What the object stands on, as far as the camera looks down on it; null of a cut-out. */
   readonly ground: { pitchDeg: number; pitchErrorDeg: number; source: "given" | "estimated" | "guessed" } | null;
+  /** What makes it doubtful though nothing failed: a line where the camera's pitch is unsure. */
+  readonly warnings: string[];
   /** Of a tracked frame that came with a pose: directions are in the world. */
   readonly isInWorld?: boolean;
   /** Where the object is, as MaskOccluder of anyprobe/three takes it. */

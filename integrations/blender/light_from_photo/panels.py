@@ -101,7 +101,7 @@ class Made:
         part = layout.row()
         part.active = not settings.library
         part.prop(settings, "use_detail")
-        layout.prop(settings, "height")
+        layout.prop(settings, "size")
         layout.prop(settings, "use_catcher")
         layout.prop(settings, "use_camera")
         part = layout.column()

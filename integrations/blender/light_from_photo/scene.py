@@ -45,15 +45,15 @@ def build(scene, settings, found: dict, folder: Path, name: str) -> None:
     collection = bpy.data.collections.new(f"Light of {name}")
     collection[OWN] = True
     scene.collection.children.link(collection)
-    foot = scene.cursor.location.copy()
+    foot, height = scene.cursor.location.copy(), settings.size / found["object_size"]
     make_world(scene, found, folder, name, separate=settings.lights != "WORLD")
     if settings.lights != "WORLD":
         for index, source in enumerate(found["sources"]):
             make_source(collection, source, f"{name} source {index + 1}", settings, foot)
     if settings.use_catcher:
-        make_catcher(scene, collection, foot, settings.height, name)
+        make_catcher(scene, collection, foot, height, name)
     if settings.use_camera:
-        make_camera(scene, collection, found, settings, foot, name)
+        make_camera(scene, collection, found, settings.image, foot, height, name)
         if settings.use_composite:
             composite_over_photo(scene, settings.image)
     outline = load(folder / found["object"], f"Object of {name}", "sRGB")
@@ -151,23 +151,23 @@ def make_catcher(scene, collection, foot, height: float, name: str) -> None:
     scene.render.film_transparent = True
 
 
-def make_camera(scene, collection, found: dict, settings, foot, name: str) -> None:
-    """The photo's camera, its foot of the object at `foot`, and renders of the photo's shape."""
+def make_camera(scene, collection, found: dict, image, foot, height: float, name: str) -> None:
+    """The photo's camera so high over its ground, the object's foot at `foot`, and renders of the photo's shape."""
     camera = bpy.data.cameras.new(f"Camera of {name}")
     camera.sensor_fit = "AUTO"
     camera.angle = math.radians(found["long_fov_deg"])
     behind = camera.background_images.new()
-    behind.image = settings.image
+    behind.image = image
     behind.alpha = 1.0
-    if settings.image.source in {"MOVIE", "SEQUENCE"}:
+    if image.source in {"MOVIE", "SEQUENCE"}:
         behind.image_user.frame_start = 1
-        behind.image_user.frame_duration = max(settings.image.frame_duration, 1)
+        behind.image_user.frame_duration = max(image.frame_duration, 1)
     camera.show_background_images = True
     camera.passepartout_alpha = 0.9
     seen = add(collection, f"Camera of {name}", camera)
-    place = foot - Vector(found["foot"]) * settings.height
+    place = foot - Vector(found["foot"]) * height
     seen.matrix_world = Matrix.Translation(place) @ Matrix(found["turn"]).to_4x4()
-    distance = (Vector(found["foot"]) * settings.height).length
+    distance = (Vector(found["foot"]) * height).length
     camera.clip_start = min(camera.clip_start, distance / 100)
     camera.clip_end = max(camera.clip_end, distance * 20)
     scene.camera = seen

@@ -136,8 +136,13 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
         "the light is turned with the scene's camera",
         default=True,
     )
-    height: FloatProperty(
-        name="Camera above ground", description="Scale of the scene", subtype="DISTANCE", min=0.001, default=1.5
+    size: FloatProperty(
+        name="Object's size",
+        description="Longer side of the photo's object, which sets how far off and how high the camera stands. New "
+        "meshes are 2 m",
+        subtype="DISTANCE",
+        min=0.001,
+        default=2,
     )
     use_composite: BoolProperty(
         name="Composite over photo", description="Renders lie over the photo, by compositing nodes", default=True

@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
     try:
         found = {"estimate": estimate, "upright": upright, "materials": materials}[order["do"]](order, folder)
     except AnyprobeError as error:
-        found = {"error": str(error)}
+        found = {"error": in_the_panel(str(error))}
     except MemoryError:
         found = {"error": "Not enough memory for this photo; make it smaller"}
     answer(folder, found)
@@ -67,7 +67,10 @@ def upright(order: dict, folder: Path) -> dict:
 
 
 def estimate(order: dict, folder: Path) -> dict:
-    """The light of a photo: maps in Blender's axes, sources, the camera over its ground, the object's outline."""
+    """The light of a photo: maps in Blender's axes, sources, the camera over its ground, the object's outline.
+
+    foot and object_size, the longer side of its outline, are in heights of the camera over the ground.
+    """
     say(folder, 0.05, "Loading the library")
     import numpy as np
 
@@ -77,6 +80,7 @@ def estimate(order: dict, folder: Path) -> dict:
     from anyprobe.export.target_frames import BLENDER
     from anyprobe.export.targets import export
     from anyprobe.files.images import write_png
+    from anyprobe.masks.check import object_box
     from anyprobe.relight.ground_view import view_of
 
     say(folder, 0.2, "Opening the networks")
@@ -107,6 +111,7 @@ def estimate(order: dict, folder: Path) -> dict:
         warnings.append(line)
     say(folder, 0.9, "Writing the maps")
     turn = np.array(order["turn"]) if order["turn"] else turned(order["heading_deg"], pitch_deg)
+    foot, (x0, y0, x1, y1) = view.on_ground(*contact_of(photo.mask)), object_box(photo.mask)
     paths = export(radiance, "blender", folder, "light", world_from_camera=np.array(BLENDER.axes).T @ turn)
     write_png(folder / "object.png", draw_overlay(photo.rgb, photo.mask))
     side = json.loads(next(path for path in paths if path.suffix == ".json").read_text(encoding="utf-8"))
@@ -118,13 +123,38 @@ def estimate(order: dict, folder: Path) -> dict:
         "long_fov_deg": view.long_fov_deg,
         "fov_source": photo.fov_source,
         "pitch_deg": pitch_deg,
-        "foot": (turn @ view.on_ground(*contact_of(photo.mask))).tolist(),
+        "foot": (turn @ foot).tolist(),
+        "object_size": float(-foot[2] * max(x1 - x0, y1 - y0) / view.focal),
         "size": [view.width, view.height],
         "object": "object.png",
         "mask_source": photo.mask_source,
         "mask_confidence": photo.mask_confidence,
-        "warnings": warnings,
+        "warnings": [in_the_panel(line) for line in warnings],
     }
+
+
+PANEL = {
+    "click": "a click",
+    "exclude": "a Ctrl-click",
+    "box": "a box",
+    "mask": "a mask picture",
+    "fov": "the Field of view",
+    "pitch": "the Pitch",
+    "normals": "a Normal map",
+    "material": "the Material",
+}
+"""What the library's arguments are here, by the names of its hints."""
+MARKED = "a click", "a Ctrl-click", "a box"
+
+
+def in_the_panel(line: str) -> str:
+    """A line of the library, whose advice is for Python, with Blender's."""
+    from anyprobe.hints import renamed
+    from anyprobe.masks.weights import REMEDY
+
+    line = line.replace(f"for a better one {REMEDY}", "look at Object of this photo among the images")
+    said = renamed(line, lambda hint: PANEL.get(hint.name, hint.name))
+    return f"{said} (by Mark Object)" if said != line and any(one in said for one in MARKED) else said
 
 
 PANORAMA_ROWS = 1024

@@ -54,7 +54,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     """Write one photo's two files; a line that says what was found and how, and warnings."""
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
-    from anyprobe.masks.find import check_prompts, find_mask
+    from anyprobe.masks.find import find_mask
 
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
@@ -62,8 +62,7 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
         raise InvalidMask("--depth: expected --near or --far with it, where to cut, got neither; add one of them")
     pixels = read_image(path)
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
-    prompts = check_prompts(hints.click, hints.exclude, hints.box, *found.mask.shape[::-1])
-    overlay = draw_overlay(pixels.rgb, found.mask, prompts.on, prompts.off)
+    overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)
     write_png(targets["mask"], found.mask)
     share = 100 * float((found.mask > 0.5).mean())

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
+from anyprobe.core.color import luminance
+from anyprobe.core.latlong import bilinear, direction_to_uv, pixel_directions, pixel_solid_angles
 from anyprobe.detail.places import YAWS, map_from_camera_at, nearest_pixels, seen_along, seen_at_yaws
 from anyprobe.light.environment import reduced
 
@@ -21,6 +22,8 @@ COVERED = 0.5
 """Share of a pixel from which on it is known."""
 CLIPPED_WEIGHT = 0.3
 """How much a clipped pixel counts, which says only how bright it is at least."""
+LEAST_SEEN = 0.1
+"""Share that must not be clipped for a level."""
 FAINT_SEEN = 0.05
 """Of the mean: added before logarithms, for noise."""
 
@@ -43,6 +46,15 @@ class Background:
     def at_turns(self, maps: np.ndarray, index: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
         """Cost of the maps of index [M] at rotations [M, 3, 3]: [M]."""
         return self._cost(seen_along(maps, index, self.d @ map_from_camera.transpose(0, 2, 1)))
+
+    def level_of(self, light: np.ndarray, map_from_camera: np.ndarray) -> float | None:
+        """How much brighter than a map [H, 2H, 3] at a rotation it is; None where it is clipped."""
+        share = self.share * ~self.clipped
+        if share.sum() < LEAST_SEEN:
+            return None
+        drawn = bilinear(light, direction_to_uv(self.d @ map_from_camera.T))
+        own, theirs = (np.log(luminance(one) + 1e-3) for one in (self.radiance, drawn))
+        return float(np.exp(share @ (own - theirs) / share.sum()))
 
     def _cost(self, drawn: np.ndarray) -> np.ndarray:
         """Of radiance [M, B, 3] along the directions."""

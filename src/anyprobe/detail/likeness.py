@@ -132,7 +132,8 @@ def best_places(shown: Shown, lights: np.ndarray, pitch_deg: float | None = None
 
 
 def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_camera: np.ndarray) -> np.ndarray:
-    """Gain [3] at which a map lights the object's pixels as brightly as an estimate [H, 2H, 3] does.
+    """Gain [3] at which a map lights the object's pixels as brightly as an estimate [H, 2H, 3] does; where the photo
+    shows the background, at which it is halfway from that to as bright as that, in the logarithm.
 
     light: [H, 2H, 3] of the map, see light_of, in its own frame.
     """
@@ -142,7 +143,8 @@ def gain_of(shown: Shown, estimate: np.ndarray, light: np.ndarray, map_from_came
     )
     level = luminance(own) / max(float(luminance(theirs)), 1e-12)
     tint = np.maximum(own, 1e-12) / np.maximum(theirs * level, 1e-12)
-    return level * tint**TINT
+    behind = None if shown.behind is None else shown.behind.level_of(light, map_from_camera)
+    return (level if behind is None else np.sqrt(level * behind)) * tint**TINT
 
 
 def _places(shown: Shown, lights: np.ndarray, pitches: np.ndarray) -> Places:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anyprobe.core.color import luminance
+from anyprobe.core.contract import contract
 from anyprobe.estimate.ground import ESTIMATED, GIVEN_ERROR_DEG, USUAL_ERROR_DEG, USUAL_PITCH_DEG, Ground, up_of
 from anyprobe.light.dominant_light import find_dominant_light
 
@@ -18,7 +19,7 @@ _DARK, DARK_SHARE = 0.05, 0.8
 """Display values of channels and of luminance, and shares of the object's pixels beyond, from which on it is said."""
 BELOW_DEG = 12.0
 """So far below the horizon, beyond the pitch's error, light hardly ever comes from."""
-UNSURE_DEG = 15.0
+UNSURE_DEG: float = contract("ground")["unsure_deg"]
 """Error of an estimated pitch from which on it is said; a blind guess's is USUAL_ERROR_DEG."""
 DIRECTIONAL = 0.25
 """Share of light from one side from which on its direction matters."""

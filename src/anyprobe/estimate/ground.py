@@ -17,7 +17,9 @@ from anyprobe.masks.check import object_box
 if TYPE_CHECKING:
     from jaxtyping import Float
 
-GIVEN, ESTIMATED, GUESSED = "given", "estimated", "guessed"
+GIVEN, NOTED, ESTIMATED, GUESSED = "given", "exif", "estimated", "guessed"
+KNOWN = (GIVEN, NOTED)
+"""Sources of a ground that the network is told."""
 _GROUND = contract("ground")
 USUAL_PITCH_DEG: float = _GROUND["usual_pitch_deg"]
 USUAL_ERROR_DEG: float = _GROUND["usual_error_deg"]
@@ -46,7 +48,7 @@ class Ground:
         pitch_error_deg: standard deviation of that.
         roll_deg: how far the camera is turned to the left about its axis, so that the picture turns to the right.
         contact: x, y [px] where the object touches the ground.
-        source: "given", "estimated" from the photo by a network, or "guessed".
+        source: "given", "exif" (noted by the camera), "estimated" from the photo by a network, or "guessed".
         is_doubtful: whether the object's place in the photo contradicts the usual guess.
     """
 

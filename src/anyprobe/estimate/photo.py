@@ -13,12 +13,12 @@ from anyprobe.detail.match import seen_in_photo
 from anyprobe.errors import InputError
 from anyprobe.estimate.depth_normals import normals_from_depth
 from anyprobe.estimate.doubts import exposure_doubts
-from anyprobe.estimate.ground import Ground, estimate_ground
+from anyprobe.estimate.ground import NOTED, Ground, estimate_ground
 from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_normals
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import at_rows, is_cut_out, read_panorama, turned, visible_surroundings
-from anyprobe.files.images import ImageSource, read_image
+from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.hints import (
     AUTO,
     NONE,
@@ -41,12 +41,12 @@ DEFAULT_LONG_FOV_DEG: float = contract("lens")["default_long_fov_deg"]
 """Field of view of the longer side of a phone's main camera."""
 
 CROP_MARGIN: float = contract("sizes")["crop_margin"]
+"""Side of the crop over the longer side of the object's bounding box."""
 CONTEXT_SIZE: int = contract("sizes")["context"]
 CONTEXT_SCALE: int = contract("sizes")["context_scale"]
 CONTEXT_FINE: int = contract("sizes")["context_fine"]
 """Of the picture of what lies around the object: its side, how many times as wide as the crop it is, and pixels of the
 photo on one of its own from which on not all of them are looked at."""
-"""Side of the crop over the longer side of the object's bounding box."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -140,7 +140,7 @@ class Crop:
 
 @spread(Hints)
 def load_photo(
-    source: ImageSource,
+    source: ImageSource | Pixels,
     hints: Hints | None = None,
     *,
     name: str | None = None,
@@ -150,7 +150,7 @@ def load_photo(
     """Read a photo, find its object, and keep what else is given of it.
 
     Args:
-        source: path, bytes, Pillow image or array, see read_image.
+        source: path, bytes, Pillow image or array, see read_image; or what that gave.
         hints: what is given of the object, the camera and the light, see Hints; or by keyword.
         name: what messages call the photo; None: its file's name, or what it is.
         segmenter: what finds the object in the place of our network: a name of masks.segmenters, or a Segmenter.
@@ -158,7 +158,7 @@ def load_photo(
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
     hints = as_hints(hints, more)
-    pixels = read_image(source, name)
+    pixels = source if isinstance(source, Pixels) else read_image(source, name)
     asked = AUTO if hints.surroundings is None else hints.surroundings
     word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
     surroundings_map, panorama = (None, None) if word else read_panorama(asked)
@@ -199,7 +199,11 @@ def load_photo(
     is_asked = word == PHOTO
     if not is_asked and (word != AUTO or is_cut_out(pixels.rgb, found.mask, pixels.alpha)):
         return photo
-    return replace(photo, use_background=True, asked_background=is_asked, ground=estimate_ground(photo))
+    ground = estimate_ground(photo)
+    if hints.pitch_deg is None and pixels.posture_deg is not None:
+        pitch_deg, roll_deg = pixels.posture_deg
+        ground = replace(estimate_ground(photo, pitch_deg=pitch_deg, roll_deg=roll_deg), source=NOTED)
+    return replace(photo, use_background=True, asked_background=is_asked, ground=ground)
 
 
 def _known_normals(
@@ -279,9 +283,8 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
 
 def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarray:
     """Crop.context around a window."""
-    step = max(
-        1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE)
-    )  # of large photos not every pixel is looked at
+    # of large photos not every pixel is looked at
+    step = max(1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE))
     rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
     middle, side = (center[0] / step, center[1] / step), CONTEXT_SCALE * side / step
     seen = _window(rgb, np.ones_like(mask), middle, side, CONTEXT_SIZE)
@@ -294,10 +297,10 @@ def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], s
     columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
     rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
     mask = mask[rows, columns]
-    planes = np.empty((4, *mask.shape), np.float32)
+    planes = np.empty((4, *mask.shape))  # in double, so that BLAS's threads do not show in single
     np.multiply(np.moveaxis(values[rows, columns], -1, 0), mask, out=planes[:3])
     planes[3] = mask
-    return np.ascontiguousarray(np.moveaxis(row_weights @ planes @ column_weights.T, 0, -1))
+    return np.ascontiguousarray(np.moveaxis(row_weights @ planes @ column_weights.T, 0, -1), np.float32)
 
 
 def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
@@ -323,4 +326,4 @@ def _resampling(start: float, side: float, size: int, length: int) -> tuple[slic
         weights = np.clip(np.minimum(low + step, pixel + 1) - np.maximum(low, pixel), 0.0, None) / step
     else:
         weights = np.clip(1.0 - np.abs(low + step / 2.0 - (pixel + 0.5)), 0.0, None)
-    return slice(first, last), weights.astype(np.float32)
+    return slice(first, last), weights

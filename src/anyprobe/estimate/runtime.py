@@ -38,10 +38,8 @@ Run = Callable[..., list[np.ndarray]]
 def open_engine(session: onnxruntime.InferenceSession, path: Path, engine: str, threads: int | None) -> Run:
     """Run the graph at path, which session has open and checked, by an engine.
 
-    Convolutions of 8 bits have weights of 7, so that sums cannot overflow on processors without VNNI; OpenVINO fuses
-    them differently from ONNX Runtime. openvino-bf16 computes the rest in bfloat16 where the processor can: the
-    fastest, and a little less exact (docs/results.md); the others in float32. Positions stay exact integers. cuda is
-    ONNX Runtime on an NVIDIA GPU.
+    openvino-bf16 computes in bfloat16 where the processor can: the fastest, and a little less exact (docs/results.md);
+    the others in float32. cuda is ONNX Runtime on an NVIDIA GPU.
 
     Raises:
         InputError: no such engine, or cuda without a runtime or a GPU for it; MissingExtra: it is not installed.

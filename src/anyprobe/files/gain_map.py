@@ -4,7 +4,8 @@ Ultra HDR (Android: XMP of the namespace hdrgm) and ISO 21496-1, in a second JPE
 
     log2 (HDR + o_h) / (SDR + o_s) = min + (max - min) g^(1 / gamma)
 
-of linear light, with g in [0, 1] of the map's pixels.
+of linear light, with g in [0, 1] of the map's pixels; of a HEIC or AVIF as an item of its own. Apple's, there or beside
+the picture of a HEIC, see apple_gain.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import io
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -20,14 +21,22 @@ import numpy as np
 from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
 
+from anyprobe.files.apple_gain import apple_headroom, rec709_to_linear
 from anyprobe.files.color_encoding import STRIP_PIXELS, srgb_to_linear
+from anyprobe.files.headers import open_picture
+from anyprobe.files.heif_boxes import find_tone_map
+from anyprobe.files.raw import HEAD_BYTES
 
 JPEG_START = b"\xff\xd8\xff"
 XMP = b"http://ns.adobe.com/xap/1.0/\0"
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 
+MARKS = (b"hdrgm", b"ts:21496")
+"""What a JPEG with a gain map of the first two kinds has in its first segments."""
 MAX_PICTURES, MOST_BYTES = 8, 1 << 28
 MAX_MAP_PIXELS = 50_000_000
+ANOTHER_SHAPE = 0.1
+"""By which a map's width over height may differ from its picture's, share of it; one that is turned differs more."""
 MOST_STOPS = 16.0
 
 COMMON_DENOMINATOR, MULTICHANNEL = 0x08, 0x80
@@ -39,14 +48,11 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GainMap:
-    """image: the map. low, high, gamma, base_offset, offset: [3] each; the first two in stops."""
+    """image: the map. brighter: from linear light of the picture [h, w, 3] and the map's values [h, w, 1 or 3] in
+    [0, 1] to the light that is meant."""
 
     image: Image.Image
-    low: np.ndarray
-    high: np.ndarray
-    gamma: np.ndarray
-    base_offset: np.ndarray
-    offset: np.ndarray
+    brighter: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
     def radiance(self, display: np.ndarray, turn: Image.Transpose | None = None) -> np.ndarray:
         """Linear Rec. 709 radiance [H, W, 3] float32 of the picture's sRGB [H, W, 3] in [0, 1].
@@ -61,22 +67,91 @@ class GainMap:
             rows = min(step, height - top)
             box = (0.0, top * image.height / height, float(image.width), (top + rows) * image.height / height)
             part = np.asarray(image.resize((width, rows), Image.Resampling.BILINEAR, box=box), np.float32) / 255.0
-            part = part.reshape(rows, width, -1)
-            stops = self.low + (self.high - self.low) * part ** (1.0 / self.gamma)
             base = srgb_to_linear(display[top : top + rows])
-            result[top : top + rows] = (base + self.base_offset) * np.exp2(stops) - self.offset
+            result[top : top + rows] = self.brighter(base, part.reshape(rows, width, -1))
         return np.maximum(result, 0.0)
 
 
+def gain_map_of(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
+    """Of a JPEG or HEIC, whose open file is stream; None where it has none that is read."""
+    if stream is None or image.format not in ("JPEG", "MPO", "HEIF", "AVIF"):
+        return None
+    stream.seek(0)
+    if image.format in ("HEIF", "AVIF"):
+        return _of_tone_map(image, stream) or _of_heif(image, stream)
+    head = stream.read(HEAD_BYTES)
+    if any(mark in head for mark in MARKS):
+        return find_gain_map(head + stream.read(MOST_BYTES))
+    return _of_apple_jpeg(image, head + stream.read(MOST_BYTES)) if image.format == "MPO" else None
+
+
+def _of_tone_map(image: Image.Image, stream: BinaryIO) -> GainMap | None:
+    """Of an item of ISO 21496-1."""
+    data = stream.read(MOST_BYTES)
+    stream.seek(0)
+    if b"tmap" not in data[:BRAND_BYTES]:
+        return None
+    try:
+        found = find_tone_map(data)
+        numbers = None if found is None else _of_iso(found.said)
+        if found is None or numbers is None:
+            return None
+        with open_picture(io.BytesIO(found.alone)) as picture:
+            if picture.width * picture.height > MAX_MAP_PIXELS or _is_turned(picture.size, image.size):
+                return None
+            return _checked(picture.convert("L" if picture.mode == "L" else "RGB"), *numbers)
+    except Exception:  # decoders raise whatever the bad bytes lead them to
+        return None
+
+
+def _is_turned(gain: tuple[int, int], picture: tuple[int, int]) -> bool:
+    return abs(gain[0] / gain[1] / (picture[0] / picture[1]) - 1.0) > ANOTHER_SHAPE
+
+
+def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
+    numbers = [each for kind, each in image.info.get("aux", {}).items() if _APPLE.search(str(kind).encode())]
+    headroom = apple_headroom(image, image.info.get("xmp") or b"") if numbers and numbers[0] else None
+    if headroom is None:
+        return None
+    import pillow_heif
+
+    try:
+        found = pillow_heif.open_heif(stream)[0].get_aux_image(numbers[0][0])
+        if found.size[0] * found.size[1] > MAX_MAP_PIXELS or _is_turned(found.size, image.size):
+            return None
+        return _apples(found.to_pillow(), headroom)
+    except Exception:  # decoders raise whatever the bad bytes lead them to
+        return None
+
+
+def _of_apple_jpeg(image: Image.Image, data: bytes) -> GainMap | None:
+    for number, picture in enumerate(_pictures(data)):
+        said = [one for one in _segments(picture) if one.startswith(XMP) and _APPLE.search(one)] if number else []
+        headroom = apple_headroom(image, said[0]) if said else None
+        if headroom is not None:
+            try:
+                return _apples(_decoded(picture), headroom)
+            except ValueError:
+                return None
+    return None
+
+
+def _apples(image: Image.Image, headroom: float) -> GainMap:
+    def brighter(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        return base * (1.0 + (headroom - 1.0) * rec709_to_linear(gain))
+
+    return GainMap(image=image.convert("L"), brighter=brighter)
+
+
 def find_gain_map(data: bytes) -> GainMap | None:
-    """The gain map of a JPEG; None where it has none that brightens, or a damaged one."""
+    """The gain map of a JPEG by Ultra HDR or ISO; None where it has none that brightens, or a damaged one."""
     for number, picture in enumerate(_pictures(data)):
         if number == 0:
             continue
         for said in _segments(picture):
             try:
                 numbers = _of_iso(said[len(ISO) :]) if said.startswith(ISO) else _of_xmp(said)
-                found = None if numbers is None else _checked(picture, *numbers)
+                found = None if numbers is None else _checked(_decoded(picture), *numbers)
             except (struct.error, ValueError, ZeroDivisionError):
                 continue
             if found is not None:
@@ -92,8 +167,8 @@ _APPLE = re.compile(rb"hdrgainmap", re.IGNORECASE)
 
 
 def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.ndarray) -> bool:
-    """Whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that nothing here
-    reads: Apple's, or that of a HEIC or AVIF by ISO 21496-1."""
+    """Whether a picture [H, W, 3] without radiance is white in places and its file holds a gain map that could not be
+    read: Apple's without its headroom, say."""
     if stream is None or image.format not in ("MPO", "HEIF", "AVIF"):
         return False
     if (display.max(axis=-1) >= _CLIPPED).mean() < MUCH:
@@ -106,20 +181,28 @@ def misses_gain_map(image: Image.Image, stream: BinaryIO | None, display: np.nda
     return b"tmap" in stream.read(BRAND_BYTES)
 
 
-def _checked(picture: bytes, *numbers: np.ndarray) -> GainMap | None:
+def _checked(image: Image.Image, *numbers: np.ndarray) -> GainMap | None:
     """A map of numbers that can be meant; ValueError for others."""
     low, high, gamma, base_offset, offset = (np.broadcast_to(np.asarray(one, np.float32), 3) for one in numbers)
     usual = np.abs([low, high]).max() <= MOST_STOPS and (gamma > 0.01).all() and (gamma < 100.0).all()
     if not usual or not (np.abs([base_offset, offset]) <= 1.0).all() or (high < low).any():
         raise ValueError
+
+    def brighter(base: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        return (base + base_offset) * np.exp2(low + (high - low) * gain ** (1.0 / gamma)) - offset
+
+    return GainMap(image=image, brighter=brighter)
+
+
+def _decoded(picture: bytes) -> Image.Image:
+    """A map's JPEG, L or RGB; ValueError where it is damaged or too large."""
     try:
         stored = JpegImageFile(io.BytesIO(picture), "")
         if stored.width * stored.height > MAX_MAP_PIXELS:
             raise ValueError
-        image = stored.convert("L" if stored.mode == "L" else "RGB")
+        return stored.convert("L" if stored.mode == "L" else "RGB")
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         raise ValueError from error
-    return GainMap(image=image, low=low, high=high, gamma=gamma, base_offset=base_offset, offset=offset)
 
 
 def _of_iso(data: bytes) -> tuple[np.ndarray, ...] | None:

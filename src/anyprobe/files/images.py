@@ -20,6 +20,7 @@ from PIL import ExifTags, Image, ImageFile, ImageOps
 from anyprobe.core.color import to_bytes
 from anyprobe.core.response import response
 from anyprobe.errors import InvalidEnvironment, InvalidPhoto
+from anyprobe.files.apple_note import apple_posture_deg
 from anyprobe.files.atomic import atomic_path
 from anyprobe.files.color_encoding import is_linear
 from anyprobe.files.deep_pixels import (
@@ -32,7 +33,7 @@ from anyprobe.files.deep_pixels import (
 )
 from anyprobe.files.embedded_color import DisplayPixels, said_encoding, shown
 from anyprobe.files.exr import EXR_MAGIC, read_exr
-from anyprobe.files.gain_map import MOST_BYTES, UNREAD, GainMap, find_gain_map, misses_gain_map
+from anyprobe.files.gain_map import UNREAD, gain_map_of, misses_gain_map
 from anyprobe.files.headers import (
     MAX_PIXELS,
     UnknownPicture,
@@ -47,6 +48,7 @@ from anyprobe.files.paths import open_regular
 from anyprobe.files.radiance import decode_hdr
 from anyprobe.files.raw import HEAD_BYTES, develop, is_raw
 from anyprobe.files.rgbe import HDR_MAGIC
+from anyprobe.files.stored_pixels import TURNS, StoredPixels, stored_by_exif, stored_by_exr
 
 ImageSource = str | os.PathLike[str] | bytes | Image.Image | np.ndarray
 
@@ -61,10 +63,12 @@ class Pixels:
         alpha: [H, W] float32 in [0, 1], not premultiplied into rgb; None where all is opaque.
         long_fov_deg: field of view of the longer side from EXIF, or None.
         exposure: how much light the photo took, from EXIF, in seconds x ISO / f-number^2, or None.
+        posture_deg: how far the camera looks down, and its roll, where the camera noted them (iPhones), or None.
         name: what messages call the picture.
         warnings: one line each, for the user.
         radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
             light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
+        stored: how the file's pixels lie, where they are turned or made square to be shown, else None.
     """
 
     rgb: np.ndarray
@@ -73,7 +77,9 @@ class Pixels:
     name: str
     warnings: tuple[str, ...] = ()
     exposure: float | None = None
+    posture_deg: tuple[float, float] | None = None
     radiance: np.ndarray | None = None
+    stored: StoredPixels | None = None
 
 
 def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = False) -> Pixels:
@@ -112,18 +118,6 @@ USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
 STRIP_ROWS = 64
 """Rows of a large picture that are converted at a time."""
 
-GAIN_MAP_MARKS = (b"hdrgm", b"ts:21496")
-"""What a JPEG with a gain map has in its first segments, and how much of a file is looked through for the map."""
-TURNS = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
-"""What brings a picture upright, by EXIF's orientation."""
 TAKEN_FOR_LINEAR = (
     "a TIFF of floats without a colour profile is taken for linear radiance; if it holds display values, embed sRGB's"
 )
@@ -169,7 +163,9 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
         head += stream.read(HEAD_BYTES)
     stream.seek(0)
     if head.startswith(EXR_MAGIC):
-        return _from_linear(read_exr(stream.read(num_bytes), name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+        data = stream.read(num_bytes)
+        pixels = _from_linear(read_exr(data, name, InvalidPhoto, MAX_PIXELS, rec709=True), name)
+        return replace(pixels, stored=stored_by_exr(data, pixels.rgb.shape[1::-1]))
     if head.startswith(HDR_MAGIC):
         try:
             return _from_linear(decode_hdr(stream.read(num_bytes), name, MAX_PIXELS), name)
@@ -212,8 +208,8 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
             if encoding is not None and encoding.brighter and image.format == "HEIF":
                 deep = heif_sixteen_bits(stream)
         image.load()
-        long_fov_deg, exposure = exif_fov_deg(image), exif_exposure(image)
-        orientation = _orientation(image)
+        long_fov_deg, exposure, posture_deg = exif_fov_deg(image), exif_exposure(image), apple_posture_deg(image)
+        orientation, stored = _orientation(image), image.size
         if deep is not None:
             deep = turned_upright(deep, orientation)
             alpha = deep[..., -1] if deep.shape[2] in (2, 4) else None
@@ -221,7 +217,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         else:
             picture, alpha = _opaque(_upright(image))
         done = DisplayPixels(values=_values(picture)) if as_data else shown(picture, encoding, profile)
-        gain_map = None if as_data or done.radiance is not None else _gain_map(image, stream)
+        gain_map = None if as_data or done.radiance is not None else gain_map_of(image, stream)
     except Exception as error:  # decoders raise whatever the bad bytes lead them to
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InvalidPhoto(
@@ -242,7 +238,15 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     notes = tuple(f"{name}: {note}" for note in (*notes, *done.warnings))
     if animated:
         notes += (f"{name}: expected one picture, got several frames or pages; the first is used",)
-    return replace(pixels, long_fov_deg=long_fov_deg, warnings=notes, exposure=exposure, radiance=radiance)
+    return replace(
+        pixels,
+        long_fov_deg=long_fov_deg,
+        warnings=notes,
+        exposure=exposure,
+        posture_deg=posture_deg,
+        radiance=radiance,
+        stored=stored_by_exif(orientation, stored, pixels.rgb.shape[1::-1]),
+    )
 
 
 def _again(stream: BinaryIO, name: str) -> ImageFile.ImageFile:
@@ -273,15 +277,6 @@ def _values(picture: Image.Image | np.ndarray) -> np.ndarray:
     if isinstance(picture, np.ndarray):
         return picture
     return np.asarray(picture.convert("RGB") if picture.mode == "CMYK" else picture)
-
-
-def _gain_map(image: Image.Image, stream: BinaryIO | None) -> GainMap | None:
-    """Of a JPEG that names one in its first segments."""
-    if stream is None or image.format not in ("JPEG", "MPO"):
-        return None
-    stream.seek(0)
-    head = stream.read(HEAD_BYTES)
-    return find_gain_map(head + stream.read(MOST_BYTES)) if any(mark in head for mark in GAIN_MAP_MARKS) else None
 
 
 def _orientation(image: Image.Image) -> int:

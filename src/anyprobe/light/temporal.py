@@ -193,7 +193,8 @@ def _value(source: Source) -> np.ndarray:
 
 
 def _new(source: Source, pose: np.ndarray, share: float) -> Track:
-    return Track(value=begin_filter(_value(source)), shown=source.direction, share=share, pose=pose)
+    shown = np.asarray(source.direction, np.float64)  # as a file gives it back, to the last bit
+    return Track(value=begin_filter(_value(source)), shown=shown, share=share, pose=pose)
 
 
 def _seen(track: Track, source: Source, pose: np.ndarray, dt_s: float, c: Smoothing) -> Track:

@@ -10,6 +10,7 @@ import numpy as np
 from anyprobe.core.color import to_bytes
 from anyprobe.errors import InvalidMask
 from anyprobe.files.images import Pixels
+from anyprobe.files.stored_pixels import StoredPixels
 from anyprobe.masks.check import check_mask, look_at_given
 from anyprobe.masks.depth import DepthSource, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
@@ -24,12 +25,13 @@ from anyprobe.masks.sources import MaskSource, mask_from_alpha, mask_from_file, 
 class FoundMask:
     """mask [H, W] float32 in [0, 1], 1 on the object; source: "mask", "function", "depth", "click", "box",
     "alpha", "network" or "segmenter"; confidence: the IoU to expect, see quality; None where the mask was given;
-    warnings: one line each, where the mask may well be wrong."""
+    warnings: one line each, where the mask may well be wrong; prompts: as they were understood."""
 
     mask: np.ndarray
     source: str
     confidence: float | None = None
     warnings: tuple[str, ...] = ()
+    prompts: Prompts = Prompts()
 
 
 def require_plausible(found: FoundMask) -> FoundMask:
@@ -53,6 +55,8 @@ def find_mask(
 ) -> FoundMask:
     """The object's mask: by the first given of mask, depth to cut, click or box, alpha; else by what stands out.
 
+    Clicks and boxes that find nothing in the pixels as shown are tried in those that the file stores, with a warning.
+
     Args:
         mask, click, exclude, box, depth, near, far: as hints.Hints has them.
         segmenter: what finds it: a name of load_segmenter, a Network or a Segmenter; None: U2-Net-p where its
@@ -69,7 +73,43 @@ def find_mask(
         return _given(mask_from_depth(depth, shape, near, far), "depth", pixels.name)
     if near is not None or far is not None:
         raise InvalidMask("near, far: expected a depth image to cut, got none; pass depth= too")
-    prompts = check_prompts(click, exclude, box, *shape[::-1])
+    given = click, exclude, box
+    try:
+        return _find(pixels, check_prompts(*given, *shape[::-1]), segmenter)
+    except InvalidMask:
+        if pixels.stored is None or all(one is None for one in given):
+            raise
+        try:
+            prompts = _as_stored(check_prompts(*given, *pixels.stored.size), pixels.stored)
+            found = _find(pixels, prompts, segmenter)
+        except InvalidMask:
+            prompts = None
+        if prompts is None:
+            raise
+    return replace(found, warnings=(_stored_line(pixels, prompts), *found.warnings))
+
+
+def _as_stored(prompts: Prompts, stored: StoredPixels) -> Prompts:
+    """Prompts in pixels as shown, of those in pixels as stored."""
+    on, off = ([stored.point(*one) for one in points] for points in (prompts.on, prompts.off))
+    return Prompts(on=on, off=off, box=None if prompts.box is None else stored.box(prompts.box))
+
+
+def _stored_line(pixels: Pixels, prompts: Prompts) -> str:
+    height, width = pixels.rgb.shape[:2]
+    stored = "" if pixels.stored is None else " x ".join(map(str, pixels.stored.size))
+    better: list[tuple[str, tuple[float, ...]]] = [("click", point) for point in prompts.on]
+    better += [("exclude", point) for point in prompts.off]
+    better += [] if prompts.box is None else [("box", prompts.box)]
+    shown = " ".join(f"{name}={','.join(f'{number:g}' for number in one)}" for name, one in better)
+    return (
+        f"{pixels.name}: nothing is there in the {width} x {height} pixels as shown, so it was taken for pixels as "
+        f"stored ({stored}); pass {shown}"
+    )
+
+
+def _find(pixels: Pixels, prompts: Prompts, segmenter: SegmenterSource | None) -> FoundMask:
+    """By prompts, alpha or a network."""
     source = source_of(prompts)
     if source == "network":
         alpha = mask_from_alpha(pixels.alpha)
@@ -81,8 +121,8 @@ def find_mask(
     network = shared_network() if finder is None else finder
     found = find_object(network, pixels.rgb, prompts)
     if found is None:
-        raise InvalidMask(_nothing(pixels.name, prompts))
-    return _judged(pixels, prompts, found, found.mask(*shape[::-1]), network, source)
+        raise InvalidMask(_nothing(pixels, prompts))
+    return _judged(pixels, prompts, found, found.mask(*pixels.rgb.shape[1::-1]), network, source)
 
 
 def check_prompts(click: Clicks | None, exclude: Clicks | None, box, width: int, height: int) -> Prompts:
@@ -112,11 +152,13 @@ def _judged(
     evidence = examine(found, *pixels.rgb.shape[1::-1], prompts)
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
-        raise InvalidMask(_nothing(pixels.name, prompts))
+        raise InvalidMask(_nothing(pixels, prompts))
     warnings = [] if confidence >= DOUBTFUL else [_doubt(pixels.name, confidence, evidence.doubts())]
     if network.warning and source != "segmenter":
         warnings.append(f"{pixels.name}: {network.warning}")
-    return FoundMask(mask=check_mask(mask), source=source, confidence=confidence, warnings=tuple(warnings))
+    return FoundMask(
+        mask=check_mask(mask), source=source, confidence=confidence, warnings=tuple(warnings), prompts=prompts
+    )
 
 
 def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: str) -> FoundMask:
@@ -125,7 +167,7 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
     if segmenter.needs_prompt and not prompts.on and box is None:
         found = find_object(network, rgb, prompts)
         if found is None:
-            raise InvalidMask(_nothing(pixels.name, prompts))
+            raise InvalidMask(_nothing(pixels, prompts))
         box = found.window.box_of(found.part)
     cover = np.asarray(segmenter.segment(to_bytes(rgb), prompts.on, prompts.off, box), np.float32)
     if cover.shape != rgb.shape[:2] or not np.isfinite(cover).all():
@@ -136,13 +178,14 @@ def _segmented(pixels: Pixels, prompts: Prompts, segmenter: Segmenter, source: s
     cover = np.clip(cover, 0.0, 1.0)
     found = finding_of(cover)
     if found is None:
-        raise InvalidMask(_nothing(pixels.name, prompts))
+        raise InvalidMask(_nothing(pixels, prompts))
     agreed = look_closer(network, rgb, found, Prompts()).agreed
     return _judged(pixels, prompts, replace(found, agreed=agreed), found.only(cover), network, source)
 
 
-def _nothing(name: str, prompts: Prompts) -> str:
-    source = source_of(prompts)
+def _nothing(pixels: Pixels, prompts: Prompts) -> str:
+    name, source = pixels.name, source_of(prompts)
+    height, width = pixels.rgb.shape[:2]
     if source == "network":
         return (
             f"{name}: expected an object that can be told from its surroundings, but nothing stands out; "
@@ -150,7 +193,7 @@ def _nothing(name: str, prompts: Prompts) -> str:
         )
     shown = f"the {source}" if prompts.on or prompts.box is not None else "the clicks beside it"
     return (
-        f"{name}: expected an object at {shown}, found none that stands out; "
+        f"{name}: expected an object at {shown} in {width} x {height} pixels as shown, found none that stands out; "
         "click elsewhere on it, draw box=, or pass mask="
     )
 

@@ -1,5 +1,5 @@
-"""Prompts: clicks and boxes as people give them, checked against the photo, in pixels of the upright photo from the top
-left; and as a picture beside it, one channel that the mask network's input and its training draw with this.
+"""Prompts: clicks and boxes as people give them, checked against the photo, in pixels of the photo as shown from the
+top left; and as a picture beside it, one channel that the mask network's input and its training draw with this.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def check_clicks(clicks: Clicks, width: int, height: int, name: str = "click") -
         if not (0 <= x < width and 0 <= y < height):
             raise InvalidMask(
                 f"{name}: expected X,Y with 0 <= X < {width} and 0 <= Y < {height}, got {x:g},{y:g}; "
-                "count pixels from the top left of the upright photo"
+                "count pixels from the top left of the photo as shown, upright"
             )
     return [(float(x), float(y)) for x, y in points]
 
@@ -79,7 +79,7 @@ def check_box(box: Sequence[float], width: int, height: int) -> tuple[float, flo
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         raise InvalidMask(
             f"box: expected X0,Y0,X1,Y1 with 0 <= X0 < X1 <= {width} and 0 <= Y0 < Y1 <= {height}, "
-            f"got {shown}; count pixels from the top left of the upright photo"
+            f"got {shown}; count pixels from the top left of the photo as shown, upright"
         )
     if max(x1 - x0, y1 - y0) < MIN_OBJECT_PX:
         raise InvalidMask(

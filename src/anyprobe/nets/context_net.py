@@ -9,8 +9,10 @@ from torch.nn import functional as F
 from anyprobe.nets.blocks import conv
 
 SIZE = 96
-"""Side of the context picture, three times as wide as the crop."""
+"""Side of the context picture, twice as wide as the crop."""
 CODE = 128
+DROPPED = 0.3
+"""Share of what the convolutions find that a step of training goes without."""
 POSTURE = ("pitch", "ln_pitch_error", "roll", "stands_logit")
 """What is said of the camera and the ground: pitch and roll of the crop's frame in radians, ln of the pitch's mean
 error in radians, and the logit of the object's standing on a level ground."""
@@ -29,7 +31,8 @@ class ContextNet(nn.Module):
         self.first = conv(20 + 1, widths[0])
         self.down = nn.ModuleList(nn.Sequential(conv(a, b, stride=2), conv(b, b)) for a, b in pairs)
         side = SIZE // 2 >> len(pairs)
-        self.code = nn.Sequential(nn.Flatten(), nn.Linear(widths[-1] * side * side, CODE), nn.LeakyReLU(0.1))
+        flat = widths[-1] * side * side
+        self.code = nn.Sequential(nn.Flatten(), nn.Dropout(DROPPED), nn.Linear(flat, CODE), nn.LeakyReLU(0.1))
         self.posture = nn.Sequential(nn.Linear(CODE, 64), nn.LeakyReLU(0.1), nn.Linear(64, len(POSTURE)))
 
     def forward(self, context: torch.Tensor, tan_half: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -86,7 +86,7 @@ def map_pixel(direction: torch.Tensor, height: int) -> torch.Tensor:
     uv = direction_to_uv(direction.flatten(2).transpose(1, 2))  # [N, S * S, 2]
     column = (uv[..., 0] * (2 * height)).floor().clamp(0, 2 * height - 1).long()
     row = (uv[..., 1] * height).floor().clamp(0, height - 1).long()
-    return row * (2 * height) + column  # integers: an int8 engine may round others
+    return row * (2 * height) + column
 
 
 def lift_to_map(values: torch.Tensor, weight: torch.Tensor, pixel: torch.Tensor, height: int) -> torch.Tensor:

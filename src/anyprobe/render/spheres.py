@@ -16,8 +16,7 @@ from anyprobe.core.latlong import bilinear, direction_to_uv
 from anyprobe.core.sampling import hammersley
 from anyprobe.light.environment import reduced
 from anyprobe.light.filtering import irradiance_map
-from anyprobe.light.octahedral import build_pyramid
-from anyprobe.render.integrate import NUM_EMITTERS, shade_specular
+from anyprobe.render.integrate import shade_specular, shading_pyramid
 
 if TYPE_CHECKING:
     from jaxtyping import Float
@@ -26,7 +25,6 @@ SPHERE_SIZE = 64
 SILVER_ALPHA = 0.3
 SILVER_F0 = 0.9
 NUM_SAMPLES = 64
-PYRAMID_SIDE = 64
 WO = np.array([0, 0, 1], np.float32)
 
 
@@ -63,7 +61,7 @@ def silver(radiance: Float[np.ndarray, "H 2*H 3"], size: int = SPHERE_SIZE) -> F
     """A grey GGX conductor, alpha 0.3, f0 0.9: Lo = f0 S1 + (1 - f0) Ss, [H, 2H, 3] -> [S, S, 3]."""
     normals, _ = sphere_normals(size)
     # a larger map would be read at points between which a sun is lost
-    pyramid = build_pyramid(reduced(radiance), side=PYRAMID_SIDE, emitters=NUM_EMITTERS)
+    pyramid = shading_pyramid(reduced(radiance), SILVER_ALPHA)
     _, s1, ss = shade_specular(
         pyramid, normals, np.broadcast_to(WO, normals.shape), SILVER_ALPHA, hammersley(NUM_SAMPLES)
     )

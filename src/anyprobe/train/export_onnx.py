@@ -51,12 +51,13 @@ class Sureness:
 
 AS_LEARNED = Sureness()
 FLOATS = "float32"
-INT8 = "int8 convolutions"
 """What a graph's metadata says that it computes in."""
 LARGE = 8192
 """Layers of so many weights and more keep them as int8, a scale for each output channel, where that is asked."""
+LINEAR, CONVOLUTIONS = 2, 4
+"""Kinds of layers, by the dimensions of their weights."""
 TOLERANCE = 0.02
-"""Largest difference of display values or ln radiance that half-float storage may make."""
+"""Largest difference of display values or ln radiance that storing weights small may make."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,14 +65,14 @@ class Graph:
     """One graph: its network, and the shapes of its inputs and names of its outputs in order.
 
     median: compare by the median difference, where a last bit may move a pixel to its neighbour.
-    small: linear layers keep their weights as int8.
+    small: which layers keep their weights as int8, see store_int8.
     """
 
     net: nn.Module
     inputs: dict[str, tuple[int, ...]]
     outputs: tuple[str, ...] = ("output",)
     median: bool = False
-    small: bool = False
+    small: tuple[int, ...] = ()
 
 
 class LightGraph(nn.Module):
@@ -109,9 +110,9 @@ def graphs_of(nets: nn.ModuleDict, sureness: Sureness = AS_LEARNED) -> dict[str,
     if "light" in nets:
         net = LightGraph(cast(LightNet, nets["light"]), sureness).eval()
         shapes = dict(zip(LIFT_INPUTS, (_PHOTO, (1, 1), _NORMALS, SURROUNDINGS, (1, MATERIAL_INPUTS)), strict=True))
-        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True)}
+        return {"light": Graph(net=net, inputs=shapes, outputs=LIFT_OUTPUTS, median=True, small=(CONVOLUTIONS,))}
     inputs = {"irradiance": _PHOTO, "illumination": _PHOTO, "hdr": (1, 3, MAP_HEIGHT, 2 * MAP_HEIGHT)}
-    return {stage: Graph(net=nets[stage], inputs={"input": shape}, small=True) for stage, shape in inputs.items()}
+    return {stage: Graph(net=nets[stage], inputs={"input": shape}, small=(LINEAR,)) for stage, shape in inputs.items()}
 
 
 def export_graphs(checkpoint: Path, folder: Path, sureness: Sureness = AS_LEARNED) -> dict[str, float]:
@@ -156,7 +157,7 @@ def provenance(stored: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) -> float:
-    """One network: batch normalisation folded, weights stored as float16, computed as float32."""
+    """One network: batch normalisation folded, weights stored small, computed as float32."""
     import onnx
     import onnxruntime
 
@@ -176,7 +177,7 @@ def _export_stage(stage: str, graph: Graph, recipe: dict[str, str], path: Path) 
         model = onnx.load(str(temporary))
         store_half(model)
         if graph.small:
-            store_int8(model, kinds=(2,))
+            store_int8(model, graph.small)
         onnx.helper.set_model_props(model, {**CONTRACT, "stage": stage, "computes": FLOATS, **recipe})
         onnx.checker.check_model(model)
         onnx.save(model, str(temporary))
@@ -236,9 +237,9 @@ def store_half(model) -> None:
         model.graph.node.insert(0, node)
 
 
-def store_int8(model, kinds: tuple[int, ...] = (2, 4)) -> None:
-    """Keep the weights of large layers, which store_half has halved, as int8 behind a DequantizeLinear; the runtime
-    widens them once, when it opens. kinds: 2 for linear layers, 4 for convolutions."""
+def store_int8(model, kinds: tuple[int, ...] = (LINEAR, CONVOLUTIONS)) -> None:
+    """Keep the weights of large layers of some kinds, which store_half has halved, as int8 behind a DequantizeLinear;
+    the runtime widens them once, when it opens."""
     import onnx
     from onnx import numpy_helper
 

@@ -16,6 +16,7 @@ import numpy as np
 from anyprobe.errors import InputError, InvalidMask
 from anyprobe.estimate.photo import Photo, load_photo, object_box
 from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
+from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
 from anyprobe.masks.networks import shared_network
@@ -139,8 +140,9 @@ class MaskFollower:
     def _load(self, frame: Frame, name: str, own: Mapping[str, Any], **where: Any) -> Photo:
         """The frame with files of its own; errors say which frame, or which of its files."""
         try:
-            photo = load_photo(frame.rgb, name=name, **self._every, **own, **where)
-            return photo if frame.radiance is None else replace(photo, radiance=frame.radiance)
+            stored = None if self.last is not None else frame.stored  # boxes of our own are as shown
+            pixels = replace(read_image(frame.rgb, name), radiance=frame.radiance, stored=stored)
+            return load_photo(pixels, **self._every, **own, **where)
         except InputError as error:
             if not own or any(path.name in str(error) for path in own.values()):
                 raise

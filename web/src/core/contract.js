@@ -90,7 +90,7 @@ export const CONTRACT = {
     "normals": 64,
     "crop_margin": 1.1,
     "context": 96,
-    "context_scale": 3,
+    "context_scale": 2,
     "context_fine": 4
   },
   "lens": {
@@ -102,6 +102,7 @@ export const CONTRACT = {
     "usual_pitch_deg": 22,
     "usual_error_deg": 13,
     "given_error_deg": 1,
+    "unsure_deg": 15,
     "least_slope_deg": 12,
     "least_contact": 0.03,
     "contact_band": 0.04,

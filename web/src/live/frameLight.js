@@ -9,6 +9,7 @@ import { lightOfObject } from "../networks/lightOfObject.js";
 import { shown, step } from "../light/temporal.js";
 import { cropObject } from "../photo/crop.js";
 import { MIN_OBJECT_PX, objectBox } from "../photo/picture.js";
+import { isCutOut } from "../photo/surroundings.js";
 import { readFrame } from "./videoFrames.js";
 import { blockMeans, hasMoved } from "./motion.js";
 
@@ -79,7 +80,8 @@ export class FrameLight {
     lap("crop");
     const phase = this.withViews ? this.count++ % REST_EVERY : -1;
     const withStages = phase === REST_EVERY / 2;
-    const found = await lightOfObject(this.models, picture, this.longFovDeg, crop, { ...this.options, withStages });
+    const options = { ...this.options, isAlone: this.isAlone, withStages };
+    const found = await lightOfObject(this.models, picture, this.longFovDeg, crop, options);
     const { radiance, stages, ...rest } = found;
     const isInWorld = worldFromCamera !== null;
     if (isInWorld !== this.isInWorld) this.state = null;
@@ -109,7 +111,7 @@ export class FrameLight {
     this.state = null;
   }
 
-  /** Mask and box of the object, found anew where they may have changed; whether they were. */
+  /** Mask and box of the object, and whether it is cut out, found anew where they may have changed; whether they were. */
   async #findObject(picture) {
     const seen = blockMeans(picture);
     if (this.masked && this.box) {
@@ -120,6 +122,7 @@ export class FrameLight {
     this.masked = masked;
     Object.assign(this, await this.findMask(picture, this.#hintsIn(picture)));
     this.box = objectBox(this.mask, picture.width);
+    this.isAlone = isCutOut(picture, this.mask);
     if (this.masked !== masked) return false; // clicked meanwhile: found anew at the next frame
     this.#followObject(picture);
     return true;

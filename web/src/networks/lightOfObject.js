@@ -6,7 +6,7 @@ import { MAP_HEIGHT, pixelSolidAngles } from "../core/latlong.js";
 import { cameraConfidence, cameraRadiance } from "../light/light.js";
 import { turnedBack } from "../core/frames.js";
 import { CROP_SIZE, contextOf } from "../photo/crop.js";
-import { groundOf, upOf } from "../photo/ground.js";
+import { groundDoubts, groundOf, upOf } from "../photo/ground.js";
 import { coverageOf, isCutOut, seeSurroundings, useSurroundings } from "../photo/surroundings.js";
 
 /**
@@ -29,11 +29,12 @@ const { black: BLACK, white: WHITE, enough: ENOUGH } = CONTRACT.exposure;
  * @param {import("../photo/picture.js").Picture} picture
  * @param {number} longFovDeg
  * @param {ReturnType<typeof import("../photo/crop.js").cropObject>} crop
- * @param {LightOptions & {withStages?: boolean, normals?: Float32Array | null}} options
+ * @param {LightOptions & {withStages?: boolean, normals?: Float32Array | null, isAlone?: boolean}} options isAlone: whether the
+ *   object is cut out, where that is known already
  */
 export async function lightOfObject(models, picture, longFovDeg, crop, options) {
-  const { surroundings = "auto", pitchDeg, emitters = "mode", ...given } = options;
-  const isAuto = surroundings === "auto" && !isCutOut(picture, crop.mask);
+  const { surroundings = "auto", pitchDeg, emitters = "mode", isAlone, ...given } = options;
+  const isAuto = surroundings === "auto" && !(isAlone ?? isCutOut(picture, crop.mask));
   const isShown = isAuto || surroundings === "photo" || surroundings === true;
   const seen = isShown && models.lifts ? seeSurroundings(picture, longFovDeg, crop) : null;
   const context = isShown && models.completes ? contextOf(picture, crop.mask, crop) : null;
@@ -57,6 +58,7 @@ export async function lightOfObject(models, picture, longFovDeg, crop, options) 
     object: prediction.object ?? null,
     uncertainty: prediction.uncertainty ?? null,
     ground: ground && { pitchDeg: ground.pitchDeg, pitchErrorDeg: ground.pitchErrorDeg, source: ground.source },
+    warnings: groundDoubts(ground),
     emitters: models.lifts ? emitters : "mode",
     hints: {
       surroundings: seen ? coverageOf(seen) : 0,

@@ -64,6 +64,7 @@ export class Models {
       ort.InferenceSession.create(await graphOf(weights[stage], onProgress), {
         executionProviders: providers.map((name) => PROVIDERS[name]),
         graphOptimizationLevel: "all",
+        extra: { session: { disable_quant_qdq: "1" } }, // small weights are widened once, not at each run
         logSeverityLevel: 3, // errors: it warns that shapes are computed on the processor, as they should be
       });
     const sessions = {};

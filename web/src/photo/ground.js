@@ -79,6 +79,24 @@ export function groundOf({ width, height }, longFovDeg, { cameraFromCrop, mask, 
   return { up: upOf(usual), pitchDeg: usual, pitchErrorDeg: GROUND.usual_error_deg, source: "guessed" };
 }
 
+/**
+ * A line where the pitch is estimated badly, or was guessed from the object's place alone; anyprobe.estimate.doubts has the same.
+ *
+ * @param {ReturnType<typeof groundOf> | null} ground
+ * @returns {string[]}
+ */
+export function groundDoubts(ground) {
+  if (ground === null) return [];
+  const { pitchDeg, pitchErrorDeg, source } = ground;
+  const pitch = pitchDeg.toFixed(0);
+  if (source === "estimated" && pitchErrorDeg > GROUND.unsure_deg) {
+    return [`the camera seems to look ${pitch} degrees down, give or take ${pitchErrorDeg.toFixed(0)}; give the pitch`];
+  }
+  if (source !== "guessed" || pitchDeg <= GROUND.usual_pitch_deg) return [];
+  const guess = "the object stands so high in the photo that the ground was guessed from that alone";
+  return [`${guess}, of a camera that looks ${pitch} degrees down; give the pitch`];
+}
+
 /** @param {number[]} values */
 export function median(values) {
   const sorted = Float64Array.from(values).sort();

@@ -1,0 +1,103 @@
+"""Real photos to be looked at: each with its mask, and for each model the map, three spheres and a vase in its light.
+
+    python -m research.real_photos.sheet FOLDER... -o runs/real [--model lift --model OTHER]
+
+Every photo of a folder is taken; a mask NAME_mask.png beside NAME.* is not given, the default call finds its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from PIL import Image, ImageDraw
+
+from anyprobe.core.color import to_bytes
+from anyprobe.core.response import response
+from anyprobe.errors import AnyprobeError
+from anyprobe.estimate.estimator import Estimator
+from anyprobe.estimate.outputs import draw_overlay
+from anyprobe.estimate.photo import Photo, load_photo
+from anyprobe.estimate.result import Light
+from anyprobe.estimate.runtime import DEFAULT_MODEL
+from anyprobe.files.atomic import atomic_path
+from anyprobe.files.objects import open_object
+from anyprobe.relight.insert import Arrangement, Stage
+from anyprobe.render.spheres import sphere_images
+
+ROW, CAPTION, PAGE = 150, 14, 10
+"""Height of pictures and captions [px]; photos on a page."""
+ENDINGS = (".jpg", ".jpeg", ".png", ".webp", ".heic")
+
+
+def photos_of(folder: Path) -> Iterator[Path]:
+    """The pictures of a folder that are no masks, by name."""
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in ENDINGS and not path.stem.endswith("_mask"):
+            yield path
+
+
+def tiles_of(photo: Photo, light: Light) -> list[tuple[str, np.ndarray]]:
+    """Captions and pictures of one estimate."""
+    gain = min(1.0, 0.8 / max(float(sphere_images(light.radiance, 32)["diffuse"].max()), 1e-6))
+    spheres = [("", response(one * gain)) for one in sphere_images(light.radiance, ROW).values()]
+    stage = Stage(photo, open_object("vase"), Arrangement(size=0.6, ground=light.ground))
+    pitch = "" if light.pitch_deg is None else f"pitch {light.pitch_deg:.0f} deg"
+    return [("", response(light.radiance * gain)), *spheres, (pitch, stage.relit(light.radiance, "matte", "own"))]
+
+
+def row_of(path: Path, estimators: dict[str, Estimator]) -> Image.Image:
+    """One photo's line; what cannot be estimated says why."""
+    lines = []
+    try:
+        photo = load_photo(path)
+        first = [(path.stem, draw_overlay(photo.rgb, photo.mask))]
+        for name, estimator in estimators.items():
+            light = estimator.from_photo(photo)
+            said = f"{len(light.sources())} sources, {len(light.warnings)} warnings"
+            (_, drawn), *rest = tiles_of(photo, light)
+            lines.append([*first, (f"{name}: {said}", drawn), *rest])
+    except AnyprobeError as error:
+        lines.append([(f"{path.stem}: {error}", np.ones((ROW, ROW, 3)))])
+    width = max(sum(_width(picture) for _, picture in line) for line in lines)
+    sheet = Image.new("RGB", (width, len(lines) * (ROW + CAPTION)), "white")
+    for number, line in enumerate(lines):
+        left, top = 0, number * (ROW + CAPTION)
+        for caption, picture in line:
+            tile = Image.fromarray(to_bytes(picture)).resize((_width(picture), ROW), Image.Resampling.BICUBIC)
+            sheet.paste(tile, (left, top))
+            ImageDraw.Draw(sheet).text((left + 2, top + ROW), caption[:120], "black")
+            left += _width(picture)
+    return sheet
+
+
+def _width(picture: np.ndarray) -> int:
+    return max(1, round(picture.shape[1] * ROW / picture.shape[0]))
+
+
+def main(
+    folders: Annotated[list[Path], typer.Argument(help="Folders of photos.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for page_0.jpg, page_1.jpg ...")],
+    model: Annotated[list[str] | None, typer.Option(help="Bundled model or folder; repeat for more.")] = None,
+) -> None:
+    """Draw the pages."""
+    estimators = {Path(name).name: Estimator(name) for name in model or [DEFAULT_MODEL]}
+    paths = [path for folder in folders for path in photos_of(folder)]
+    for first in range(0, len(paths), PAGE):
+        rows = [row_of(path, estimators) for path in paths[first : first + PAGE]]
+        page = Image.new("RGB", (max(row.width for row in rows), sum(row.height for row in rows)), "white")
+        top = 0
+        for row in rows:
+            page.paste(row, (0, top))
+            top += row.height
+        path = out / f"page_{first // PAGE}.jpg"
+        with atomic_path(path) as temporary:
+            page.save(temporary, "JPEG", quality=85)
+        typer.echo(path)
+
+
+if __name__ == "__main__":
+    typer.run(main)

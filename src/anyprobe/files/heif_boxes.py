@@ -1,0 +1,113 @@
+"""Boxes of ISO's base media format that a HEIC or AVIF file describes its pictures by (ISO/IEC 23008-12, 14496-12)."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+MOST_BOXES = 10_000
+
+Span = tuple[int, int]
+"""Where something begins and ends, in bytes of the file."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ToneMap:
+    """A gain map of ISO 21496-1. said: its metadata, without the version. alone: a file whose picture is the map."""
+
+    said: bytes
+    alone: bytes
+
+
+def find_tone_map(data: bytes) -> ToneMap | None:
+    """Of a whole file; None where it has none, or one that cannot be read.
+
+    Raises:
+        struct.error, ValueError, KeyError: damaged.
+    """
+    start, end = dict(_boxes(data, (0, len(data))))[b"meta"]
+    found = dict(_boxes(data, (start + 4, end)))
+    kinds, flags = _items(data, found[b"iinf"])
+    mapped = [number for number, kind in kinds.items() if kind == b"tmap"]
+    if not mapped or b"iref" not in found:
+        return None
+    made_of = _references(data, found[b"iref"]).get((b"dimg", mapped[0]), [])
+    place = _place(data, found[b"iloc"], mapped[0], found.get(b"idat"))
+    if len(made_of) != 2 or place is None:
+        return None
+    alone, primary = bytearray(data), found[b"pitm"][0]
+    if data[primary] == 0:
+        struct.pack_into(">H", alone, primary + 4, made_of[1])
+    else:
+        struct.pack_into(">I", alone, primary + 4, made_of[1])
+    alone[flags[made_of[1]]] &= 0xFE  # not hidden
+    return ToneMap(said=data[place[0] + 1 : place[1]], alone=bytes(alone))
+
+
+def _boxes(data: bytes, span: Span) -> Iterator[tuple[bytes, Span]]:
+    """Kind and content of each box in a span."""
+    at, end = span
+    for _ in range(MOST_BOXES):
+        if at + 8 > end:
+            return
+        size, kind, head = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8], 8
+        if size == 1:
+            size, head = int.from_bytes(data[at + 8 : at + 16], "big"), 16
+        size = size or end - at
+        if size < head or at + size > end:
+            raise ValueError(f"a box {kind!r} that is cut")
+        yield kind, (at + head, at + size)
+        at += size
+
+
+def _items(data: bytes, span: Span) -> tuple[dict[int, bytes], dict[int, int]]:
+    """Kinds of the items by number, and where the byte of each one's flags is."""
+    kinds, flags = {}, {}
+    for kind, (at, _) in _boxes(data, (span[0] + (6 if data[span[0]] == 0 else 8), span[1])):
+        if kind == b"infe" and data[at] in (2, 3):
+            wide = data[at] == 3
+            (number,) = struct.unpack_from(">I" if wide else ">H", data, at + 4)
+            after = at + 4 + (4 if wide else 2) + 2
+            kinds[number], flags[number] = data[after : after + 4], at + 3
+    return kinds, flags
+
+
+def _references(data: bytes, span: Span) -> dict[tuple[bytes, int], list[int]]:
+    """Items that each item refers to, by the kind of reference and its own number."""
+    form, size = (">H", 2) if data[span[0]] == 0 else (">I", 4)
+    found = {}
+    for kind, (at, _) in _boxes(data, (span[0] + 4, span[1])):
+        (number,), (count,) = struct.unpack_from(form, data, at), struct.unpack_from(">H", data, at + size)
+        found[kind, number] = list(struct.unpack_from(f">{count}{form[1]}", data, at + size + 2))
+    return found
+
+
+def _place(data: bytes, span: Span, wanted: int, idat: Span | None) -> Span | None:
+    """Where an item of one piece is; None where it is elsewhere."""
+    at, version = span[0] + 4, data[span[0]]
+    offset_size, length_size = data[at] >> 4, data[at] & 15
+    base_size, index_size = data[at + 1] >> 4, data[at + 1] & 15 if version else 0
+    at += 2
+
+    def number(size: int) -> int:
+        nonlocal at
+        value = int.from_bytes(data[at : at + size], "big")
+        at += size
+        return value
+
+    wide = 4 if version == 2 else 2
+    for _ in range(min(number(wide), MOST_BOXES)):
+        item = number(wide)
+        method = number(2) & 15 if version else 0
+        number(2)
+        base, extents = number(base_size), number(2)
+        for _ in range(min(extents, MOST_BOXES)):
+            number(index_size)
+            start, length = base + number(offset_size), number(length_size)
+            if item == wanted and extents == 1:
+                if method == 1 and idat is not None:
+                    start += idat[0]
+                whole = method < 2 and 0 < length and start + length <= len(data)
+                return (start, start + length) if whole else None
+    return None
