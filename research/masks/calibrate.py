@@ -25,7 +25,7 @@ from research.masks.scoring import BAD, GOOD
 
 RIDGE, SPREAD, FOLDS, ROUNDS = 6.0, 0.05, 6, 2000
 CLIP = 0.03
-LEAST = {"agreed": 1.0}
+LEAST = {"agreed": 1.5}
 """Least weights, others 0: a second look that finds something else is rare in what is fitted, and always a doubt."""
 
 THRESHOLDS = (0.5, 0.6, 0.7, 0.8, 0.81, 0.82, 0.85, 0.88, 0.9, 0.92, 0.94)
@@ -73,8 +73,9 @@ def calibrate(
 
 def _share(warned: np.ndarray) -> str:
     """How many of [N] bool, and the share's standard error in hundredths."""
-    share = warned.mean()
-    return f"{warned.sum()} of {len(warned)} ({share:.0%} +- {np.sqrt(share * (1 - share) / len(warned)):.0%})"
+    count = len(warned)
+    share = warned.sum() / max(count, 1)
+    return f"{warned.sum()} of {count} ({share:.0%} +- {np.sqrt(share * (1 - share) / max(count, 1)):.0%})"
 
 
 def _cases(

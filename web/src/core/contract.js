@@ -59,13 +59,13 @@ export const CONTRACT = {
       },
       "refused": 0.05,
       "u2netp": {
-        "offset": -7.31,
+        "offset": -6.64,
         "weights": {
-          "expected": 3.65,
-          "agreed": 1,
+          "expected": 2.55,
+          "agreed": 1.5,
           "whole": 0,
-          "single": 2.86,
-          "meant": 2.99
+          "single": 2.79,
+          "meant": 2.96
         }
       },
       "small": {
