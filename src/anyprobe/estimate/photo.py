@@ -32,7 +32,7 @@ from anyprobe.hints import (
     spread,
 )
 from anyprobe.masks.check import object_box
-from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.depth import DepthSource, chosen_depth, is_carried
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.scatter.materials import Material
@@ -158,7 +158,8 @@ def load_photo(
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
     hints = as_hints(hints, more)
-    pixels = source if isinstance(source, Pixels) else read_image(source, name)
+    carried = is_carried(hints.depth)
+    pixels = source if isinstance(source, Pixels) else read_image(source, name, with_depth=carried)
     asked = AUTO if hints.surroundings is None else hints.surroundings
     word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
     surroundings_map, panorama = (None, None) if word else read_panorama(asked)
@@ -172,9 +173,10 @@ def load_photo(
     on = found.mask > 0.5
     normals = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg)
     depth_doubts: tuple[str, ...] = ()
-    by_depth = normals is None and hints.depth is not None
-    if normals is None and hints.depth is not None:
-        normals, depth_doubts = _normals_by_depth(hints.depth, found.mask, long_fov_deg, fov_source, pixels.name)
+    depth = chosen_depth(hints.depth, pixels)
+    by_depth = normals is None and depth is not None
+    if normals is None and depth is not None:
+        normals, depth_doubts = _normals_by_depth(depth, found.mask, long_fov_deg, fov_source, pixels.name)
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
