@@ -2,8 +2,8 @@
 
 Asked is without a prompt, by a click and by a box, in rendered scenes of training assets, in photos, and in cluttered
 ones, where the object of one is pasted into another. There nobody said which of two is meant without a prompt: the
-nearer counts. Weights are of a ridge regression of the IoU's log-odds, none of them below LEAST; those of the contract's
-mask quality are copied from here by hand.
+nearer counts. Weights are of a ridge regression of the IoU's log-odds, none below LEAST; those of the contract's mask
+quality are copied from here by hand.
 """
 
 from __future__ import annotations
