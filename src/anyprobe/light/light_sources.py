@@ -1,8 +1,8 @@
 """Light sources of a map, soft to hard: a few, of direction, power and angular size; under an even sky there are none.
 
 A source lies where the mean luminance over a cap of _PLACE_DEG is greatest, the next where it is greatest further than
-_APART_DEG from all before and off their discs. It is what the widest disc sends beyond the ring around it. Its radius is
-that of an even disc with SIZED of its power as far around the centre: for r with SIZED of the power, r / sqrt(SIZED).
+_APART_DEG from all before and off their discs. It is what the widest disc sends beyond the ring around it. Its radius
+is that of an even disc that has SIZED of its power within the same angle of the centre.
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
 
 
 def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float, float] | None:
-    """The smallest of _RADII_DEG with SIZED of the power, irradiance [3], share and radius in degrees of what lies around
-    a direction; None where that is no source."""
+    """The smallest of _RADII_DEG with SIZED of the power, irradiance [3], share, and radius in degrees, of what lies
+    around a direction; None where that is no source."""
     degrees = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     ring = (degrees > _RADII_DEG[-1]) & (degrees < RING_DEG)
     if not ring.any():  # of a map of a few rows
@@ -140,8 +140,8 @@ def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.nda
     return _RADII_DEG[size], irradiance.astype(np.float32), share, radius
 
 
-def _radius_deg(power: Float[np.ndarray, "P"], degrees: Float[np.ndarray, "P"], pixel: float) -> float:
-    """Radius of a disc by the powers of pixels so many degrees from its centre and so wide."""
+def _radius_deg(power: Float[np.ndarray, " P"], degrees: Float[np.ndarray, " P"], pixel: float) -> float:
+    """Radius of a disc by the powers of pixels so many degrees from its centre, and so wide."""
     near = degrees < _RADII_DEG[-1] + pixel
     covers = np.clip(0.5 + (_STEPS_DEG[:, None] - degrees[near]) / pixel, 0.0, 1.0)
     within = covers @ power[near]
