@@ -150,7 +150,8 @@ def _judged(
     pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
 ) -> FoundMask:
     """The mask with what is to be expected of it, or InvalidMask where that is next to nothing."""
-    evidence = examine(found, *pixels.rgb.shape[1::-1])
+    height, width = pixels.rgb.shape[:2]
+    evidence = examine(found, width, height, prompts)
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
         raise InvalidMask(_nothing(pixels, prompts))
