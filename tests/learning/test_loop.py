@@ -123,7 +123,7 @@ def test_chain_leaves_the_irradiance_net_that_it_begins_with_and_names_its_teach
     stored = torch.load(run(tmp_path / "runs", start=begin, teacher=teacher), weights_only=True)
     kept = torch.load(begin, weights_only=True)
     assert kept
-    for name, value in kept.items():
+    for name, value in kept.items():  # statistics of batch normalisation too
         assert torch.equal(stored["nets"][name], value.to(stored["nets"][name].dtype)), name
     assert stored["origin"]["teacher"] == init_weights_id(teacher)
     with pytest.raises(InputError, match="--teacher with nothing, as the run began, got"):

@@ -77,20 +77,18 @@ def both_ways(batch: Batch) -> Batch:
     return replace(batch, normals=normals, **twice, **pictures, **nothing)
 
 
-class Irradiance:
-    """Loss of the irradiance net; float32 weights, the arithmetic of nets.blocks.autocast."""
-
-    columns: tuple[str, ...] = ("irradiance",)
+class _Stages:
+    """Networks of the chain; float32 weights, the arithmetic of nets.blocks.autocast."""
 
     def __init__(self, config: RunConfig, device: str) -> None:
-        self.device = device
+        self.config, self.device = config, device
         self.nets = self.networks()
         self.nets.to(device).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     @staticmethod
     def networks() -> nn.ModuleDict:
         """Untrained."""
-        return nn.ModuleDict({"irradiance": NETS["irradiance"]()})
+        raise NotImplementedError
 
     def _run(self, stage: str, x: torch.Tensor, *more: torch.Tensor) -> torch.Tensor:
         with autocast(self.device):
@@ -98,6 +96,17 @@ class Irradiance:
 
     def _irradiance(self, batch: Batch) -> torch.Tensor:
         return self._run("irradiance", batch.photo, batch.tan_half[:, None])
+
+
+class Irradiance(_Stages):
+    """Loss of the irradiance net."""
+
+    columns = ("irradiance",)
+
+    @staticmethod
+    def networks() -> nn.ModuleDict:
+        """Untrained."""
+        return nn.ModuleDict({"irradiance": NETS["irradiance"]()})
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """Mean squared error, the same whatever the progress."""
@@ -108,18 +117,17 @@ class Irradiance:
     def pictures(self, batch: Batch) -> tuple[torch.Tensor, ...]:
         """Photos, true irradiance and what it estimates."""
         mask = batch.photo[:, 3:]
-        return batch.photo[:, :3], batch.irradiance * mask, self._irradiance(batch)
+        return batch.photo[:, :3], batch.irradiance * mask, self._irradiance(batch).clip(0, 1)
 
 
-class Chain(Irradiance):
-    """Losses of the illumination and the HDR net, from what the irradiance net says."""
+class Chain(_Stages):
+    """Losses of the illumination and the HDR net, from what the irradiance net says, which does not change."""
 
     columns = ("illumination", "hdr")
 
     def __init__(self, config: RunConfig, device: str) -> None:
         super().__init__(config, device)
-        self.config = config
-        self.nets["irradiance"].eval().requires_grad_(False)
+        self.nets["irradiance"].requires_grad_(False)
         weights = torch.from_numpy(pixel_solid_angles(MAP_HEIGHT)).to(device)
         self.solid_angle = (weights / weights.mean())[None, None]  # [1, 1, H, 1], mean 1
         self._transport = Transport(device)
@@ -139,6 +147,7 @@ class Chain(Irradiance):
 
     def losses(self, batch: Batch, progress: float) -> dict[str, torch.Tensor]:
         """progress is the share of the run done, in [0, 1): the illumination net's targets sharpen with it."""
+        self.nets["irradiance"].eval()  # all are set to train after pictures
         with torch.no_grad():
             seen, wanted = self._irradiance(batch), self._taught(batch)
             seen, wanted = (torch.cat([x, x.flip(-1)]) for x in (seen, wanted))

@@ -38,7 +38,7 @@ def learning_rate(config: Any, step: int) -> float:
     return config.learning_rate * min(1.0, (step + 1) / config.warmup, (config.steps - step) / max(falling, 1.0))
 
 
-LEARNERS: dict[str, type[Irradiance | Lift | Normals]] = {
+LEARNERS: dict[str, type[Irradiance | Chain | Lift | Normals]] = {
     "irradiance": Irradiance,
     "paper": Chain,
     "lift": Lift,
@@ -46,7 +46,7 @@ LEARNERS: dict[str, type[Irradiance | Lift | Normals]] = {
 }
 
 
-def make_learner(config: RunConfig, device: str, teacher: Path | None = None) -> Irradiance | Lift | Normals:
+def make_learner(config: RunConfig, device: str, teacher: Path | None = None) -> Irradiance | Chain | Lift | Normals:
     """What trains: networks, and their losses by name.
 
     teacher: weights of `lift`, of which the chain learns.
@@ -155,7 +155,9 @@ def train(
         weight_decay=config.weight_decay,
     )
     first = seen = 0
-    began = {"processes": processes.size, "teacher": None if teacher is None else init_weights_id(teacher)}
+    began: dict[str, Any] = {"processes": processes.size}
+    if config.model == "paper":
+        began["teacher"] = None if teacher is None else init_weights_id(teacher)
     stored, origin = resumed(path, config, began, start, device)
     if stored is not None:
         load_weights(nets, stored["nets"], path)
