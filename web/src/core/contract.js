@@ -998,15 +998,17 @@ export const CONTRACT = {
     "source": {
       "gate_deg": 30,
       "gate_ratio": 8,
-      "angle_scale": 2,
+      "slack_deg": 2,
       "most_turn_deg_s": 120,
       "patience_s": 0.1,
       "fade_s": 0.25,
       "most": 6,
       "view": {
-        "turn_deg": 15,
-        "slack": 0.3,
-        "most_turn_deg_s": 3
+        "turn_deg": 8,
+        "recent_s": 0.3,
+        "slack_deg": 10,
+        "slack_ratio": 1.35,
+        "most_turn_deg_s": 2
       }
     }
   },
