@@ -2,8 +2,10 @@
 
     python -m research.depth_normals DATA            # 60 pairs, evenly out of the 1,000
 
-Depth is of the rendered surface along the camera's axis: exact, with noise of 0.5 % of the distance, and as an 8-bit
-picture of 0 to twice the distance. Errors are of the normals that are known; without any, of the network's guesses.
+Depth is of the rendered surface along the camera's axis: exact, with noise of 0.5 % of the distance, as an 8-bit
+picture of 0 to twice the distance, and as phones store it: an 8-bit picture of the disparity from half to twice the
+distance, that also with a fifth of its mean too much, as disparity of relative accuracy may have. Errors are of the
+normals that are known; without any, of the network's guesses.
 """
 
 from __future__ import annotations
@@ -37,10 +39,15 @@ def depths_of(pair: Pair, store: AssetStore) -> dict[str, np.ndarray]:
     exact[surface.mask] = surface.depth
     middle = float(np.median(surface.depth))
     noise = np.random.default_rng(pair.recipe.seed % 2**32).standard_normal(exact.shape)
+    low, high = 0.5 / middle, 2.0 / middle
+    disparity = np.round(np.clip((1 / np.where(exact > 0, exact, middle) - low) / (high - low), 0, 1) * 255) / 255
+    disparity = low + (high - low) * disparity
     return {
         "exact depth": exact,
         "depth, noise 0.5 %": exact * (1 + 0.005 * noise),
         "depth, 8 bits": np.round(np.clip(exact / (2 * middle), 0, 1) * 255).astype(np.uint8),
+        "disparity, 8 bits": np.where(exact > 0, 1 / disparity, 0),
+        "disparity, 8 bits, offset": np.where(exact > 0, 1 / (disparity + 0.2 / middle), 0),
     }
 
 

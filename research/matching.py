@@ -32,6 +32,7 @@ from anyprobe.estimate.photo import CONTEXT_SCALE, CONTEXT_SIZE
 from anyprobe.estimate.runtime import Models
 from anyprobe.estimate.surroundings import hidden, on_plane, radiance_of, surroundings_of, use_surroundings
 from anyprobe.light.environment import MAP_HEIGHT, reduced, rotate
+from anyprobe.masks.resize import resize
 from anyprobe.render.surface import pixel_rays
 from research.compare.figures import relight_scores
 from research.left_out import load_left_out
@@ -136,7 +137,7 @@ def context(pair: Pair) -> np.ndarray:
     """The same as a picture with the object, [96, 96, 5], see estimate.photo.Crop."""
     behind = bilinear(pair.radiance, direction_to_uv(-pixel_rays(CONTEXT_SCALE * pair.tan_half, CONTEXT_SIZE)))
     side = CONTEXT_SIZE // CONTEXT_SCALE
-    small = pair.crop.reshape(side, -1, side, pair.crop.shape[1] // side, 4).mean(axis=(1, 3))
+    small = resize(pair.crop, side, side)
     before = np.pad(small, [[(CONTEXT_SIZE - side) // 2] * 2] * 2 + [[0, 0]])
     on = before[..., 3:]
     picture = before[..., :3] + (1 - on) * response(behind.clip(0.0, 1.0))

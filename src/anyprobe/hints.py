@@ -21,7 +21,7 @@ from anyprobe.errors import InputError, InvalidMask, InvalidPhoto
 from anyprobe.files.images import ImageSource
 from anyprobe.files.raw import RAW_SUFFIXES
 from anyprobe.given_material import Albedo, as_material
-from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.depth import CARRIED, DepthSource
 from anyprobe.masks.prompts import Clicks
 from anyprobe.masks.sources import MaskSource
 from anyprobe.scatter.materials import Material
@@ -65,7 +65,6 @@ class Hint:
         example: a text that is right.
         words: that stand in place of its file.
         suffixes: of its file, where folders hold one a photo; none: it is no file.
-        over_http: whether requests may carry it.
         in_web: the option of the JavaScript package that takes it; "" where none does.
     """
 
@@ -78,7 +77,6 @@ class Hint:
     example: str = ""
     words: tuple[str, ...] = ()
     suffixes: tuple[str, ...] = ()
-    over_http: bool = True
     in_web: str = ""
 
     def read(self, text: str) -> Any:
@@ -148,8 +146,8 @@ class Hints:
         click, exclude: x, y in pixels of the photo as shown (upright, square pixels) on the object and beside it, one
             or several.
         box: x0, y0, x1, y1 around the object, likewise.
-        depth: depth image of the same view, along the camera's axis, which gives normals; near, far: where to cut it,
-            in its unit, which gives the mask too.
+        depth: depth image of the same view, along the camera's axis, which gives normals; or "photo", that of the
+            photo's own file, as phones write it; near, far: where to cut it, in its unit, which gives the mask too.
         fov_deg: field of view of the photo's longer side, in degrees; else from EXIF, else 65.
         pitch_deg: how far the camera looks down, in degrees: 0 level, 90 straight down.
         normals: the object's normal map of the photo's size in the camera's frame, see normals_hint.read_normals;
@@ -194,14 +192,15 @@ class Hints:
     )
     depth: DepthSource | None = _hint(
         "place",
-        "Depth image of the same view: gives normals; with near or far the mask too.",
+        "Depth image of the same view: gives normals; with near or far the mask too; or photo, that of the photo's own "
+        "file, as phones write it.",
+        words=(CARRIED,),
         suffixes=ARRAYS,
-        over_http=False,
     )
     near: float | None = _hint(
-        "place", "Near clipping depth, in the depth image's own unit (often mm).", numbers=(1,), over_http=False
+        "place", "Near clipping depth, in the depth image's own unit (often mm; Apple's: m).", numbers=(1,)
     )
-    far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,), over_http=False)
+    far: float | None = _hint("place", "Far clipping depth, in the same unit.", numbers=(1,))
     fov_deg: float | None = _hint(
         "camera",
         "Field of view of the photo's longer side, degrees; default: EXIF, else 65.",

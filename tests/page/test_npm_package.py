@@ -17,7 +17,7 @@ from PIL import Image
 from support.browser import run_steps, serve
 from support.bundlers import run
 from support.camera import camera_flags, write_y4m
-from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package
+from support.page_spheres import MOST_OFF, SPHERES, drawn_by_package, typical_difference
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
@@ -137,7 +137,7 @@ def assert_spheres(drawn: dict, estimator) -> None:
         package = drawn_by_package(width, height, pose, radiance, material)
         both = (page[..., 3] == 1) & (package[..., 3] == 1)
         assert both.sum() > 0.9 * (package[..., 3] > 0.5).sum() > 500
-        off = np.abs(page[both] - package[both])[:, :3].mean()
+        off = typical_difference(page, package)
         assert off <= MOST_OFF, f"{material}: {off:.4f} of white"
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anyprobe.core.color import luminance
-from anyprobe.core.frames import rotation_y
+from anyprobe.core.frames import rotation_of, rotation_y
 from anyprobe.core.latlong import pixel_directions, pixel_solid_angles
 from anyprobe.light.dominant_light import find_dominant_light
 from anyprobe.light.environment import rotate
@@ -24,9 +24,39 @@ def test_disc_is_of_another_size_or_power(radius):
     (source,) = find_light_sources(0.05 + disc(toward, radius) * color)
     assert source.direction @ toward > np.cos(np.radians(1.5))
     np.testing.assert_allclose(source.irradiance, np.pi * color * np.sin(np.radians(radius)) ** 2, rtol=0.15)
-    assert abs(source.radius_deg - radius) <= 2.0
+    assert abs(source.radius_deg - radius) <= 0.2
     power = 2 * np.pi * (1 - np.cos(np.radians(radius))) * luminance(color)
     assert source.share == pytest.approx(power / (power + 0.05 * 4 * np.pi), rel=0.15)
+
+
+def seen(direction, radius_deg, height=64, finer=8):
+    """disc as pixels average it."""
+    parts = disc(direction, radius_deg, height * finer)
+    weights = np.broadcast_to(pixel_solid_angles(height * finer)[..., None], parts.shape)
+    blocks = (height, finer, 2 * height, finer)
+    total, whole = (one.reshape(blocks).sum(axis=(1, 3)) for one in (parts * weights, weights))
+    return (total / whole)[..., None] * np.ones(3, np.float32)
+
+
+PLACES = ([0.5, 0.6, -0.7], [1, 0.02, 0.01], [0.06, 1, 0.02], [-0.3, -0.9, 0.2], [0.03, 0.1, -1], [-0.8, 0.35, 0.5])
+
+
+@pytest.mark.parametrize("radius", [3.0, 4.0, 5.0, 7.0, 9.5, 12.0])
+def test_radius_depends_on_the_place(radius):
+    """Of a disc a few pixels wide, 2.8 degrees each, wherever it lies, however strong it is."""
+    found = [find_light_sources(0.05 + k * seen(toward, radius))[0] for toward in PLACES for k in (20, 200)]
+    np.testing.assert_allclose([one.radius_deg for one in found], radius, atol=0.5 if radius < 4 else 0.3)
+
+
+@pytest.mark.parametrize("turn", [(0.3, 0.4, 0.9), (2.0, -1.1, 0.2), (-1.3, 0.8, -0.7)])
+def test_radius_turns_with_the_map(turn):
+    """But for what resampling blurs."""
+    toward, matrix = np.array([0.8, 0.5, -0.3]), rotation_of(np.degrees(turn))
+    toward /= np.linalg.norm(toward)
+    for radius in (5.0, 8.0, 12.0):
+        (one,) = find_light_sources(np.maximum(rotate(0.05 + 30 * seen(toward, radius), matrix), 0.0))
+        assert one.direction @ matrix @ toward > np.cos(np.radians(0.5))
+        assert radius - 0.2 < one.radius_deg < radius + 0.6
 
 
 def test_even_sky_has_a_source():

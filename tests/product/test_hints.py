@@ -68,9 +68,8 @@ def test_every_hint_is_described_over_http():
     pytest.importorskip("fastapi", reason="needs the serve extra")
     from anyprobe.serve import openapi
 
-    carried = {hint.name for hint in HINTS.values() if hint.over_http}
+    carried = {hint.name for hint in HINTS.values()}
     assert carried <= set(openapi.form_names(openapi.ESTIMATE_ROUTE))
-    assert set(HINTS) - {"depth", "near", "far"} == {name for name, hint in HINTS.items() if hint.over_http}
     page = (ROOT / "docs" / "serve.md").read_text(encoding="utf-8")
     assert {name for name in carried if f"`{name}`" not in page} == set()
 

@@ -8,6 +8,7 @@ import pytest
 from anyprobe.errors import InvalidMask
 from anyprobe.files.images import read_image
 from anyprobe.masks.find import find_mask
+from anyprobe.masks.quality import examine
 from anyprobe.masks.resize import resize
 from anyprobe.masks.search import GRID, Prompts, Window, find_object, finding_of
 
@@ -126,6 +127,25 @@ def test_another_look_that_disagrees_makes_a_mask_doubtful():
     assert sure.warnings == ()
     assert doubtful.confidence < sure.confidence - 0.1
     assert "a second look finds something else" in doubtful.warnings[0]
+
+
+FITTING = [
+    ({}, 0.9),
+    ({"on": [(100, 110)]}, 1.0),
+    ({"on": [(60, 110), (140, 110)]}, 1.0),  # of several the middle counts
+    ({"on": [(150, 110)]}, 1 - 50 / 30 / 2.5),  # a disc's standard deviation is half its radius
+    ({"box": (36, 46, 164, 174)}, 1.0),
+    ({"box": (0, 0, 300, 240)}, 120 * 120 / (300 * 240) / 0.6),
+    ({"on": [(100, 110)], "box": (0, 0, 300, 240)}, 120 * 120 / (300 * 240) / 0.6),
+]
+
+
+@pytest.mark.parametrize(("given", "expected"), FITTING)
+def test_clicks_far_from_the_middle_and_boxes_far_from_the_object_make_a_mask_doubtful(given, expected):
+    prompts = Prompts(**given)
+    evidence = examine(find_object(Redness(), photo(LARGE), prompts), WIDTH, HEIGHT, prompts)
+    assert evidence.meant == pytest.approx(expected, abs=0.03)
+    assert any("click or the box" in line for line in evidence.doubts()) == (expected < 0.6)
 
 
 def test_another_segmenters_mask_keeps_its_resolution():

@@ -247,7 +247,7 @@ def test_parts_are_those_that_touch(rng):
 
 
 def good_evidence(**worse) -> Evidence:
-    good = dict.fromkeys(("expected", "agreed", "whole", "single"), 0.97)
+    good = dict.fromkeys(("expected", "agreed", "whole", "single", "meant"), 0.97)
     return Evidence(**{**good, "border": 0.0, "small": 0.0, "large": 0.0, **worse})
 
 
@@ -255,7 +255,7 @@ def good_evidence(**worse) -> Evidence:
 def test_what_speaks_against_a_mask_lowers_what_to_expect(network):
     best = good_evidence().expected_iou(network)
     assert best > (DOUBTFUL if network == "u2netp" else 0.8)  # the small one's masks come with a warning anyway
-    assert good_evidence(expected=0.5, agreed=0.2).expected_iou(network) < 0.5
+    assert good_evidence(expected=0.5, agreed=0.2).expected_iou(network) < best - 0.2
 
 
 def test_doubts_name_what_is_wrong_the_gravest_first():
@@ -277,8 +277,8 @@ def test_a_doubtful_mask_comes_with_a_warning_that_says_what_to_do(project_root,
         require_plausible(found)
 
 
-@pytest.mark.parametrize(("expected", "is_said"), [(0.9, False), (0.86, True)])
-def test_a_mask_that_is_expected_to_miss_an_eighth_of_its_object_is_doubtful(
+@pytest.mark.parametrize(("expected", "is_said"), [(0.83, False), (0.79, True)])
+def test_a_mask_that_is_expected_to_miss_a_fifth_of_its_object_is_doubtful(
     project_root, monkeypatch, expected, is_said
 ):
     monkeypatch.setattr(Evidence, "expected_iou", lambda self, network: expected)

@@ -96,7 +96,7 @@ def test_calibration_asks_for_either_of_two_objects_where_none_is_marked(monkeyp
     ]
     monkeypatch.setattr("anyprobe.dataset.asset_store.load_asset_store", lambda *_, **__: None)
     monkeypatch.setattr("research.masks.scenes.rendered_cases", lambda *_: scenes)
-    both = list(calibrate._cases("", 12, 6, 1))
+    both = list(calibrate._cases("", 12, [], 6, 1))
     assert [other is None for _, _, other in both].count(False) == 12
     first, second = next((case, other) for _, case, other in both if other is not None)
 

@@ -240,7 +240,7 @@ def write_parity_case(folder: Path, estimator: Estimator, photo: np.ndarray, lon
     for name, hints in HINTS.items():
         finding = find_object(small_network(), rgb, Prompts(**hints))
         answers[f"mask_{name}"] = finding.mask(*rgb.shape[1::-1])
-        evidence = examine(finding, *rgb.shape[1::-1])
+        evidence = examine(finding, *rgb.shape[1::-1], Prompts(**hints))
         found[name] = asdict(evidence) | {"iou": evidence.expected_iou("small"), "doubts": evidence.doubts()}
     answers |= _filtered(light.radiance)
     for name, values in answers.items():

@@ -95,12 +95,12 @@ test("a light that was under way when an object was clicked on tells no mask, th
   assert.ok(await next(1));
 });
 
-test("a box is told in pixels, and from then on the place of what it had inside", async () => {
+test("a box is told in pixels, and from then on the box of what it had inside, and a margin", async () => {
   const { found, hints } = await follow(20, (at) => 20 + at, 5, { on: [], off: [], box: [0.25, 0.25, 0.75, 1] });
   assert.equal(found[2], 5);
   assert.deepEqual(hints[2], { on: [], off: [], box: [0.25 * WIDTH, 0.25 * HEIGHT, 0.75 * WIDTH, HEIGHT] });
-  assert.equal(hints[3].box, null);
-  assert.deepEqual(hints[3].on, [[25 + 60 / 2, 60]]);
+  const more = 0.12 * 60;
+  assert.deepEqual(hints[3], { on: [], off: [], box: [25 - more, 30 - more, 85 + more, 90 + more] });
 });
 
 test("a camera that is turned is looked at anew: nothing of its last pictures is kept", async () => {

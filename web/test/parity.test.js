@@ -253,7 +253,7 @@ test("the object that is found from nothing, by clicks, cut along colours, and b
       if (value > 0.5 || mask[i] > 0.5) either++;
     });
     assert.ok(either > 0 && both / either >= 0.99, `${name}: IoU ${both / either}`);
-    const seen = examine(finding, width, height);
+    const seen = examine(finding, width, height, { on, off, box });
     for (const [key, value] of Object.entries(evidence)) {
       assert.ok(Math.abs(seen[key] - value) < 0.01, `${name} ${key}: ${seen[key]}, not ${value}`);
     }

@@ -71,9 +71,23 @@ test("an excluding click on the one part cuts it along colours", async () => {
   assert.ok(iou(await found(picture, { off: [[215, 120]] }), left) > 0.9);
 });
 
+test("clicks far from the middle and boxes far from the object make a mask doubtful", async () => {
+  const cases = [
+    [{}, 0.9],
+    [{ on: [[100, 110]] }, 1],
+    [{ on: [[150, 110]] }, 1 - 50 / 30 / 2.5],
+    [{ on: [[100, 110]], box: [0, 0, 300, 240] }, (120 * 120) / (300 * 240) / 0.6],
+  ];
+  for (const [given, expected] of cases) {
+    const hints = { ...NOTHING, ...given };
+    const { meant } = examine(await findObject(redness(), photo(LARGE), hints), WIDTH, HEIGHT, hints);
+    assert.ok(Math.abs(meant - expected) < 0.03, `${JSON.stringify(given)}: ${meant}, not ${expected}`);
+  }
+});
+
 test("what speaks against a mask lowers what to expect, and is named", async () => {
   const finding = await findObject(redness(), photo(LARGE), NOTHING);
-  const good = examine(finding, WIDTH, HEIGHT);
+  const good = examine(finding, WIDTH, HEIGHT, NOTHING);
   const bad = { ...good, agreed: 0.1, expected: 0.5 };
   assert.ok(expectedIou(good, "u2netp") > expectedIou(bad, "u2netp") + 0.2);
   assert.deepEqual(doubts(good), []);

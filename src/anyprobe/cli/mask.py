@@ -54,13 +54,14 @@ def _one(path: Path, out: Path, hints: Hints, listed: list[Path], segmenter: str
     """Write one photo's two files; a line that says what was found and how, and warnings."""
     from anyprobe.estimate.outputs import draw_overlay
     from anyprobe.files.images import read_image, write_png
+    from anyprobe.masks.depth import is_carried
     from anyprobe.masks.find import find_mask
 
     targets = {kind: out / f"{result_stem(path, listed)}_{kind}.png" for kind in ("overlay", "mask")}
     check_names(path, listed, targets.values(), hints.files().values())
     if hints.depth is not None and hints.near is None and hints.far is None:
         raise InvalidMask("--depth: expected --near or --far with it, where to cut, got neither; add one of them")
-    pixels = read_image(path)
+    pixels = read_image(path, with_depth=is_carried(hints.depth))
     found = find_mask(pixels, **hints.place(), segmenter=segmenter)
     overlay = draw_overlay(pixels.rgb, found.mask, found.prompts.on, found.prompts.off)
     write_png(targets["overlay"], overlay)

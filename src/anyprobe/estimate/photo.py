@@ -18,6 +18,7 @@ from anyprobe.estimate.normals_hint import SHORTEST, normals_from_outline, read_
 from anyprobe.estimate.normals_model import estimated_normals
 from anyprobe.estimate.runtime import NORMALS_SIZE
 from anyprobe.estimate.surroundings import at_rows, is_cut_out, read_panorama, turned, visible_surroundings
+from anyprobe.estimate.window import sample_window
 from anyprobe.files.images import ImageSource, Pixels, read_image
 from anyprobe.hints import (
     AUTO,
@@ -32,7 +33,7 @@ from anyprobe.hints import (
     spread,
 )
 from anyprobe.masks.check import object_box
-from anyprobe.masks.depth import DepthSource
+from anyprobe.masks.depth import DepthSource, chosen_depth, is_carried
 from anyprobe.masks.find import find_mask
 from anyprobe.masks.segmenters import SegmenterSource
 from anyprobe.scatter.materials import Material
@@ -158,7 +159,8 @@ def load_photo(
         InvalidPhoto, InvalidMask, InputError: with one line that says what to do.
     """
     hints = as_hints(hints, more)
-    pixels = source if isinstance(source, Pixels) else read_image(source, name)
+    carried = is_carried(hints.depth)
+    pixels = source if isinstance(source, Pixels) else read_image(source, name, with_depth=carried)
     asked = AUTO if hints.surroundings is None else hints.surroundings
     word = asked if isinstance(asked, str) and asked in (AUTO, PHOTO, NONE) else None
     surroundings_map, panorama = (None, None) if word else read_panorama(asked)
@@ -172,9 +174,10 @@ def load_photo(
     on = found.mask > 0.5
     normals = _known_normals(hints.normals, pixels.rgb, found.mask, long_fov_deg)
     depth_doubts: tuple[str, ...] = ()
-    by_depth = normals is None and hints.depth is not None
-    if normals is None and hints.depth is not None:
-        normals, depth_doubts = _normals_by_depth(hints.depth, found.mask, long_fov_deg, fov_source, pixels.name)
+    depth = chosen_depth(hints.depth, pixels)
+    by_depth = normals is None and depth is not None
+    if normals is None and depth is not None:
+        normals, depth_doubts = _normals_by_depth(depth, found.mask, long_fov_deg, fov_source, pixels.name)
     photo = Photo(
         rgb=pixels.rgb,
         mask=found.mask,
@@ -248,14 +251,14 @@ def crop_object(photo: Photo, size: int = 128) -> Crop:
     camera_from_crop = turn_towards(ray)
     normals = None
     if photo.normals is not None:
-        mean = _window(photo.normals, photo.mask, center, side, NORMALS_SIZE)[..., :3]
+        mean = sample_window(photo.normals, photo.mask, center, side, NORMALS_SIZE)[..., :3]
         length = np.linalg.norm(mean, axis=-1, keepdims=True)
         mean = mean / np.maximum(length, SHORTEST) @ camera_from_crop
         normals = np.where(length > SHORTEST, mean, 0.0).astype(np.float32)
-    image = np.clip(_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
+    image = np.clip(sample_window(photo.rgb, photo.mask, center, side, size), 0.0, 1.0)
     radiance = None
     if photo.radiance is not None:
-        radiance = np.maximum(_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
+        radiance = np.maximum(sample_window(photo.radiance, photo.mask, center, side, size)[..., :3], 0.0)
     surroundings_map = None
     if photo.use_background:
         surroundings_map = visible_surroundings(
@@ -287,20 +290,9 @@ def _context(photo: Photo, center: tuple[float, float], side: float) -> np.ndarr
     step = max(1, int(CONTEXT_SCALE * side / CONTEXT_SIZE / CONTEXT_FINE))
     rgb, mask = photo.rgb[::step, ::step], photo.mask[::step, ::step]
     middle, side = (center[0] / step, center[1] / step), CONTEXT_SCALE * side / step
-    seen = _window(rgb, np.ones_like(mask), middle, side, CONTEXT_SIZE)
-    cover = _window(rgb, mask, middle, side, CONTEXT_SIZE)[..., 3:]
+    seen = sample_window(rgb, None, middle, side, CONTEXT_SIZE)
+    cover = sample_window(mask[..., None], None, middle, side, CONTEXT_SIZE)[..., :1]
     return np.concatenate([seen[..., :3], cover, seen[..., 3:]], axis=-1).clip(0.0, 1.0)
-
-
-def _window(values: np.ndarray, mask: np.ndarray, center: tuple[float, float], side: float, size: int) -> np.ndarray:
-    """The square of that side in pixels around center (x, y): [size, size, 4], values times mask, and mask."""
-    columns, column_weights = _resampling(center[0] - side / 2.0, side, size, mask.shape[1])
-    rows, row_weights = _resampling(center[1] - side / 2.0, side, size, mask.shape[0])
-    mask = mask[rows, columns]
-    planes = np.empty((4, *mask.shape))  # in double, so that BLAS's threads do not show in single
-    np.multiply(np.moveaxis(values[rows, columns], -1, 0), mask, out=planes[:3])
-    planes[3] = mask
-    return np.ascontiguousarray(np.moveaxis(row_weights @ planes @ column_weights.T, 0, -1), np.float32)
 
 
 def _pixel_direction(point: tuple[float, float], width: int, height: int, long_fov_deg: float) -> np.ndarray:
@@ -308,22 +300,3 @@ def _pixel_direction(point: tuple[float, float], width: int, height: int, long_f
     focal_px = max(width, height) / 2.0 / np.tan(np.radians(long_fov_deg) / 2.0)
     direction = np.array([(point[0] - width / 2.0) / focal_px, -(point[1] - height / 2.0) / focal_px, -1.0])
     return direction / np.linalg.norm(direction)
-
-
-def _resampling(start: float, side: float, size: int, length: int) -> tuple[slice, np.ndarray]:
-    """Weights that bring the window [start, start + side) of an axis to size samples.
-
-    Returns:
-        The pixels in use and their weights [size, N]; the rows sum to 1 but where
-        the window runs over the border, whose outside counts as zero.
-    """
-    first = max(0, int(np.floor(start)) - 1)
-    last = min(length, int(np.ceil(start + side)) + 1)
-    pixel = np.arange(first, last)
-    step = side / size
-    low = start + step * np.arange(size)[:, None]
-    if step >= 1.0:
-        weights = np.clip(np.minimum(low + step, pixel + 1) - np.maximum(low, pixel), 0.0, None) / step
-    else:
-        weights = np.clip(1.0 - np.abs(low + step / 2.0 - (pixel + 0.5)), 0.0, None)
-    return slice(first, last), weights

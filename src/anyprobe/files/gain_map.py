@@ -13,7 +13,7 @@ from __future__ import annotations
 import io
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -25,15 +25,14 @@ from anyprobe.files.apple_gain import apple_headroom, rec709_to_linear
 from anyprobe.files.color_encoding import STRIP_PIXELS, srgb_to_linear
 from anyprobe.files.headers import open_picture
 from anyprobe.files.heif_boxes import find_tone_map
+from anyprobe.files.jpeg_parts import XMP, app_segments, jpeg_pictures
 from anyprobe.files.raw import HEAD_BYTES
 
-JPEG_START = b"\xff\xd8\xff"
-XMP = b"http://ns.adobe.com/xap/1.0/\0"
 ISO = b"urn:iso:std:iso:ts:21496:-1\0"
 
 MARKS = (b"hdrgm", b"ts:21496")
 """What a JPEG with a gain map of the first two kinds has in its first segments."""
-MAX_PICTURES, MOST_BYTES = 8, 1 << 28
+MOST_BYTES = 1 << 28
 MAX_MAP_PIXELS = 50_000_000
 ANOTHER_SHAPE = 0.1
 """By which a map's width over height may differ from its picture's, share of it; one that is turned differs more."""
@@ -42,7 +41,6 @@ MOST_STOPS = 16.0
 COMMON_DENOMINATOR, MULTICHANNEL = 0x08, 0x80
 """Flags of ISO 21496-1."""
 
-_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
@@ -125,8 +123,8 @@ def _of_heif(image: Image.Image, stream: BinaryIO) -> GainMap | None:
 
 
 def _of_apple_jpeg(image: Image.Image, data: bytes) -> GainMap | None:
-    for number, picture in enumerate(_pictures(data)):
-        said = [one for one in _segments(picture) if one.startswith(XMP) and _APPLE.search(one)] if number else []
+    for number, picture in enumerate(jpeg_pictures(data)):
+        said = [one for one in app_segments(picture) if one.startswith(XMP) and _APPLE.search(one)] if number else []
         headroom = apple_headroom(image, said[0]) if said else None
         if headroom is not None:
             try:
@@ -145,10 +143,10 @@ def _apples(image: Image.Image, headroom: float) -> GainMap:
 
 def find_gain_map(data: bytes) -> GainMap | None:
     """The gain map of a JPEG by Ultra HDR or ISO; None where it has none that brightens, or a damaged one."""
-    for number, picture in enumerate(_pictures(data)):
+    for number, picture in enumerate(jpeg_pictures(data)):
         if number == 0:
             continue
-        for said in _segments(picture):
+        for said in app_segments(picture):
             try:
                 numbers = _of_iso(said[len(ISO) :]) if said.startswith(ISO) else _of_xmp(said)
                 found = None if numbers is None else _checked(_decoded(picture), *numbers)
@@ -240,34 +238,3 @@ def _of_xmp(data: bytes) -> tuple[np.ndarray, ...] | None:
 
     names = (("GainMapMin", 0.0), ("GainMapMax", 1.0), ("Gamma", 1.0), ("OffsetSDR", 1 / 64), ("OffsetHDR", 1 / 64))
     return tuple(read(*pair) for pair in names)
-
-
-def _pictures(data: bytes) -> Iterator[bytes]:
-    """The JPEG pictures of a file, one behind the other."""
-    at = 0
-    for _ in range(MAX_PICTURES):
-        at = data.find(JPEG_START, at)
-        if at < 0:
-            return
-        end = _end(data, at)
-        yield data[at:end]
-        at = end
-
-
-def _end(data: bytes, start: int) -> int:
-    """Where the JPEG that begins at a byte ends."""
-    at = start + 2
-    while (marker := _MARKER.search(data, at)) and marker[1] != b"\xd9":
-        at = marker.end()
-        at += int.from_bytes(data[at : at + 2], "big") if marker[1] not in b"\x01\xd8" else 0
-    return len(data) if marker is None else marker.end()
-
-
-def _segments(picture: bytes) -> Iterator[bytes]:
-    """Contents of the APP1 and APP2 segments of one picture."""
-    at = 2
-    while at + 4 <= len(picture) and picture[at] == 0xFF and picture[at + 1] not in (0xDA, 0xD9):
-        size = int.from_bytes(picture[at + 2 : at + 4], "big")
-        if picture[at + 1] in (0xE1, 0xE2):
-            yield picture[at + 4 : at + 2 + size]
-        at += 2 + max(size, 2)

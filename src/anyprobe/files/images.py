@@ -45,6 +45,7 @@ from anyprobe.files.headers import (
 )
 from anyprobe.files.icc import encoding_of
 from anyprobe.files.paths import open_regular
+from anyprobe.files.photo_depth import photo_depth
 from anyprobe.files.radiance import decode_hdr
 from anyprobe.files.raw import HEAD_BYTES, develop, is_raw
 from anyprobe.files.rgbe import HDR_MAGIC
@@ -69,6 +70,7 @@ class Pixels:
         radiance: [H, W, 3] float32, linear Rec. 709 in the photo's exposure units (white at 1), of a picture that holds
             light above white: OpenEXR, .hdr, TIFF of floats, PQ, HLG, a gain map. None of any other.
         stored: how the file's pixels lie, where they are turned or made square to be shown, else None.
+        depth: [h, w] float32, upright, see files.photo_depth; None where the file carries none or nobody asked.
     """
 
     rgb: np.ndarray
@@ -80,9 +82,12 @@ class Pixels:
     posture_deg: tuple[float, float] | None = None
     radiance: np.ndarray | None = None
     stored: StoredPixels | None = None
+    depth: np.ndarray | None = None
 
 
-def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = False) -> Pixels:
+def read_image(
+    source: ImageSource, name: str | None = None, *, as_data: bool = False, with_depth: bool = False
+) -> Pixels:
     """Read a photo from a path, bytes, a Pillow image or an array.
 
     Arrays are [H, W], [H, W, 1], [H, W, 3] or [H, W, 4]: uint8, uint16, or float display values in [0, 1]. Linear
@@ -91,17 +96,20 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
 
     Args:
         as_data: the numbers as they are stored, whatever the file says of colour: normals, say.
+        with_depth: read the depth that a phone's file carries, too.
     Raises:
         InvalidPhoto: not an image, damaged, too small, too large, NaN.
+        InvalidMask: depth that is damaged.
         MissingExtra: a HEIC, RAW or JPEG XL photo without its reader installed.
     """
     if isinstance(source, np.ndarray):
         return _from_array(source, name or "array")
     if isinstance(source, Image.Image):
-        return _from_pillow(source, name or Path(getattr(source, "filename", "") or "image").name, None, as_data)
+        name = name or Path(getattr(source, "filename", "") or "image").name
+        return _from_pillow(source, name, None, as_data, with_depth)
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
-        return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data)
+        return _from_stream(io.BytesIO(data), len(data), name or "bytes", as_data, with_depth)
     if not isinstance(source, (str, os.PathLike)):
         raise InvalidPhoto(
             f"{name or 'photo'}: expected a path, bytes, a Pillow image or an array, "
@@ -110,7 +118,7 @@ def read_image(source: ImageSource, name: str | None = None, *, as_data: bool = 
     path = Path(source)
     with open_regular(path, InvalidPhoto, "an image file") as stream:
         size = os.fstat(stream.fileno()).st_size
-        return _from_stream(stream, size, name or path.name or str(path), as_data, path.name)
+        return _from_stream(stream, size, name or path.name or str(path), as_data, with_depth, path.name)
 
 
 USUAL_PNG, FAST_PNG, MANY_VALUES = 6, 1, 24_000_000
@@ -154,7 +162,9 @@ def picture_bytes(image: np.ndarray) -> np.ndarray:
     return result
 
 
-def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, file_name: str = "") -> Pixels:
+def _from_stream(
+    stream: BinaryIO, num_bytes: int, name: str, as_data: bool, with_depth: bool, file_name: str = ""
+) -> Pixels:
     """Decode an open file or buffer, by what its first bytes say."""
     head = stream.read(64)
     if not head:
@@ -188,10 +198,10 @@ def _from_stream(stream: BinaryIO, num_bytes: int, name: str, as_data: bool, fil
             found = read_float_tiff(stream.read(num_bytes), name)
             if found is not None:
                 return _from_float_tiff(found, name, as_data)
-        return _from_pillow(image, name, stream, as_data)
+        return _from_pillow(image, name, stream, as_data, with_depth)
 
 
-def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool) -> Pixels:
+def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data: bool, with_depth: bool) -> Pixels:
     """Turn upright, take the transparency off, bring the colour to sRGB.
 
     stream: the open file of the image, for what Pillow leaves out of it; None where there is none.
@@ -229,6 +239,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
     if alpha is not None and (alpha < np.iinfo(alpha.dtype).max).any():
         pixels = replace(pixels, alpha=np.divide(alpha, np.float32(np.iinfo(alpha.dtype).max), dtype=np.float32))
     radiance = done.radiance
+    depth = photo_depth(image, stream, name) if with_depth else None
     missed = not as_data and radiance is None and gain_map is None and misses_gain_map(image, stream, pixels.rgb)
     del image
     if missed:
@@ -246,6 +257,7 @@ def _from_pillow(image: Image.Image, name: str, stream: BinaryIO | None, as_data
         posture_deg=posture_deg,
         radiance=radiance,
         stored=stored_by_exif(orientation, stored, pixels.rgb.shape[1::-1]),
+        depth=None if depth is None else turned_upright(depth, orientation),
     )
 
 

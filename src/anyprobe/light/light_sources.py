@@ -1,8 +1,8 @@
 """Light sources of a map, soft to hard: a few, of direction, power and angular size; under an even sky there are none.
 
 A source lies where the mean luminance over a cap of _PLACE_DEG is greatest, the next where it is greatest further than
-_APART_DEG from all before and off their discs. It is what its disc sends beyond the ring around it; its disc is the
-smallest of _RADII_DEG that has SIZED of what the widest has.
+_APART_DEG from all before and off their discs. It is what the widest disc sends beyond the ring around it. Its radius
+is that of an even disc that has SIZED of its power within the same angle of the centre.
 """
 
 from __future__ import annotations
@@ -27,6 +27,11 @@ SETTLED_DEG = (16.0, 16.0)
 RING_DEG = 22.0
 """Outer radius of the ring around the widest disc."""
 SIZED = 0.8
+_STEPS_DEG = np.arange(0.25, _RADII_DEG[-1] + 0.01, 0.25)
+SMALLEST_DEG = _RADII_DEG[0]
+"""Smaller discs cannot be told from one pixel."""
+_WIDENED = 0.4
+"""Of a pixel's squared side: by so much pixels make a disc's squared radius larger."""
 LEAST_SHARE = 0.04
 """Of the map's power: less is no source."""
 LEAST_CONTRAST = 3.0
@@ -75,7 +80,7 @@ def find_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[LightSou
             break
         apart = max(_APART_DEG, source[0] + _PLACE_DEG + 2.0)  # where the cap holds none of it
         left[(cosine > np.cos(np.radians(apart))) | near] = 0.0
-        radius, irradiance, share = source
+        _, irradiance, share, radius = source
         found.append(
             LightSource(direction=center.astype(np.float32), irradiance=irradiance, radius_deg=radius, share=share)
         )
@@ -112,8 +117,9 @@ def split_light_sources(radiance: Float[np.ndarray, "H 2*H 3"]) -> tuple[tuple[L
     return tuple(sources), rest
 
 
-def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float] | None:
-    """Radius, irradiance [3] and share of what lies around a direction; None where that is no source."""
+def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.ndarray, float, float] | None:
+    """The smallest of _RADII_DEG with SIZED of the power, irradiance [3], share, and radius in degrees, of what lies
+    around a direction; None where that is no source."""
     degrees = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     ring = (degrees > _RADII_DEG[-1]) & (degrees < RING_DEG)
     if not ring.any():  # of a map of a few rows
@@ -129,4 +135,16 @@ def _source(colors, bright, angles, cosine, total: float) -> tuple[float, np.nda
         return None
     whole = degrees <= _RADII_DEG[-1]
     irradiance = (beyond[whole] * np.maximum(cosine[whole], 0.0)[:, None]).sum(axis=0)
-    return _RADII_DEG[size], irradiance.astype(np.float32), share
+    pixel = float(np.degrees(np.sqrt(2 * np.pi**2 / len(angles))))
+    radius = _radius_deg(luminance(beyond), degrees, pixel)
+    return _RADII_DEG[size], irradiance.astype(np.float32), share, radius
+
+
+def _radius_deg(power: Float[np.ndarray, " P"], degrees: Float[np.ndarray, " P"], pixel: float) -> float:
+    """Radius of a disc by the powers of pixels so many degrees from its centre, and so wide."""
+    near = degrees < _RADII_DEG[-1] + pixel
+    covers = np.clip(0.5 + (_STEPS_DEG[:, None] - degrees[near]) / pixel, 0.0, 1.0)
+    within = covers @ power[near]
+    reach = float(np.interp(SIZED * within[-1], within, _STEPS_DEG))
+    squared = reach**2 / SIZED - _WIDENED * pixel**2
+    return float(np.clip(np.sqrt(max(squared, 0.0)), SMALLEST_DEG, _RADII_DEG[-1]))

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from anyprobe.errors import InvalidMask
-from anyprobe.files.exr import in_display, read_channels, square_pixels
+from anyprobe.files.exr import EXR_MAGIC, in_display, read_channels, square_pixels
 from anyprobe.files.headers import MAX_PIXELS
+from anyprobe.files.images import Pixels
 from anyprobe.masks.check import check_mask
 
-DepthSource = str | os.PathLike[str] | np.ndarray
+DepthSource = str | os.PathLike[str] | bytes | np.ndarray
+
+CARRIED = "photo"
+"""In place of a depth image: the one that the photo's file carries."""
 
 ASPECT_TOLERANCE = 0.02
 """Relative difference of the sides' ratios above which depth and photo are not the same view."""
@@ -22,25 +28,45 @@ EXR_CHANNELS = ("Z", "V", "Y", "R")
 """Where an .exr may keep its depth, in this order."""
 
 
+def is_carried(source: object) -> bool:
+    """Whether depth is to be that of the photo's file."""
+    return isinstance(source, str) and source == CARRIED
+
+
+def chosen_depth(source: DepthSource | None, pixels: Pixels) -> DepthSource | None:
+    """A depth image, or the one that the photo's file carries, for which pixels were read with_depth.
+
+    Raises:
+        InvalidMask: the photo carries none.
+    """
+    if not is_carried(source):
+        return source
+    if pixels.depth is None:
+        raise InvalidMask(
+            f"{pixels.name}: expected a photo whose file carries depth, as HEIC and JPEG portraits of phones do, found "
+            "none; leave depth out, or give it as a picture"
+        )
+    return pixels.depth
+
+
 def read_depth(source: DepthSource) -> np.ndarray:
     """A depth image as float32 [H, W] in its own unit; zero and NaN mean that nothing was measured.
 
     Args:
         source: an array [H, W], a .npy, a one-channel PNG or TIFF of 8, 16 or 32 bits (sensors write millimetres), or
-            an .exr with a channel Z, V, Y or R: of it the display window, zero where it holds no data.
+            an .exr with a channel Z, V, Y or R: of it the display window, zero where it holds no data; as a path, or
+            as the file's bytes.
     Raises:
         InvalidMask: not a depth image.
     """
     if isinstance(source, np.ndarray):
         values, name = source, "depth"
     else:
-        path = Path(source)
-        name = path.name
-        if not path.is_file():
-            raise InvalidMask(f"{path}: no such file; check the path")
-        readers = {".exr": _read_exr, ".npy": _read_npy}
+        name = "depth" if isinstance(source, bytes) else Path(source).name
+        if not isinstance(source, bytes) and not Path(source).is_file():
+            raise InvalidMask(f"{source}: no such file; check the path")
         try:
-            values = readers.get(path.suffix.lower(), _read_picture)(path)
+            values = _reader(source)(source, name)
         except InvalidMask:
             raise
         except Exception as error:  # decoders raise whatever the bad bytes lead them to
@@ -106,23 +132,38 @@ def mask_from_depth(
     return check_mask(inside.astype(np.float32))
 
 
-def _read_picture(path: Path) -> np.ndarray:
-    with Image.open(path, formats=["PNG", "TIFF", "PPM"]) as image:
+_File = str | os.PathLike[str] | bytes
+
+
+def _reader(source: _File) -> Callable[[_File, str], np.ndarray]:
+    """By the suffix of a path, or by the first bytes."""
+    if isinstance(source, bytes):
+        known = {EXR_MAGIC: _read_exr, b"\x93NUMPY": _read_npy}
+        return next((reader for start, reader in known.items() if source.startswith(start)), _read_picture)
+    return {".exr": _read_exr, ".npy": _read_npy}.get(Path(source).suffix.lower(), _read_picture)
+
+
+def _opened(source: _File) -> str | os.PathLike[str] | io.BytesIO:
+    return io.BytesIO(source) if isinstance(source, bytes) else source
+
+
+def _read_picture(source: _File, name: str) -> np.ndarray:
+    with Image.open(_opened(source), formats=["PNG", "TIFF", "PPM"]) as image:
         if image.width * image.height > MAX_PIXELS:
-            raise InvalidMask(f"{path.name}: expected at most {MAX_PIXELS // 1_000_000} million pixels")
+            raise InvalidMask(f"{name}: expected at most {MAX_PIXELS // 1_000_000} million pixels")
         return np.asarray(image)
 
 
-def _read_npy(path: Path) -> np.ndarray:
-    return np.load(path, allow_pickle=False)
+def _read_npy(source: _File, name: str) -> np.ndarray:
+    return np.load(_opened(source), allow_pickle=False)
 
 
-def _read_exr(path: Path) -> np.ndarray:
-    header, found = read_channels(path, path.name, InvalidMask, MAX_PIXELS)
-    channels = {name.split(".")[-1]: pixels for name, pixels in found.items()}
-    for name in EXR_CHANNELS:
-        if name in channels:
-            if channels[name].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
+def _read_exr(source: _File, name: str) -> np.ndarray:
+    header, found = read_channels(source, name, InvalidMask, MAX_PIXELS)
+    channels = {key.split(".")[-1]: pixels for key, pixels in found.items()}
+    for channel in EXR_CHANNELS:
+        if channel in channels:
+            if channels[channel].shape != tuple((header.data[1] - header.data[0]).tolist()[::-1]):
                 raise ValueError("a channel of fewer pixels than its window")
-            return square_pixels(in_display(channels[name], header), header, MAX_PIXELS, nearest=True)
-    raise InvalidMask(f"{path.name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}")
+            return square_pixels(in_display(channels[channel], header), header, MAX_PIXELS, nearest=True)
+    raise InvalidMask(f"{name}: expected a channel Z, V, Y or R, got {', '.join(sorted(channels)) or 'none'}")

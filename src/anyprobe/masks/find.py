@@ -12,7 +12,7 @@ from anyprobe.errors import InvalidMask
 from anyprobe.files.images import Pixels
 from anyprobe.files.stored_pixels import StoredPixels
 from anyprobe.masks.check import check_mask, look_at_given
-from anyprobe.masks.depth import DepthSource, mask_from_depth
+from anyprobe.masks.depth import DepthSource, chosen_depth, mask_from_depth
 from anyprobe.masks.networks import Network, shared_network
 from anyprobe.masks.prompts import Clicks, check_box, check_clicks
 from anyprobe.masks.quality import DOUBTFUL, REFUSED, examine
@@ -65,6 +65,7 @@ def find_mask(
         InvalidMask: with one line that says what to do; also when nothing is found.
     """
     shape = pixels.rgb.shape[:2]
+    depth = chosen_depth(depth, pixels)
     if callable(mask):
         return _given(mask_from_function(mask, pixels.rgb), "function", pixels.name)
     if mask is not None:
@@ -149,7 +150,8 @@ def _judged(
     pixels: Pixels, prompts: Prompts, found: Finding, mask: np.ndarray, network: Network, source: str
 ) -> FoundMask:
     """The mask with what is to be expected of it, or InvalidMask where that is next to nothing."""
-    evidence = examine(found, *pixels.rgb.shape[1::-1])
+    height, width = pixels.rgb.shape[:2]
+    evidence = examine(found, width, height, prompts)
     confidence = evidence.expected_iou(network.name)
     if confidence < REFUSED or not (mask > 0.5).any():
         raise InvalidMask(_nothing(pixels, prompts))

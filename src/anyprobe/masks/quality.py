@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from anyprobe.core.contract import contract
-from anyprobe.masks.search import Finding, Window
+from anyprobe.masks.prompts import Point
+from anyprobe.masks.search import GRID, Box, Finding, Prompts, Window
 
 QUALITY = contract("mask")["quality"]
 """Offset and weights of the log-odds of the IoU for each network, by `python -m research.masks.calibrate`."""
 
 DOUBTFUL = QUALITY["doubtful"]
 """Expected IoU below which a mask comes with a warning."""
+
+FITS = QUALITY["fits"]
+"""IoU of a given box with the object's from which on it fits; how far clicks may be from the object's middle, in
+standard deviations of its cells; and what stands for both where nothing is given."""
 
 REFUSED = QUALITY["refused"]
 """Expected IoU below which there is no mask."""
@@ -24,15 +30,16 @@ class Evidence:
     """What speaks for a mask, each from 0 to 1 where 1 is good, and what makes masks doubtful.
 
     expected: IoU by the network's own probabilities; agreed: IoU with what a second look at the object alone gives,
-    mirrored; whole: share of all that stood out; single: see Finding.single; border: share of the box's sides that lie
-    on the photo's border; small: ln of how many times less than 5 % of the photo the mask covers; large: how much more
-    than 60 % of it.
+    mirrored; whole: share of all that stood out; single: see Finding.single; meant: how well it fits clicks and box;
+    border: share of the box's sides that lie on the photo's border; small: ln of how many times less than 5 % of the
+    photo the mask covers; large: how much more than 60 % of it.
     """
 
     expected: float
     agreed: float
     whole: float
     single: float
+    meant: float
     border: float
     small: float
     large: float
@@ -50,6 +57,7 @@ class Evidence:
             (self.expected - 0.85, "its outline is blurred"),
             (self.whole - 0.7, "other things stand out as well"),
             (self.single - 0.95, "two things may hang together in it"),
+            (self.meant - 0.6, "it does not fit the click or the box"),
             (0.15 - self.border, "it is cut by the photo's border"),
             (0.9 - self.small, "it is very small"),
             (0.1 - self.large, "it covers nearly the whole photo"),
@@ -57,8 +65,8 @@ class Evidence:
         return [words for margin, words in sorted(found) if margin < 0]
 
 
-def examine(found: Finding, width: int, height: int) -> Evidence:
-    """What speaks for the mask that was found in a photo of that size."""
+def examine(found: Finding, width: int, height: int, prompts: Prompts) -> Evidence:
+    """What speaks for the mask that was found by prompts in a photo of that size."""
     photo = Window(x0=0, y0=0, x1=width, y1=height)
     window = found.window
     share = float(found.part.mean()) * (window.size[0] * window.size[1]) / (width * height)
@@ -67,7 +75,33 @@ def examine(found: Finding, width: int, height: int) -> Evidence:
         agreed=found.agreed,
         whole=found.whole,
         single=found.single(),
+        meant=_fits(found, prompts),
         border=found.border_share(photo, True),
         small=float(np.log(max(0.05 / max(share, 1e-5), 1.0))),
         large=max(share - 0.6, 0.0) / 0.4,
     )
+
+
+def _fits(found: Finding, prompts: Prompts) -> float:
+    fits = [] if prompts.box is None else [_fits_box(found, prompts.box)]
+    fits += [_fits_clicks(found, prompts.on)] if prompts.on else []
+    return min(fits, default=FITS["unasked"])
+
+
+def _fits_box(found: Finding, given: Box) -> float:
+    own = found.window.box_of(found.part)
+    both = _area(max(own[0], given[0]), max(own[1], given[1]), min(own[2], given[2]), min(own[3], given[3]))
+    return min(1.0, both / (_area(*own) + _area(*given) - both) / FITS["box_iou"])
+
+
+def _area(x0: float, y0: float, x1: float, y1: float) -> float:
+    return max(x1 - x0, 0.0) * max(y1 - y0, 0.0)
+
+
+def _fits_clicks(found: Finding, clicks: Sequence[Point]) -> float:
+    """Of two things that are taken for one, a click is rarely in the middle of both."""
+    rows, columns = np.nonzero(found.part)
+    x, y = np.mean(clicks, axis=0)
+    across = ((x - found.window.x0) * GRID / found.window.size[0] - 0.5 - columns.mean()) / max(columns.std(), 1.0)
+    down = ((y - found.window.y0) * GRID / found.window.size[1] - 0.5 - rows.mean()) / max(rows.std(), 1.0)
+    return max(0.0, 1.0 - float(np.hypot(across, down)) / FITS["click_reach"])

@@ -159,7 +159,8 @@ class Finding:
             (window.x1 == photo.x1, part[:, -1]),
             (window.y1 == photo.y1, part[-1]),
         )
-        around = 2.0 * float(part.any(axis=1).sum() + part.any(axis=0).sum())
+        rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
+        around = 2 * int(np.ptp(rows) + np.ptp(columns) + 2)
         return sum(int(side.sum()) for there, side in sides if there == is_photos) / around
 
     def mask(self, width: int, height: int) -> np.ndarray:

@@ -17,13 +17,13 @@ _FILE = {"type": "string", "format": "binary"}
 
 def _texts(*about: str) -> dict[str, str]:
     """Hints about these that come as text, and their lines; of a file that has none, the word in its place."""
-    found = [hint for hint in HINTS.values() if hint.over_http and hint.about in about]
+    found = [hint for hint in HINTS.values() if hint.about in about]
     return {hint.name: hint.help for hint in found if hint.words or not hint.suffixes}
 
 
 def _files(*about: str) -> dict[str, str]:
     """Hints about these that come as file parts."""
-    found = [hint for hint in HINTS.values() if hint.over_http and hint.about in about]
+    found = [hint for hint in HINTS.values() if hint.about in about]
     return {hint.name: hint.help for hint in found if hint.suffixes}
 
 

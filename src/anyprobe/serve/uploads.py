@@ -27,9 +27,8 @@ from anyprobe.serve.openapi import FORM, FUSE_ROUTE, OLD_NAMES, form_names, quer
 from anyprobe.serve.pool import WorkerPool
 from anyprobe.serve.tasks import Upload
 
-OVER_HTTP = {field: hint for field, hint in HINTS.items() if hint.over_http}
-FILES = {field: hint for field, hint in OVER_HTTP.items() if hint.suffixes}
-"""Hints that requests carry, and those that are file parts."""
+FILES = {field: hint for field, hint in HINTS.items() if hint.suffixes}
+"""Hints that are file parts."""
 OLD_WORDS = {"ball": SPHERE, "drawn": MODE, "spread": EXPECTED}
 """Words of older clients, and what they are now."""
 
@@ -213,7 +212,7 @@ class Options:
     def hints(self, files: Mapping[str, bytes], *about: str) -> Hints:
         """What texts and files give of the object, about these alone; none: about all."""
         given: dict[str, Any] = dict(files)
-        for field, hint in OVER_HTTP.items():
+        for field, hint in HINTS.items():
             if field in files or (about and hint.about not in about):
                 continue
             if hint.repeated:

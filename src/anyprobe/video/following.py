@@ -19,6 +19,7 @@ from anyprobe.estimate.surroundings import SurroundingsSource, read_surroundings
 from anyprobe.files.images import read_image
 from anyprobe.files.paths import visible_files
 from anyprobe.hints import AUTO, NONE, PHOTO
+from anyprobe.masks.depth import CARRIED, is_carried
 from anyprobe.masks.networks import shared_network
 from anyprobe.masks.resize import resize
 from anyprobe.masks.search import MARGIN, Prompts, Window, choose, look
@@ -70,6 +71,8 @@ class MaskFollower:
         hints: of load_photo, for the first frame: clicks and a box. every_frame: of load_photo, for every frame.
         surroundings: of load_photo, for every frame; a panorama is read here, once.
         """
+        if is_carried(every_frame.get("depth")):
+            raise InputError(f"depth: expected a folder with one file for each frame, got {CARRIED}, which clips lack")
         given = {kind: folder for kind, folder in folders.items() if folder is not None}
         for kind, folder in given.items():
             if not folder.is_dir():

@@ -51,15 +51,21 @@ export const CONTRACT = {
       }
     },
     "quality": {
-      "doubtful": 0.88,
+      "doubtful": 0.81,
+      "fits": {
+        "box_iou": 0.6,
+        "click_reach": 2.5,
+        "unasked": 0.9
+      },
       "refused": 0.05,
       "u2netp": {
-        "offset": -12.94,
+        "offset": -6.64,
         "weights": {
-          "expected": 6,
-          "agreed": 2.5,
-          "whole": 4.41,
-          "single": 3.05
+          "expected": 2.55,
+          "agreed": 1.5,
+          "whole": 0,
+          "single": 2.79,
+          "meant": 2.96
         }
       },
       "small": {
@@ -68,7 +74,8 @@ export const CONTRACT = {
           "expected": 8.75,
           "agreed": 0.42,
           "whole": 4.95,
-          "single": 0
+          "single": 0,
+          "meant": 0
         }
       }
     }

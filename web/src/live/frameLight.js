@@ -1,5 +1,6 @@
 /** One video frame after the other to a light that stays still on a still scene. */
 
+import { CONTRACT } from "../core/contract.js";
 import { MAP_HEIGHT } from "../core/latlong.js";
 import { rotateOne } from "../light/environment.js";
 import { drawSpheres } from "../light/spheres.js";
@@ -127,19 +128,20 @@ export class FrameLight {
     return true;
   }
 
-  /** In pixels; once an object was found, the place it is now stands for the click on it or the box around it. */
+  /** In pixels; once an object was found, the box around it stands for the click on it or the box that was given. */
   #hintsIn({ width, height }) {
     const pixels = (points) => points.map(([x, y]) => [x * width, y * height]);
     const { on, off, box } = this.hints;
-    if (this.follow) return { on: [this.follow], off: pixels(off), box: null };
+    if (this.follow) return { on: [], off: pixels(off), box: this.follow };
     return { on: pixels(on), off: pixels(off), box: box && [0, 2].flatMap((i) => pixels([box.slice(i, i + 2)])[0]) };
   }
 
-  /** A click or a box moves with the object: to the middle of its box, where that lies on it. */
-  #followObject({ width }) {
+  /** A click or a box moves with the object: to its box and a margin, by which it may have moved at the next look. */
+  #followObject({ width, height }) {
     const { on, box } = this.hints;
     if ((on.length === 0 && !box) || this.box === null) return;
-    const [x, y] = [(this.box[0] + this.box[2]) / 2, (this.box[1] + this.box[3]) / 2];
-    if (this.mask[Math.floor(y) * width + Math.floor(x)] > 0.5) this.follow = [x, y];
+    const [x0, y0, x1, y1] = this.box;
+    const more = CONTRACT.mask.search.margin * Math.max(x1 - x0, y1 - y0);
+    this.follow = [Math.max(x0 - more, 0), Math.max(y0 - more, 0), Math.min(x1 + more, width), Math.min(y1 + more, height)];
   }
 }

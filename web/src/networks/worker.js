@@ -116,7 +116,7 @@ async function findMask(picture, hints) {
   const { width, height } = picture;
   const nothing = { mask: new Float32Array(width * height), quality: 0, warnings: ["Nothing stands out there."] };
   if (!found) return nothing;
-  const evidence = examine(found, width, height);
+  const evidence = examine(found, width, height, hints);
   const quality = expectedIou(evidence, network.name);
   if (quality < REFUSED) return nothing;
   const warnings = warningsOf(evidence, quality);
@@ -130,7 +130,7 @@ async function findMaskQuickly(picture, hints) {
   const network = smallNetwork();
   const found = await glance(network, picture, hints);
   if (!found) return { mask: new Float32Array(width * height), quality: 0 };
-  return { mask: maskOf(found, width, height), quality: expectedIou(examine(found, width, height), network.name) };
+  return { mask: maskOf(found, width, height), quality: expectedIou(examine(found, width, height, hints), network.name) };
 }
 
 function smallNetwork() {

@@ -85,20 +85,7 @@ export function borderShare({ window, part }, photo, isPhotos) {
     for (let i = 0; i < GRID; i++) total += part[cell(i)];
   });
   const [left, top, right, bottom] = extentOf(part);
-  return total / (2 * (occupied(part, left, right, true) + occupied(part, top, bottom, false)));
-}
-
-/** Columns, or rows, of a part that hold some of it. */
-function occupied(part, from, to, isColumn) {
-  let count = 0;
-  for (let line = from; line < to; line++) {
-    for (let i = 0; i < GRID; i++) {
-      if (!part[isColumn ? i * GRID + line : line * GRID + i]) continue;
-      count++;
-      break;
-    }
-  }
-  return count;
+  return total / (2 * (right - left + bottom - top));
 }
 
 /** Cover of a window, zero outside the box. */
@@ -278,7 +265,7 @@ function extentOf(part) {
 }
 
 /** Box of a part in pixels of the picture. */
-function boxOf([x0, y0, x1, y1], part) {
+export function boxOf([x0, y0, x1, y1], part) {
   const [across, down] = [(x1 - x0) / GRID, (y1 - y0) / GRID];
   const [left, top, right, bottom] = extentOf(part);
   return [x0 + left * across, y0 + top * down, x0 + right * across, y0 + bottom * down];
