@@ -166,15 +166,17 @@ export const CONTRACT = {
     "source": {
       "gate_deg": 30.0,
       "gate_ratio": 8.0,
-      "angle_scale": 2.0,
+      "slack_deg": 2.0,
       "most_turn_deg_s": 120.0,
       "patience_s": 0.1,
       "fade_s": 0.25,
       "most": 6,
       "view": {
-        "turn_deg": 15.0,
-        "slack": 0.3,
-        "most_turn_deg_s": 3.0
+        "turn_deg": 8.0,
+        "recent_s": 0.3,
+        "slack_deg": 10.0,
+        "slack_ratio": 1.35,
+        "most_turn_deg_s": 2.0
       }
     }
   },
