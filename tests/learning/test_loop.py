@@ -29,7 +29,7 @@ from anyprobe.nets.paper import NETS  # noqa: E402
 from anyprobe.train import export_onnx  # noqa: E402
 from anyprobe.train.chain import Chain, Irradiance  # noqa: E402
 from anyprobe.train.checkpoint import init_weights_id, load_init_weights, save_init_weights  # noqa: E402
-from anyprobe.train.config import LightConfig, irradiance, lift, normals, paper, smoke  # noqa: E402
+from anyprobe.train.config import LightConfig, lift, normals, paper, paper_irradiance, smoke  # noqa: E402
 from anyprobe.train.lift import Lift  # noqa: E402
 from anyprobe.train.logger import run_folder  # noqa: E402
 from anyprobe.train.loop import learning_rate, load_nets, train  # noqa: E402
@@ -60,7 +60,7 @@ def two_steps(run, tmp_path_factory):
     return lru_cache(lambda named: run(tmp_path_factory.mktemp("two_steps"), steps=2, named=named))
 
 
-@pytest.mark.parametrize("named", [irradiance, paper, lift])
+@pytest.mark.parametrize("named", [paper_irradiance, paper, lift])
 def test_resumed_run_equals_the_straight_one_to_the_bit(run, tmp_path, named):
     straight = torch.load(run(tmp_path / "a", named=named), weights_only=True)
     part = run(tmp_path / "b", stop_after=1, named=named)
@@ -118,7 +118,7 @@ def test_losses_do_not_mix():
 
 def test_chain_leaves_the_irradiance_net_that_it_begins_with_and_names_its_teacher(run, two_steps, tmp_path):
     begin, teacher = tmp_path / "irradiance.pt", tmp_path / "lift.pt"
-    save_init_weights(two_steps(irradiance), begin)
+    save_init_weights(two_steps(paper_irradiance), begin)
     save_init_weights(two_steps(lift), teacher)
     stored = torch.load(run(tmp_path / "runs", start=begin, teacher=teacher), weights_only=True)
     kept = torch.load(begin, weights_only=True)

@@ -56,7 +56,7 @@ def test_weights_of_a_run_that_is_only_a_folder_have_no_mean_map(work, command):
     path.parent.rename(work / "runs" / "normals-dry")
     before = snapshot(work)
     refused = command("weights", "o", "normals-dry", "--mean-map", "m.exr").complaint
-    assert "--mean-map: expected one of the runs irradiance, paper" in refused
+    assert "--mean-map: expected one of the runs paper_irradiance, paper" in refused
     assert "got normals-dry" in refused
     assert snapshot(work) == before
 

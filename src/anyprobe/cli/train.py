@@ -61,7 +61,7 @@ def train(
     if chosen.model == "paper" and init_weights is None and dry_run is None:
         raise InputError(
             f"run {run!r}: expected --init-weights with a trained irradiance net, got none; train it with anyprobe "
-            "train irradiance and keep it with anyprobe weights FOLDER irradiance --keep irradiance.pt"
+            "train paper_irradiance, keep it with anyprobe weights FOLDER paper_irradiance --keep irradiance.pt"
         )
     if steps is not None:
         chosen = replace(chosen, steps=steps)

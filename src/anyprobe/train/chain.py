@@ -31,7 +31,7 @@ from anyprobe.train.lift import Transport, display, irradiance_loss, shown_losse
 NUM_EPOCHS = 11
 GRADUAL_SHARE = 0.3
 """Share of the steps that the 11 filtered epochs take; the rest sees the map itself."""
-EXPOSURES = (0.5, 2.0)
+TIMES_EXPOSURE = (0.5, 2.0)
 """Between these times the photo's exposure the HDR net sees true maps (the paper's Sect. 4.1)."""
 WEIGHTS = {"ldr": 1.0, "scales": 0.5, "structure": 0.15}
 """Of the illumination net's losses. With squares alone, as in the paper, its maps come near their mean."""
@@ -203,7 +203,9 @@ class Chain(_Stages):
         def column(values: list[float]) -> torch.Tensor:
             return ln.new_tensor(values).reshape(-1, 1, 1, 1)
 
-        exposed = ln + column(list(np.log(EXPOSURES[0]) + rng.random(len(ln)) * np.log(EXPOSURES[1] / EXPOSURES[0])))
+        exposed = ln + column(
+            list(np.log(TIMES_EXPOSURE[0]) + rng.random(len(ln)) * np.log(TIMES_EXPOSURE[1] / TIMES_EXPOSURE[0]))
+        )
         curves = [draw_curve(rng) for _ in ln]
         curve = CameraCurve(exponent=column([c.exponent for c in curves]), sigma=column([c.sigma for c in curves]))
         return cast(torch.Tensor, response(torch.exp(exposed), curve)), exposed

@@ -124,11 +124,11 @@ def paper() -> RunConfig:
     )
 
 
-def irradiance() -> RunConfig:
+def paper_irradiance() -> RunConfig:
     """The first of the paper's networks, alone before the others."""
     return replace(
         paper(),
-        name="irradiance",
+        name="paper_irradiance",
         model="irradiance",
         steps=1_200,
         learning_rate=4e-4,
@@ -143,7 +143,7 @@ def paper_on() -> RunConfig:
     return replace(paper(), name="paper_on", gradual=False, cooldown=0.7, pairs=replace(paper().pairs, seed=161))
 
 
-RUNS = {run.__name__: run for run in (irradiance, paper, paper_on, lift, normals)}
+RUNS = {run.__name__: run for run in (paper_irradiance, paper, paper_on, lift, normals)}
 """What `anyprobe train` can train."""
 
 
